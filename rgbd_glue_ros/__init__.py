@@ -1,0 +1,1 @@
+"""Live RGB-D odometry by RGBD-Glue: visual correspondences guide geometric ones."""

@@ -1,0 +1,398 @@
+"""Every parameter of the package, declared once: type, default, unit, range and meaning.
+
+The YAML files in ``config/``, the command line, the ROS parameters and ``docs/parameters.md`` are
+generated from these declarations or checked against them. A configuration is a frozen tree of
+dataclasses; a parameter's dotted name (``glue.k``) is its path in that tree.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import yaml
+
+from rgbd_glue_ros.errors import InputError
+
+Value = bool | int | float | str
+C = TypeVar("C")
+
+PACKAGE = "rgbd_glue_ros"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """The declaration of one parameter.
+
+    Attributes:
+        name: dotted name.
+        default: default value; its type is the parameter's type.
+        description: what it means, one or two sentences.
+        unit: SI unit or other unit; "" for a pure number or text.
+        minimum: least allowed value, None if unbounded.
+        maximum: greatest allowed value, None if unbounded.
+        choices: allowed texts; empty if any text is.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+
+    @property
+    def type(self) -> type:
+        """bool, int, float or str."""
+        return type(self.default)
+
+    def convert(self, value: object) -> Value:
+        """``value`` as this parameter's type.
+
+        Raises:
+            InputError: it is of another type, out of range, or not among the choices.
+        """
+        if self.type is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if self.type is str and isinstance(value, bool):
+            # YAML 1.1 reads none of our texts as a bool, but a user's "no" or "off" it does
+            raise InputError(self.name, f"{value} is not a text", self.allowed)
+        if not isinstance(value, self.type) or (self.type is int and isinstance(value, bool)):
+            raise InputError(
+                self.name, f"{value!r} is no {self.type.__name__}", f"give {self.allowed}"
+            )
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            too_low = self.minimum is not None and not value >= self.minimum
+            too_high = self.maximum is not None and not value <= self.maximum
+            if too_low or too_high:
+                raise InputError(self.name, f"{value} is out of range", f"give {self.allowed}")
+        if self.choices and value not in self.choices:
+            raise InputError(self.name, f"{value!r} is not known", f"give {self.allowed}")
+        return cast(Value, value)
+
+    @property
+    def allowed(self) -> str:
+        """What values are allowed, in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        words = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+        text = words[self.type]
+        if self.minimum is not None and self.maximum is not None:
+            text += f" from {self.minimum:g} to {self.maximum:g}"
+        elif self.minimum is not None:
+            text += f" of at least {self.minimum:g}"
+        elif self.maximum is not None:
+            text += f" of at most {self.maximum:g}"
+        return text + (f" ({self.unit})" if self.unit else "")
+
+
+def _parameter(
+    default: Value,
+    description: str,
+    *,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    return field(
+        default=default,
+        metadata={
+            "parameter": Parameter("", default, description, unit, minimum, maximum, choices)
+        },
+    )
+
+
+VISUAL_FEATURES = ("none", "flow", "orb", "sift", "brisk")
+GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid")
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """How depth is read."""
+
+    depth_min: float = _parameter(
+        0.1, "Depth below this is taken as unknown.", unit="m", minimum=0.0
+    )
+    depth_max: float = _parameter(
+        8.0, "Depth above this is taken as unknown.", unit="m", minimum=0.1
+    )
+
+
+@dataclass(frozen=True)
+class FeaturesConfig:
+    """What is extracted from a frame."""
+
+    visual: str = _parameter(
+        "orb", "Visual feature; none registers by geometry alone.", choices=VISUAL_FEATURES
+    )
+    geometric: str = _parameter(
+        "fpfh_grid",
+        "Geometric feature; none registers by visual correspondences alone.",
+        choices=GEOMETRIC_FEATURES,
+    )
+    keypoints: int = _parameter(
+        1000, "Visual keypoints kept per frame, at most.", minimum=10, maximum=20000
+    )
+    ratio: float = _parameter(
+        0.8,
+        "Lowe's ratio (equation 1): a visual match is kept when its nearest neighbour is nearer "
+        "than this times the second nearest.",
+        minimum=0.1,
+        maximum=1.0,
+    )
+    voxel: float = _parameter(
+        0.025, "Edge of the voxels that thin the cloud for fpfh.", unit="m", minimum=0.001
+    )
+    grid_step: int = _parameter(
+        8, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
+    )
+
+
+@dataclass(frozen=True)
+class GlueConfig:
+    """Section 3 of the paper."""
+
+    inlier_threshold: float = _parameter(
+        0.05, "t_in: RANSAC's inlier threshold on 3D distance.", unit="m", minimum=0.001
+    )
+    k: float = _parameter(
+        5.0,
+        "K of equation 4: matches within K t_in are assumed inliers. The paper takes 3 for learned "
+        "and 5 for hand-crafted features.",
+        minimum=1.0,
+        maximum=100.0,
+    )
+    confidence: float = _parameter(
+        0.95,
+        "Quantile of the chi-square distribution in equation 7.",
+        minimum=0.5,
+        maximum=0.9999,
+    )
+    min_visual: int = _parameter(
+        6,
+        "The filter is skipped when RANSAC finds fewer visual inliers than this.",
+        minimum=3,
+    )
+    min_credible: int = _parameter(
+        10,
+        "The filter is skipped when fewer geometric matches than this survive it.",
+        minimum=3,
+    )
+    filter: bool = _parameter(
+        True, "Whether the consistency filter (equation 8) is applied at all."
+    )
+
+
+@dataclass(frozen=True)
+class RansacConfig:
+    """The rough transform from visual correspondences (section 3.2)."""
+
+    iterations: int = _parameter(1000, "Samples drawn, at most.", minimum=1, maximum=1000000)
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """The fit to all credible correspondences (section 3.3)."""
+
+    subsets: int = _parameter(
+        10,
+        "Random subsets of the randomised weighted Procrustes; 0 fits all matches at once.",
+        minimum=0,
+    )
+    fraction: float = _parameter(
+        0.2, "Part of the matches in each random subset.", minimum=0.01, maximum=1.0
+    )
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything the registration and the odometry depend on."""
+
+    seed: int = _parameter(0, "Seed of every random choice.", minimum=0)
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    features: FeaturesConfig = field(default_factory=FeaturesConfig)
+    glue: GlueConfig = field(default_factory=GlueConfig)
+    ransac: RansacConfig = field(default_factory=RansacConfig)
+    fit: FitConfig = field(default_factory=FitConfig)
+
+
+@dataclass(frozen=True)
+class NodeConfig:
+    """What the ROS node alone has: frames, topics, transport."""
+
+    frame_id: str = _parameter(
+        "",
+        "Robot frame whose pose is published, as base_link; empty for the camera's optical frame.",
+    )
+    odom_frame_id: str = _parameter("odom", "Fixed frame that poses are given in.")
+    preset: str = _parameter(
+        "live", "Preset that the other parameters start from.", choices=("live", "paper")
+    )
+
+
+def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:
+    """The declarations of all parameters of a configuration (class or instance), in order."""
+    for item in fields(config):  # type: ignore[arg-type]
+        if "parameter" in item.metadata:
+            yield replace(item.metadata["parameter"], name=prefix + item.name)
+        else:
+            yield from parameters(_section_class(item), f"{prefix}{item.name}.")
+
+
+def _section_class(item: Field[Any]) -> Any:
+    return item.default_factory
+
+
+def values(config: object) -> dict[str, Value]:
+    """The dotted name and value of every parameter of a configuration, in order."""
+    found: dict[str, Value] = {}
+    for item in fields(config):  # type: ignore[arg-type]
+        value = getattr(config, item.name)
+        if is_dataclass(value):
+            found.update({f"{item.name}.{name}": v for name, v in values(value).items()})
+        else:
+            found[item.name] = value
+    return found
+
+
+def with_values(config: C, changes: Mapping[str, object]) -> C:
+    """The configuration with the parameters in ``changes`` (dotted names) set.
+
+    Raises:
+        InputError: an unknown name, or a value of the wrong type or out of range.
+    """
+    declared = {p.name: p for p in parameters(config)}
+    converted = {}
+    for name, value in changes.items():
+        if name not in declared:
+            near = difflib.get_close_matches(name, declared, n=1, cutoff=0.4)
+            hint = f"did you mean {near[0]}?" if near else "see `rgbd-glue params`"
+            raise InputError(name, "no such parameter", hint)
+        converted[name] = declared[name].convert(value)
+    return _replaced(config, converted)
+
+
+def _replaced(config: C, changes: Mapping[str, Value]) -> C:
+    new: dict[str, Any] = {}
+    for item in fields(config):  # type: ignore[arg-type]
+        inside = {
+            name.removeprefix(item.name + "."): value
+            for name, value in changes.items()
+            if name.startswith(item.name + ".")
+        }
+        if item.name in changes:
+            new[item.name] = changes[item.name]
+        elif inside:
+            new[item.name] = _replaced(getattr(config, item.name), inside)
+    return replace(config, **new)  # type: ignore[type-var]
+
+
+def parse_assignment(text: str) -> tuple[str, object]:
+    """``name=value`` as given to ``--set``; the value is read as YAML.
+
+    Raises:
+        InputError: there is no equals sign, or the value is not YAML.
+    """
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise InputError(f"--set {text}", "not of the form name=value", "as in --set glue.k=3")
+    try:
+        parsed = yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise InputError(f"--set {text}", "the value is not YAML", "quote it") from error
+    return name, "" if parsed is None else parsed
+
+
+def share_directory() -> Path:
+    """The folder that holds ``config/``, ``launch/`` and ``package.xml``: source tree or share.
+
+    Raises:
+        InputError: the package was copied without its data files.
+    """
+    here = Path(__file__).resolve()
+    for parent in here.parents:
+        for candidate in (parent, parent / "share" / PACKAGE):
+            if (candidate / "package.xml").is_file() and (candidate / "config").is_dir():
+                return candidate
+    raise InputError(here.parent, "the package's data files are missing", "install it again")
+
+
+def load_yaml(path: Path, base: C) -> C:
+    """``base`` with the values of a ROS parameter file (``/**: ros__parameters: …``) set.
+
+    Raises:
+        InputError: the file cannot be read, is not such a file, or holds a bad value.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(path, f"cannot be read ({reason})", "give a YAML file") from error
+    try:
+        ((_, node),) = content.items()
+        tree = node["ros__parameters"]
+        changes = dict(_flattened(tree))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            path, "is no ROS parameter file", "it starts with '/**:' and 'ros__parameters:'"
+        ) from error
+    try:
+        return with_values(base, changes)
+    except InputError as error:
+        raise InputError(f"{path}: {error.where}", error.cause, error.remedy) from error
+
+
+def load_preset(name: str) -> Config:
+    """The configuration of ``config/<name>.yaml``.
+
+    Raises:
+        InputError: there is no such preset.
+    """
+    folder = share_directory() / "config"
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
+        raise InputError(f"preset {name!r}", "does not exist", f"take one of {known}")
+    return load_yaml(path, Config())
+
+
+def _flattened(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    for name, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flattened(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def to_yaml(config: object) -> str:
+    """The configuration as a commented ROS parameter file, which ``load_yaml`` reads back."""
+    lines = ["/**:", "  ros__parameters:"]
+    current = values(config)
+    sections: list[str] = []
+    for parameter in parameters(config):
+        *path, name = parameter.name.split(".")
+        for depth, section in enumerate(path):
+            if sections[: depth + 1] != path[: depth + 1]:
+                lines.append("  " * (depth + 2) + f"{section}:")
+        sections = path
+        indent = "  " * (len(path) + 2)
+        value = yaml.safe_dump(current[parameter.name], width=1000).splitlines()[0]
+        lines.append(f"{indent}# {parameter.description} Takes {parameter.allowed}.")
+        lines.append(f"{indent}{name}: {value}")
+    return "\n".join(lines) + "\n"
+
+
+def to_markdown(config: object) -> str:
+    """The configuration as a Markdown table of all parameters."""
+    current = values(config)
+    rows = ["| parameter | value | unit | takes | meaning |", "|---|---|---|---|---|"]
+    rows += [
+        f"| `{p.name}` | `{current[p.name]}` | {p.unit} | {p.allowed} | {p.description} |"
+        for p in parameters(config)
+    ]
+    return "\n".join(rows) + "\n"

@@ -1,0 +1,218 @@
+"""The data that flows through the package, frozen: frames in, correspondences, poses out.
+
+Conventions: ``T_a_b`` maps points in frame b to frame a. Camera frames are optical frames
+(REP-103: x right, y down, z forward). Metres, radians, seconds; stamps are integer nanoseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+UInt8 = NDArray[np.uint8]
+Int64 = NDArray[np.int64]
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class CameraIntrinsics:
+    """A pinhole camera; pixel centres are at integer coordinates.
+
+    Attributes:
+        width: image width, pixels.
+        height: image height, pixels.
+        fx: focal length along x, pixels.
+        fy: focal length along y, pixels.
+        cx: principal point x, pixels.
+        cy: principal point y, pixels.
+        distortion: coefficients in OpenCV's order (plumb_bob: k1 k2 p1 p2 k3;
+            rational_polynomial: k1 k2 p1 p2 k3 k4 k5 k6); empty for a rectified image.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+
+    @property
+    def matrix(self) -> Float64:
+        """The camera matrix K, shape [3, 3]."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], np.float64)
+
+    def scaled(self, width: int, height: int) -> CameraIntrinsics:
+        """The same camera with its image resized to ``width`` x ``height`` pixels."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            # pixel centres are at integers, so the image's edge is at -0.5
+            cx=(self.cx + 0.5) * sx - 0.5,
+            cy=(self.cy + 0.5) * sy - 0.5,
+        )
+
+
+@dataclass(frozen=True)
+class RgbdFrame:
+    """One colour image with the depth image registered to it.
+
+    Attributes:
+        stamp_ns: time of the colour image, nanoseconds.
+        color: uint8, [H, W, 3] RGB or [H, W] grey.
+        depth: float32 [H, W], metres along the optical axis, NaN where unknown.
+        intrinsics: of both images.
+        frame_id: the optical frame of the camera, from the message header; "" if unknown.
+    """
+
+    stamp_ns: int
+    color: UInt8
+    depth: Float32
+    intrinsics: CameraIntrinsics
+    frame_id: str = ""
+
+
+@dataclass(frozen=True)
+class Correspondences:
+    """Matched 3D points, one row a match.
+
+    Attributes:
+        source: float64 [N, 3], points p in the source camera's optical frame, metres.
+        target: float64 [N, 3], points q in the target camera's optical frame, metres.
+        weights: float64 [N], w of equation 10, not negative.
+        source_index: int64 [N], rows of the source's feature set.
+        target_index: int64 [N], rows of the target's feature set.
+    """
+
+    source: Float64
+    target: Float64
+    weights: Float64
+    source_index: Int64
+    target_index: Int64
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    def select(self, rows: NDArray[np.bool_] | Int64) -> Correspondences:
+        """The matches at ``rows`` (a mask [N] or indices)."""
+        return Correspondences(
+            self.source[rows],
+            self.target[rows],
+            self.weights[rows],
+            self.source_index[rows],
+            self.target_index[rows],
+        )
+
+    @staticmethod
+    def empty() -> Correspondences:
+        """No matches."""
+        points, index = np.empty((0, 3)), np.empty(0, np.int64)
+        return Correspondences(points, points, np.empty(0), index, index)
+
+
+class RegistrationStatus(Enum):
+    """Whether a registration gave a transform, and if not, why."""
+
+    OK = "ok"
+    TOO_FEW_CORRESPONDENCES = "too few correspondences"
+    NO_CONSENSUS = "no transform agrees with enough correspondences"
+    DEGENERATE = "the correspondences do not fix all six degrees of freedom"
+    INCONSISTENT = "the transform disagrees with the depth images or the motion"
+
+
+@dataclass(frozen=True)
+class RegistrationResult:
+    """What registering a source frame against a target frame gave.
+
+    Attributes:
+        T_target_source: float64 [4, 4], or None unless ``status`` is OK.
+        status: OK, or why there is no transform.
+        visual_matches: |C_vis|, lifted to 3D.
+        visual_inliers: |C_vis^in|, equation 4.
+        geometric_matches: |C_geo|, before the filter.
+        credible_matches: |C_geo^in|, equation 8.
+        filtered: whether the consistency filter was applied (equation 8) or skipped.
+        sigma_m: sigma-hat of equation 5, metres; NaN when the filter was skipped.
+        epsilon_m: epsilon of equation 7, metres; NaN when the filter was skipped.
+        covariance: float64 [6, 6] of T_target_source (x y z rx ry rz, perturbation on the left,
+            in the target frame; m, rad), or None unless ``status`` is OK.
+        stages_ms: wall time of each stage, milliseconds.
+    """
+
+    T_target_source: Float64 | None
+    status: RegistrationStatus
+    visual_matches: int = 0
+    visual_inliers: int = 0
+    geometric_matches: int = 0
+    credible_matches: int = 0
+    filtered: bool = False
+    sigma_m: float = float("nan")
+    epsilon_m: float = float("nan")
+    covariance: Float64 | None = None
+    stages_ms: dict[str, float] = field(default_factory=dict)
+
+
+class TrackingState(Enum):
+    """The odometry's state after a frame."""
+
+    INITIALIZING = "initializing"
+    TRACKING = "tracking"
+    LOST = "lost"
+
+
+@dataclass(frozen=True)
+class OdometryEstimate:
+    """What the odometry knows after one frame.
+
+    Attributes:
+        stamp_ns: stamp of the frame.
+        state: tracking state after the frame.
+        T_odom_camera: float64 [4, 4]; None when LOST or INITIALIZING: no pose is made up.
+        covariance: float64 [6, 6] of the pose in the odom frame (x y z rx ry rz; m, rad); None
+            when there is no pose.
+        twist: float64 [6], linear then angular velocity in the camera's optical frame
+            (m/s, rad/s); None when there is no pose, or no earlier one to differ from.
+        twist_covariance: float64 [6, 6] of ``twist``; None when that is.
+        is_keyframe: whether the frame became a keyframe.
+        keyframe_id: number of the keyframe that the frame was registered against (its own
+            number if it became the first); -1 when there is none.
+        registration: against that keyframe; None for the first frame.
+        stages_ms: wall time of each stage, milliseconds, registration included.
+    """
+
+    stamp_ns: int
+    state: TrackingState
+    T_odom_camera: Float64 | None = None
+    covariance: Float64 | None = None
+    twist: Float64 | None = None
+    twist_covariance: Float64 | None = None
+    is_keyframe: bool = False
+    keyframe_id: int = -1
+    registration: RegistrationResult | None = None
+    stages_ms: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses over time.
+
+    Attributes:
+        stamps_ns: int64 [N], not necessarily increasing.
+        poses: float64 [N, 4, 4], T_world_body at each stamp.
+    """
+
+    stamps_ns: Int64
+    poses: Float64
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
