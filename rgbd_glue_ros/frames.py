@@ -75,7 +75,8 @@ class Framing:
         J = np.eye(6)
         J[:3, 3:] = -se3.skew(lever)
         J = np.kron(np.eye(2), self.T_odom_c0[:3, :3]) @ J
-        return J @ covariance @ J.T
+        mapped: Float64 = J @ covariance @ J.T
+        return mapped
 
     def twist(self, twist: Float64) -> Float64:
         """The child frame's velocity [6] (v, omega; m/s, rad/s) in its axes, from the camera's."""
@@ -85,7 +86,8 @@ class Framing:
     def twist_covariance(self, covariance: Float64) -> Float64:
         """The covariance [6, 6] of ``twist``, from that of the camera's velocity."""
         A = se3.adjoint(se3.inverse(self.T_camera_child))
-        return A @ covariance @ A.T
+        mapped: Float64 = A @ covariance @ A.T
+        return mapped
 
 
 def parse_pose(where: str, text: str) -> Float64:
