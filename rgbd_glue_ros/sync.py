@@ -1,0 +1,242 @@
+"""Pairs colour images, depth images and camera infos by their stamps; knows nothing of ROS.
+
+The same class serves the node and the replay of bags, so that both see the same frames.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Generic, TypeVar
+
+from rgbd_glue_ros.types import NANOSECONDS
+
+Item = TypeVar("Item")
+
+# Reordering in a network is shorter than this, the jump of a looping bag is longer.
+BACKWARD_JUMP_NS = NANOSECONDS // 2
+
+# Gaps between stamps that a channel's period is taken from: enough to get over lost messages,
+# few enough to forget a burst soon.
+PERIOD_WINDOW = 8
+
+
+class Channel(Enum):
+    """One of the three streams."""
+
+    COLOR = "color"
+    DEPTH = "depth"
+    INFO = "camera_info"
+
+
+@dataclass(frozen=True)
+class Match(Generic[Item]):
+    """A colour image with its depth image and camera info.
+
+    Attributes:
+        stamp_ns: stamp of the colour image.
+        interval_ns: stamp of the depth image minus that of the colour image.
+        color: as given to ``add``.
+        depth: as given to ``add``.
+        info: as given to ``add``; of the same stamp as ``color``, else the nearest.
+        restarted: whether time went backward since the match before (a bag looped, a clock was
+            reset): whoever keeps a state over time has to start anew.
+    """
+
+    stamp_ns: int
+    interval_ns: int
+    color: Item
+    depth: Item
+    info: Item
+    restarted: bool
+
+
+@dataclass
+class ChannelCounts:
+    """What became of the messages of one channel.
+
+    Attributes:
+        received: all of them.
+        unmatched: dropped because the other channels have nothing for them, or nothing nearer.
+        overflowed: dropped because the queue was full.
+        duplicates: dropped because of a stamp seen before.
+        late: dropped because a later one had been used or dropped already.
+        backward_jumps: times that the stamps went back by more than ``BACKWARD_JUMP_NS``.
+    """
+
+    received: int = 0
+    unmatched: int = 0
+    overflowed: int = 0
+    duplicates: int = 0
+    late: int = 0
+    backward_jumps: int = 0
+
+
+@dataclass(frozen=True)
+class _Stamped(Generic[Item]):
+    stamp_ns: int
+    # the channel's period as known when the message came; None for its first message
+    period_ns: int | None
+    item: Item
+
+
+@dataclass
+class _Queue(Generic[Item]):
+    """Messages of one channel in order of their stamps, each stamp once."""
+
+    size: int
+    counts: ChannelCounts = field(default_factory=ChannelCounts)
+    waiting: list[_Stamped[Item]] = field(default_factory=list)
+    newest_ns: int | None = None
+    passed_ns: int | None = None
+    gaps_ns: deque[int] = field(default_factory=lambda: deque(maxlen=PERIOD_WINDOW))
+
+    def add(self, stamp_ns: int, item: Item) -> None:
+        """Takes in a message, unless it is a duplicate or late."""
+        self.counts.received += 1
+        if self.newest_ns is not None and stamp_ns < self.newest_ns - BACKWARD_JUMP_NS:
+            self.counts.backward_jumps += 1
+            self.counts.unmatched += len(self.waiting)
+            self.waiting.clear()
+            self.gaps_ns.clear()
+            self.newest_ns = self.passed_ns = None
+        known = [stamped.stamp_ns for stamped in self.waiting]
+        if stamp_ns == self.passed_ns or stamp_ns in known:
+            self.counts.duplicates += 1
+            return
+        if self.passed_ns is not None and stamp_ns < self.passed_ns:
+            self.counts.late += 1
+            return
+        if self.newest_ns is not None and stamp_ns > self.newest_ns:
+            self.gaps_ns.append(stamp_ns - self.newest_ns)
+        self.newest_ns = stamp_ns if self.newest_ns is None else max(stamp_ns, self.newest_ns)
+        period_ns = min(self.gaps_ns, default=None)
+        insort(self.waiting, _Stamped(stamp_ns, period_ns, item), key=lambda s: s.stamp_ns)
+        if len(self.waiting) > self.size:
+            self.counts.overflowed += 1
+            self.take()
+
+    def take(self) -> _Stamped[Item]:
+        """Removes the oldest message."""
+        oldest = self.waiting.pop(0)
+        self.passed_ns = oldest.stamp_ns
+        return oldest
+
+
+class Synchronizer(Generic[Item]):
+    """Pairs colour with depth one to one and adds the camera info.
+
+    A colour and a depth image are paired when their stamps are at most ``max_interval_ns`` apart
+    and neither has a nearer partner. Equal stamps pair at once. So do others, where unequal stamps
+    are the rule and these are within half the channel's period, since nothing nearer is to be
+    expected; else they pair when the next image has shown that it is no nearer.
+
+    The camera info is the one with the colour image's stamp, or else the nearest. As long as
+    newer ones may come, a pair waits for it; when ``queue_size`` pairs have waited in vain, infos
+    are taken to be sent once or rarely, and nothing waits for them any more.
+
+    As long as no queue overflows and no stamp goes backward, the matches do not depend on how the
+    channels' messages interleave on arrival. A backward jump empties the channel it happens in,
+    and pairing goes on by the new time. Not thread-safe.
+    """
+
+    def __init__(self, max_interval_ns: int, queue_size: int) -> None:
+        self._max_interval_ns = max_interval_ns
+        self._queue_size = queue_size
+        self._queues: dict[Channel, _Queue[Item]] = {c: _Queue(queue_size) for c in Channel}
+        self._pairs: deque[tuple[_Stamped[Item], _Stamped[Item]]] = deque()
+        self._infos_are_rare = False
+        self._last_interval_ns = 0
+        self._last_match_ns: int | None = None
+        self.matches = 0
+        self.closest_miss_ns: int | None = None
+
+    @property
+    def counts(self) -> dict[Channel, ChannelCounts]:
+        """What became of the messages so far; the objects keep counting."""
+        return {channel: queue.counts for channel, queue in self._queues.items()}
+
+    def add(self, channel: Channel, stamp_ns: int, item: Item) -> list[Match[Item]]:
+        """Takes in a message; returns the matches that it completes, in order of time."""
+        self._queues[channel].add(stamp_ns, item)
+        self._pair(is_last=False)
+        return self._complete(is_last=False)
+
+    def flush(self) -> list[Match[Item]]:
+        """The matches that were still waiting for something nearer; nothing more will come."""
+        self._pair(is_last=True)
+        return self._complete(is_last=True)
+
+    def _pair(self, *, is_last: bool) -> None:
+        """Moves colour and depth images that belong together from their queues to the pairs.
+
+        Only the oldest of both queues are compared, and no decision rests on what has not come
+        yet: that makes the result independent of the interleaving.
+        """
+        colors, depths = self._queues[Channel.COLOR], self._queues[Channel.DEPTH]
+        while colors.waiting and depths.waiting:
+            color, depth = colors.waiting[0], depths.waiting[0]
+            interval = abs(color.stamp_ns - depth.stamp_ns)
+            earlier, later = (colors, depth) if color.stamp_ns < depth.stamp_ns else (depths, color)
+            first, *rest = earlier.waiting
+            if interval > self._max_interval_ns:
+                self.closest_miss_ns = min(interval, self.closest_miss_ns or interval)
+                earlier.counts.unmatched += 1
+                earlier.take()
+                continue
+            if interval > 0 and not self._is_usual(interval, first.period_ns):
+                if not rest and not is_last:
+                    return
+                if rest and abs(rest[0].stamp_ns - later.stamp_ns) < interval:
+                    earlier.counts.unmatched += 1
+                    earlier.take()
+                    continue
+            self._pairs.append((colors.take(), depths.take()))
+            self._last_interval_ns = interval
+
+    def _is_usual(self, interval: int, period_ns: int | None) -> bool:
+        """Whether images this far apart may be paired without a look at the next one.
+
+        Where stamps were equal so far, unequal ones mean that a partner is missing.
+        """
+        is_near = period_ns is not None and 2 * interval < period_ns
+        return is_near and self._last_interval_ns > 0
+
+    def _complete(self, *, is_last: bool) -> list[Match[Item]]:
+        """Gives the pairs their camera info, as far as it is known which one is theirs."""
+        infos = self._queues[Channel.INFO].waiting
+        matches = []
+        while self._pairs:
+            color, depth = self._pairs[0]
+            is_overdue = len(self._pairs) > self._queue_size
+            is_settled = bool(infos) and infos[-1].stamp_ns >= color.stamp_ns
+            if infos and (is_settled or self._infos_are_rare or is_overdue or is_last):
+                self._infos_are_rare |= is_overdue and not is_settled
+                matches.append(self._match(color, depth))
+            elif is_overdue:
+                for channel in (Channel.COLOR, Channel.DEPTH):
+                    self._queues[channel].counts.overflowed += 1
+            else:
+                break
+            self._pairs.popleft()
+        return matches
+
+    def _match(self, color: _Stamped[Item], depth: _Stamped[Item]) -> Match[Item]:
+        infos = self._queues[Channel.INFO]
+        # an info from before the last one up to this image can serve no later image
+        while len(infos.waiting) > 1 and infos.waiting[1].stamp_ns <= color.stamp_ns:
+            infos.take()
+        info = min(infos.waiting[:2], key=lambda s: abs(s.stamp_ns - color.stamp_ns))
+        restarted = self._last_match_ns is not None and color.stamp_ns < self._last_match_ns
+        self._last_match_ns = color.stamp_ns
+        self.matches += 1
+        return Match(
+            stamp_ns=color.stamp_ns,
+            interval_ns=depth.stamp_ns - color.stamp_ns,
+            color=color.item,
+            depth=depth.item,
+            info=info.item,
+            restarted=restarted,
+        )
