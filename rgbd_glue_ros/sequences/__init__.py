@@ -1,0 +1,83 @@
+"""Where recorded frames come from; the format of a recording is found out by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.sequences import seven_scenes, tum
+from rgbd_glue_ros.sequences.base import Sequence
+from rgbd_glue_ros.sequences.calibration import load_calibration
+from rgbd_glue_ros.types import CameraIntrinsics
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.sequences.bag import Topics
+
+__all__ = ["FORMATS", "Format", "Sequence", "load_calibration", "open_sequence"]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of recording.
+
+    Attributes:
+        name: of the format.
+        signature: what it is known by, in words.
+        matches: whether a path is of this format.
+        open: opens it, given topics (bags alone have any) and the camera if known.
+    """
+
+    name: str
+    signature: str
+    matches: Callable[[Path], bool]
+    open: Callable[[Path, Topics | None, CameraIntrinsics | None], Sequence]
+
+
+def _is_bag(path: Path) -> bool:
+    return path.suffix in (".mcap", ".db3", ".bag") or (path / "metadata.yaml").is_file()
+
+
+def _open_bag(path: Path, topics: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
+    from rgbd_glue_ros.sequences.bag import BagSequence  # noqa: PLC0415 (rosbags is slow to load)
+
+    return BagSequence(path, topics, camera)
+
+
+def _open_tum(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
+    return tum.open_tum(path, camera)
+
+
+def _open_seven(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
+    return seven_scenes.open_seven_scenes(path, camera)
+
+
+FORMATS = (
+    Format("TUM RGB-D", "rgb.txt and depth.txt", tum.matches, _open_tum),
+    Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
+    Format("rosbag", "metadata.yaml, *.mcap, *.db3 or *.bag", _is_bag, _open_bag),
+)
+
+
+def open_sequence(
+    path: Path, topics: Topics | None = None, calibration: CameraIntrinsics | None = None
+) -> Sequence:
+    """Opens a recording of any known format.
+
+    Args:
+        path: a bag, or the folder of a data set.
+        topics: of a bag; None finds them by type and name.
+        calibration: of the camera; None takes what the recording says.
+
+    Raises:
+        InputError: there is nothing there, it is of no known format, or it cannot be used.
+    """
+    if not path.exists():
+        raise InputError(path, "does not exist", "give a bag or the folder of a data set")
+    for kind in FORMATS:
+        if kind.matches(path):
+            return kind.open(path, topics, calibration)
+    looked_for = "; ".join(f"{kind.signature} ({kind.name})" for kind in FORMATS)
+    raise InputError(path, "is no recording of a known format", f"looked for {looked_for}")
