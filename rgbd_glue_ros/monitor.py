@@ -1,0 +1,164 @@
+"""What a live odometry tells of itself: counts, latency, and why nothing comes."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.sync import Channel
+from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
+
+# Frames that the latency is taken over: the last half minute.
+LATENCY_WINDOW = 1000
+RATE_WINDOW_NS = 5 * NANOSECONDS
+# Different faults of messages told apart; a camera gone mad must not fill the memory or the log.
+MAX_FAULTS = 100
+
+
+class Drop(Enum):
+    """Why a frame, complete with colour, depth and camera info, got no estimate."""
+
+    SUPERSEDED = "a newer frame came while the odometry was busy"
+    UNUSABLE = "a message could not be used"
+    FAILED = "an error inside"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The counts at one moment.
+
+    Attributes:
+        state: tracking state after the last frame.
+        frames: frames with an estimate.
+        tracked: those of them with a pose.
+        drops: frames without an estimate, by reason.
+        rate_hz: estimates per second, lately.
+        latency_p50_ms: median time from the arrival of a frame's last message to the publication
+            of its pose, milliseconds; NaN before the first frame.
+        latency_p95_ms: the same, 95th percentile.
+    """
+
+    state: TrackingState
+    frames: int
+    tracked: int
+    drops: dict[Drop, int]
+    rate_hz: float
+    latency_p50_ms: float
+    latency_p95_ms: float
+
+    def __str__(self) -> str:
+        drops = ", ".join(f"{n} because {drop.value}" for drop, n in self.drops.items() if n)
+        latency = (
+            f", latency p50 {self.latency_p50_ms:.0f} ms, p95 {self.latency_p95_ms:.0f} ms"
+            if self.frames
+            else ""
+        )
+        return f"{self.frames} frames, {self.tracked} tracked{latency}; dropped {drops or 'none'}"
+
+
+class Monitor:
+    """Counts what becomes of frames. Any thread may call it; times are of a monotonic clock."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._state = TrackingState.INITIALIZING
+        self._frames = self._tracked = 0
+        self._drops: Counter[Drop] = Counter()
+        self._faults: set[tuple[str, str]] = set()
+        self._latencies_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
+        self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
+
+    def processed(self, estimate: OdometryEstimate, arrived_ns: int, published_ns: int) -> None:
+        """A frame got an estimate, which was published if it holds a pose."""
+        with self._lock:
+            self._state = estimate.state
+            self._frames += 1
+            self._tracked += estimate.T_odom_camera is not None
+            self._latencies_ns.append(published_ns - arrived_ns)
+            self._published_ns.append(published_ns)
+
+    def dropped(self, reason: Drop) -> None:
+        """A frame got no estimate."""
+        with self._lock:
+            self._drops[reason] += 1
+
+    def is_news(self, fault: InputError) -> bool:
+        """Whether this fault is seen for the first time, so that it deserves a line in the log."""
+        with self._lock:
+            key = (fault.where, fault.cause)
+            if key in self._faults or len(self._faults) >= MAX_FAULTS:
+                return False
+            self._faults.add(key)
+            return True
+
+    def summary(self, now_ns: int) -> Summary:
+        """The counts at ``now_ns``."""
+        with self._lock:
+            latencies = np.array(self._latencies_ns or [np.nan]) / 1e6
+            p50, p95 = np.percentile(latencies, [50, 95])
+            recent = [t for t in self._published_ns if t > now_ns - RATE_WINDOW_NS]
+            return Summary(
+                self._state,
+                self._frames,
+                self._tracked,
+                {reason: self._drops[reason] for reason in Drop},
+                len(recent) * NANOSECONDS / RATE_WINDOW_NS,
+                float(p50),
+                float(p95),
+            )
+
+
+@dataclass(frozen=True)
+class Input:
+    """A subscribed topic over the last while.
+
+    Attributes:
+        channel: what it carries.
+        topic: its full name.
+        publishers: who publishes it, in words; none if there is no publisher.
+        received: messages that came.
+    """
+
+    channel: Channel
+    topic: str
+    publishers: tuple[str, ...]
+    received: int
+
+    def __str__(self) -> str:
+        if not self.publishers:
+            return f"{self.topic} ({self.channel.value}) has no publisher"
+        by = ", ".join(self.publishers)
+        return f"{self.topic} ({self.channel.value}) by {by}: {self.received} messages"
+
+
+def explain_silence(
+    inputs: Sequence[Input], closest_miss_ns: int | None, max_interval_ns: int
+) -> str:
+    """Why no frame was complete, as far as can be told, and what to do.
+
+    Args:
+        inputs: the topics.
+        closest_miss_ns: least distance of colour and depth stamps that did not pair, nanoseconds;
+            None if there was none.
+        max_interval_ns: distance up to which they pair, nanoseconds.
+    """
+    seen = "; ".join(map(str, inputs))
+    if any(not i.publishers for i in inputs):
+        remedy = "start the camera, or remap the topics to the names it uses"
+    elif any(not i.received for i in inputs):
+        remedy = "see whether the camera runs, and whether type and QoS of its topics fit"
+    elif closest_miss_ns is not None:
+        remedy = (
+            f"the stamps of colour and depth are {closest_miss_ns / 1e6:.1f} ms apart at best, "
+            f"and pair up to {max_interval_ns / 1e6:.1f} ms: synchronise the camera's streams, or "
+            "raise approx_sync_max_interval"
+        )
+    else:
+        remedy = "the stamps of colour, depth and camera info do not meet"
+    return f"{seen}; {remedy}"

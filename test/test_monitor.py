@@ -1,0 +1,88 @@
+"""What the node says of itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.monitor import MAX_FAULTS, Drop, Input, Monitor, explain_silence
+from rgbd_glue_ros.sync import Channel
+from rgbd_glue_ros.types import OdometryEstimate, TrackingState
+
+MS = 1_000_000
+POSE = OdometryEstimate(0, TrackingState.TRACKING, T_odom_camera=np.eye(4))
+NO_POSE = OdometryEstimate(0, TrackingState.LOST)
+
+
+def test_latency_percentiles_and_rate_are_those_of_the_frames_counted() -> None:
+    monitor = Monitor()
+    for i in range(150):
+        done = (1000 + 40 * i) * MS  # 25 Hz
+        monitor.processed(POSE, done - (i + 1) * MS, done)
+    summary = monitor.summary((1000 + 40 * 149) * MS)
+    assert summary.frames == summary.tracked == 150
+    assert summary.latency_p50_ms == pytest.approx(75.5)
+    assert summary.latency_p95_ms == pytest.approx(np.percentile(np.arange(1, 151), 95))
+    assert summary.rate_hz == pytest.approx(25)
+
+
+def test_the_rate_falls_to_zero_when_no_frame_comes_any_more() -> None:
+    monitor = Monitor()
+    monitor.processed(POSE, 0, MS)
+    assert monitor.summary(3600_000 * MS).rate_hz == 0
+
+
+def test_frames_without_a_pose_and_dropped_frames_are_told_apart() -> None:
+    monitor = Monitor()
+    monitor.processed(NO_POSE, 0, MS)
+    monitor.dropped(Drop.SUPERSEDED)
+    monitor.dropped(Drop.SUPERSEDED)
+    monitor.dropped(Drop.UNUSABLE)
+    summary = monitor.summary(MS)
+    assert (summary.state, summary.frames, summary.tracked) == (TrackingState.LOST, 1, 0)
+    assert summary.drops == {Drop.SUPERSEDED: 2, Drop.UNUSABLE: 1, Drop.FAILED: 0}
+    assert "2 because a newer frame came" in str(summary)
+
+
+def test_a_summary_before_the_first_frame_can_be_printed() -> None:
+    assert str(Monitor().summary(0)) == "0 frames, 0 tracked; dropped none"
+
+
+def test_a_fault_is_news_once_and_the_memory_of_faults_is_bounded() -> None:
+    monitor = Monitor()
+    fault = InputError("/rgb/image", "truncated", "see the driver")
+    assert monitor.is_news(fault)
+    assert not monitor.is_news(fault)
+    news = [monitor.is_news(InputError("/rgb/image", f"fault {i}", "")) for i in range(5000)]
+    assert sum(news) == MAX_FAULTS - 1
+
+
+def silence(closest_miss_ns: int | None = None, **received: int | None) -> str:
+    inputs = [
+        Input(
+            Channel[name.upper()],
+            f"/{name}",
+            () if count is None else ("/camera (best effort)",),
+            count or 0,
+        )
+        for name, count in received.items()
+    ]
+    return explain_silence(inputs, closest_miss_ns, 20 * MS)
+
+
+def test_a_topic_without_publisher_is_named_with_the_remedy_to_remap() -> None:
+    line = silence(color=150, depth=None, info=150)
+    assert "/depth (depth) has no publisher" in line
+    assert "/color (color) by /camera (best effort): 150 messages" in line
+    assert "remap" in line
+
+
+def test_a_topic_that_is_published_but_does_not_arrive_points_at_type_and_qos() -> None:
+    assert "type and QoS" in silence(color=150, depth=0, info=150)
+
+
+def test_stamps_too_far_apart_are_said_with_both_times() -> None:
+    line = silence(closest_miss_ns=31 * MS, color=150, depth=150, info=150)
+    assert "31.0 ms apart" in line
+    assert "up to 20.0 ms" in line
