@@ -210,6 +210,72 @@ class FitConfig:
 
 
 @dataclass(frozen=True)
+class RefineConfig:
+    """The joint refinement after the fit, beyond the paper."""
+
+    iterations: int = _parameter(
+        10, "Gauss-Newton steps, at most; 0 leaves the fit as it is.", minimum=0, maximum=100
+    )
+    grid_step: int = _parameter(
+        8, "Spacing of the planes in a keyframe.", unit="pixel", minimum=1, maximum=64
+    )
+    keypoints: int = _parameter(
+        500, "Corners of a keyframe that are tracked, at most.", minimum=0, maximum=20000
+    )
+    track_weight: float = _parameter(
+        50.0,
+        "Weight of a reprojection residual beside a plane's, whose weight is 1 per squared sigma.",
+        unit="1/pixel²",
+        minimum=0.0,
+    )
+    track_cauchy: float = _parameter(
+        1.0, "Reprojection error at which a track's weight is halved.", unit="pixel", minimum=0.01
+    )
+    plane_cauchy: float = _parameter(
+        2.0,
+        "Plane distance, in its standard deviations, at which a plane's weight is halved.",
+        minimum=0.01,
+    )
+
+
+@dataclass(frozen=True)
+class OdometryConfig:
+    """Keyframes and tracking state."""
+
+    keyframes: int = _parameter(
+        10, "Keyframes kept to register and recover against.", minimum=1, maximum=1000
+    )
+    references: int = _parameter(
+        2, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
+    )
+    keyframe_translation: float = _parameter(
+        0.25, "A frame this far from its keyframe becomes one.", unit="m", minimum=0.0
+    )
+    keyframe_rotation: float = _parameter(
+        0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.0
+    )
+    keyframe_overlap: float = _parameter(
+        0.7,
+        "A frame that shares less than this part of its keyframe's planes becomes one.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    prior_radius: float = _parameter(
+        0.1,
+        "Radius of the search around the motion prior where visual matches give no transform; "
+        "0 registers without a prior.",
+        unit="m",
+        minimum=0.0,
+    )
+    reset_countdown: int = _parameter(
+        30,
+        "Frames without a pose after which a new keyframe starts at the last pose; 0 waits for "
+        "ever.",
+        minimum=0,
+    )
+
+
+@dataclass(frozen=True)
 class Config:
     """Everything the registration and the odometry depend on."""
 
@@ -219,19 +285,48 @@ class Config:
     glue: GlueConfig = field(default_factory=GlueConfig)
     ransac: RansacConfig = field(default_factory=RansacConfig)
     fit: FitConfig = field(default_factory=FitConfig)
+    refine: RefineConfig = field(default_factory=RefineConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
 
 
 @dataclass(frozen=True)
 class NodeConfig:
     """What the ROS node alone has: frames, topics, transport."""
 
+    preset: str = _parameter(
+        "live", "Preset that the other parameters start from.", choices=("live", "paper")
+    )
     frame_id: str = _parameter(
         "",
         "Robot frame whose pose is published, as base_link; empty for the camera's optical frame.",
     )
     odom_frame_id: str = _parameter("odom", "Fixed frame that poses are given in.")
-    preset: str = _parameter(
-        "live", "Preset that the other parameters start from.", choices=("live", "paper")
+    camera_pose: str = _parameter(
+        "",
+        "Pose of the camera in frame_id: 'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'. "
+        "Has to be given with frame_id.",
+    )
+    camera_axes: str = _parameter(
+        "body",
+        "Axes of the camera that camera_pose is given for: body has x forward, y left, z up (the "
+        "camera_link of most drivers), optical has x right, y down, z forward. Without frame_id, "
+        "odom starts with these axes at the camera.",
+        choices=("body", "optical"),
+    )
+    image_transport: str = _parameter(
+        "raw", "Transport of the colour image.", choices=("raw", "compressed")
+    )
+    depth_transport: str = _parameter(
+        "raw", "Transport of the depth image.", choices=("raw", "compressedDepth")
+    )
+    qos: int = _parameter(
+        0,
+        "Reliability of the subscriptions: 0 as the publisher offers, 1 reliable, 2 best effort.",
+        minimum=0,
+        maximum=2,
+    )
+    topic_queue_size: int = _parameter(
+        10, "Messages of a topic that wait for the node, at most.", minimum=1, maximum=1000
     )
 
 

@@ -90,34 +90,31 @@ class Correspondences:
         source: float64 [N, 3], points p in the source camera's optical frame, metres.
         target: float64 [N, 3], points q in the target camera's optical frame, metres.
         weights: float64 [N], w of equation 10, not negative.
-        source_index: int64 [N], rows of the source's feature set.
-        target_index: int64 [N], rows of the target's feature set.
     """
 
     source: Float64
     target: Float64
     weights: Float64
-    source_index: Int64
-    target_index: Int64
 
     def __len__(self) -> int:
         return len(self.weights)
 
     def select(self, rows: NDArray[np.bool_] | Int64) -> Correspondences:
         """The matches at ``rows`` (a mask [N] or indices)."""
+        return Correspondences(self.source[rows], self.target[rows], self.weights[rows])
+
+    def __add__(self, other: Correspondences) -> Correspondences:
+        """The union of two disjoint sets (equation 9)."""
         return Correspondences(
-            self.source[rows],
-            self.target[rows],
-            self.weights[rows],
-            self.source_index[rows],
-            self.target_index[rows],
+            np.concatenate([self.source, other.source]),
+            np.concatenate([self.target, other.target]),
+            np.concatenate([self.weights, other.weights]),
         )
 
     @staticmethod
     def empty() -> Correspondences:
         """No matches."""
-        points, index = np.empty((0, 3)), np.empty(0, np.int64)
-        return Correspondences(points, points, np.empty(0), index, index)
+        return Correspondences(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
 
 
 class RegistrationStatus(Enum):
@@ -137,12 +134,12 @@ class RegistrationResult:
     Attributes:
         T_target_source: float64 [4, 4], or None unless ``status`` is OK.
         status: OK, or why there is no transform.
-        visual_matches: |C_vis|, lifted to 3D.
-        visual_inliers: |C_vis^in|, equation 4.
-        geometric_matches: |C_geo|, before the filter.
-        credible_matches: |C_geo^in|, equation 8.
+        visual: C_vis, lifted to 3D.
+        visual_inliers: C_vis^in, equation 4.
+        geometric: C_geo, before the filter.
+        credible: C_geo^in, equation 8; C_geo when the filter was skipped.
         filtered: whether the consistency filter was applied (equation 8) or skipped.
-        sigma_m: sigma-hat of equation 5, metres; NaN when the filter was skipped.
+        sigma_m: sigma-hat of equation 5, metres; NaN when there was none.
         epsilon_m: epsilon of equation 7, metres; NaN when the filter was skipped.
         covariance: float64 [6, 6] of T_target_source (x y z rx ry rz, perturbation on the left,
             in the target frame; m, rad), or None unless ``status`` is OK.
@@ -151,15 +148,28 @@ class RegistrationResult:
 
     T_target_source: Float64 | None
     status: RegistrationStatus
-    visual_matches: int = 0
-    visual_inliers: int = 0
-    geometric_matches: int = 0
-    credible_matches: int = 0
+    visual: Correspondences
+    visual_inliers: Correspondences
+    geometric: Correspondences
+    credible: Correspondences
     filtered: bool = False
     sigma_m: float = float("nan")
     epsilon_m: float = float("nan")
     covariance: Float64 | None = None
     stages_ms: dict[str, float] = field(default_factory=dict)
+
+    def accepted(self, T_target_source: Float64, covariance: Float64) -> RegistrationResult:
+        """This result with a transform."""
+        return replace(
+            self,
+            T_target_source=T_target_source,
+            covariance=covariance,
+            status=RegistrationStatus.OK,
+        )
+
+    def refused(self, status: RegistrationStatus) -> RegistrationResult:
+        """This result without a transform, and why."""
+        return replace(self, T_target_source=None, covariance=None, status=status)
 
 
 class TrackingState(Enum):

@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.image_files import decode
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame, Trajectory, UInt8
-
-Image = NDArray[Any]
 
 _THREADS = 2
 _FRAMES_AHEAD = 4
+
+_TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
+"""How an image of so many channels becomes RGB; grey stays grey."""
 
 
 @dataclass(frozen=True)
@@ -103,31 +105,44 @@ class ImageSequence:
         )
 
     def _color(self, path: Path) -> UInt8:
-        image = _decoded(path, cv2.IMREAD_COLOR)
-        self._check_size(path, image)
-        cv2.cvtColor(image, cv2.COLOR_BGR2RGB, dst=image)
-        return np.asarray(image, np.uint8)
+        image = self._decoded(path)
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        if image.dtype != np.uint8 or channels not in _TO_RGB:
+            raise InputError(
+                path,
+                f"is {image.dtype} with {channels} channels, not a colour image",
+                "give colour as 8-bit PNG or JPEG",
+            )
+        conversion = _TO_RGB[channels]
+        return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
 
     def _depth(self, path: Path) -> Float32:
-        image = _decoded(path, cv2.IMREAD_UNCHANGED)
+        image = self._decoded(path)
         if image.dtype != np.uint16 or image.ndim != 2:
             raise InputError(
                 path,
-                f"is {image.dtype} of shape {image.shape}, not a 16-bit depth image",
+                f"is {image.dtype} of shape {image.shape}, not a depth image",
                 "give depth as 16-bit grey PNG",
             )
-        self._check_size(path, image)
         return self.encoding.metres(image)
 
-    def _check_size(self, path: Path, image: Image) -> None:
-        size = image.shape[1], image.shape[0]
-        if size != (self.intrinsics.width, self.intrinsics.height):
+    def _decoded(self, path: Path) -> NDArray[Any]:
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise InputError(
+                path, f"cannot be read ({error.strerror})", "restore the file"
+            ) from error
+        image = decode(data, str(path))
+        height, width = image.shape[:2]
+        camera = self.intrinsics
+        if (width, height) != (camera.width, camera.height):
             raise InputError(
                 path,
-                f"is {size[0]}x{size[1]}, but the camera is "
-                f"{self.intrinsics.width}x{self.intrinsics.height}",
+                f"is {width}x{height}, but the camera is {camera.width}x{camera.height}",
                 "give the calibration of these images (--calibration)",
             )
+        return image
 
     def close(self) -> None:
         """Holds nothing open."""
@@ -142,14 +157,3 @@ class ImageSequence:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _decoded(path: Path, flags: int) -> Image:
-    try:
-        data = np.fromfile(path, np.uint8)
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", "restore the file") from error
-    image = cv2.imdecode(data, flags) if len(data) else None
-    if image is None:
-        raise InputError(path, "is no image, or a damaged one", "restore the file")
-    return np.asarray(image)

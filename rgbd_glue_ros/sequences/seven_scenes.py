@@ -67,7 +67,8 @@ def _camera(folder: Path) -> CameraIntrinsics:
     for path in (folder / _INTRINSICS, folder.parent / _INTRINSICS):
         if path.is_file():
             K = _matrix(path, 3)
-            return CameraIntrinsics(_WIDTH, _HEIGHT, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+            fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+            return CameraIntrinsics(_WIDTH, _HEIGHT, fx, fy, cx, cy)
     if folder.parent.name in _SCENES:
         return _SEVEN_SCENES
     raise InputError(

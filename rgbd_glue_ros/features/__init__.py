@@ -1,0 +1,29 @@
+"""The features that registration can use, by the name that the configuration calls them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rgbd_glue_ros.config import FeaturesConfig
+from rgbd_glue_ros.features.flow import FlowFeature
+from rgbd_glue_ros.features.geometric import (
+    GeometricFeature,
+    GridFpfh,
+    NoGeometricFeature,
+    VoxelFpfh,
+)
+from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk, orb, sift
+
+VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
+    "none": lambda _: NoVisualFeature(),
+    "flow": FlowFeature,
+    "orb": orb,
+    "sift": sift,
+    "brisk": brisk,
+}
+
+GEOMETRIC: dict[str, Callable[[FeaturesConfig], GeometricFeature]] = {
+    "none": lambda _: NoGeometricFeature(),
+    "fpfh": VoxelFpfh,
+    "fpfh_grid": GridFpfh,
+}

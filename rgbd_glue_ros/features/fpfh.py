@@ -1,0 +1,298 @@
+"""Fast Point Feature Histograms (Rusu, Blodow and Beetz 2009) on an organised grid of points.
+
+The depth image gives every point its neighbours, so no tree is built: a pixel window holds them.
+On the same neighbourhoods the histograms equal Open3D's.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from rgbd_glue_ros.camera import depth_sigma
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
+
+BINS = 11
+# A plane is fitted to this many pixels to each side of a grid point, every second one.
+_NORMAL_HALF_WINDOW = 6
+_NORMAL_STRIDE = 2
+_MIN_PLANE_POINTS = 12
+
+
+def grid_points_and_normals(
+    depth: Float32, intrinsics: CameraIntrinsics, step: int
+) -> tuple[Float64, Float64]:
+    """Every ``step``-th pixel as a point with the normal of the plane around it.
+
+    Points lie on their planes, which averages depth noise.
+
+    Args:
+        depth: float32 [H, W], metres, NaN where unknown.
+        intrinsics: of the depth image.
+        step: pixels between grid points.
+
+    Returns:
+        Points and unit normals towards the camera, float64 [rows, columns, 3] in the optical
+        frame; NaN where the surface is unknown, an edge, or seen too flat.
+    """
+    K = intrinsics
+    return _points_and_normals(depth, K.fx, K.fy, K.cx, K.cy, step)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _points_and_normals(
+    depth: Float32, fx: float, fy: float, cx: float, cy: float, step: int
+) -> tuple[Float64, Float64]:
+    height, width = depth.shape
+    rows, columns = height // step, width // step
+    points = np.full((rows, columns, 3), np.nan)
+    normals = np.full((rows, columns, 3), np.nan)
+    reach, stride = _NORMAL_HALF_WINDOW, _NORMAL_STRIDE
+    for r in range(rows):
+        v0 = r * step + step // 2
+        for c in range(columns):
+            u0 = c * step + step // 2
+            z0 = depth[v0, u0]
+            if not z0 > 0.0:
+                continue
+            # Inverse depth of a plane is linear in the pixel: 1/z = a + b du + d dv. Least squares
+            # in inverse depth also has the right weights, as its noise hardly depends on z.
+            gate = 4.0 * depth_sigma(z0) + 0.02 * z0
+            n = 0
+            su = sv = suu = suv = svv = sw = suw = svw = 0.0
+            for v in range(max(0, v0 - reach), min(height, v0 + reach + 1), stride):
+                for u in range(max(0, u0 - reach), min(width, u0 + reach + 1), stride):
+                    z = depth[v, u]
+                    if not abs(z - z0) < gate:
+                        continue
+                    du, dv, w = float(u - u0), float(v - v0), 1.0 / z
+                    n += 1
+                    su += du
+                    sv += dv
+                    suu += du * du
+                    suv += du * dv
+                    svv += dv * dv
+                    sw += w
+                    suw += du * w
+                    svw += dv * w
+            if n < _MIN_PLANE_POINTS:
+                continue
+            mu, mv, mw = su / n, sv / n, sw / n
+            cuu, cuv, cvv = suu / n - mu * mu, suv / n - mu * mv, svv / n - mv * mv
+            cuw, cvw = suw / n - mu * mw, svw / n - mv * mw
+            determinant = cuu * cvv - cuv * cuv
+            if determinant < 1.0:
+                continue
+            b = (cuw * cvv - cvw * cuv) / determinant
+            d = (cvw * cuu - cuw * cuv) / determinant
+            a = mw - b * mu - d * mv
+            if a <= 0.0:
+                continue
+            # 1/z = a + b du + d dv is n·X = -1 with the normal below, up to scale
+            nx, ny = -b * fx, -d * fy
+            nz = -(a - b * (u0 - cx) - d * (v0 - cy))
+            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+            z = 1.0 / a
+            if abs(z - z0) > gate:
+                continue
+            x, y = (u0 - cx) / fx * z, (v0 - cy) / fy * z
+            # the cosine between normal and ray; flatter than 80 degrees depth says little
+            cosine = -(nx * x + ny * y + nz * z) / (length * math.sqrt(x * x + y * y + z * z))
+            if cosine < 0.17:
+                continue
+            points[r, c, 0], points[r, c, 1], points[r, c, 2] = x, y, z
+            normals[r, c, 0] = nx / length
+            normals[r, c, 1] = ny / length
+            normals[r, c, 2] = nz / length
+    return points, normals
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int) -> Float32:
+    """FPFH of every grid point over the neighbours within ``radius`` in its window.
+
+    Args:
+        points: float64 [rows, columns, 3], NaN where unknown.
+        normals: unit normals, same shape.
+        radius: of the neighbourhood, metres.
+        half_window: cells to each side that are searched for neighbours.
+
+    Returns:
+        float32 [rows, columns, 33]; zero where the point is unknown or alone.
+    """
+    rows, columns = points.shape[:2]
+    spfh = np.zeros((rows, columns, 3 * BINS), np.float32)
+    neighbours = np.zeros((rows, columns), np.int32)
+    limit = radius * radius
+    for r in range(rows):
+        for c in range(columns):
+            if not points[r, c, 2] > 0.0:
+                continue
+            # the features of a pair are the same from both ends: half of the window serves both
+            for i in range(r, min(rows, r + half_window + 1)):
+                first = c + 1 if i == r else max(0, c - half_window)
+                for j in range(first, min(columns, c + half_window + 1)):
+                    dx = points[i, j, 0] - points[r, c, 0]
+                    dy = points[i, j, 1] - points[r, c, 1]
+                    dz = points[i, j, 2] - points[r, c, 2]
+                    squared = dx * dx + dy * dy + dz * dz
+                    if not 0.0 < squared <= limit:
+                        continue
+                    b0, b1, b2 = _pair_bins(dx, dy, dz, squared, normals[r, c], normals[i, j])
+                    for y, x in ((r, c), (i, j)):
+                        spfh[y, x, b0] += 1.0
+                        spfh[y, x, BINS + b1] += 1.0
+                        spfh[y, x, 2 * BINS + b2] += 1.0
+                        neighbours[y, x] += 1
+    for r in range(rows):
+        for c in range(columns):
+            if neighbours[r, c] > 0:
+                spfh[r, c] *= np.float32(100.0 / neighbours[r, c])
+    return _weighted_sum(points, spfh, limit, half_window)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _pair_bins(
+    dx: float, dy: float, dz: float, squared: float, n1: Float64, n2: Float64
+) -> tuple[int, int, int]:
+    """The bins of the angles theta, alpha and phi of a pair of oriented points."""
+    d = math.sqrt(squared)
+    phi1 = (n1[0] * dx + n1[1] * dy + n1[2] * dz) / d
+    phi2 = (n2[0] * dx + n2[1] * dy + n2[2] * dz) / d
+    # the source of the pair is the point whose normal is nearer to the line between them
+    if abs(phi1) < abs(phi2):
+        n1, n2 = n2, n1
+        dx, dy, dz = -dx, -dy, -dz
+        phi = -phi2
+    else:
+        phi = phi1
+    # Darboux frame: u = n1, v = d x u, w = u x v
+    vx = dy * n1[2] - dz * n1[1]
+    vy = dz * n1[0] - dx * n1[2]
+    vz = dx * n1[1] - dy * n1[0]
+    length = math.sqrt(vx * vx + vy * vy + vz * vz)
+    theta, alpha = 0.0, 0.0
+    if length > 0.0:
+        vx, vy, vz = vx / length, vy / length, vz / length
+        wx = n1[1] * vz - n1[2] * vy
+        wy = n1[2] * vx - n1[0] * vz
+        wz = n1[0] * vy - n1[1] * vx
+        alpha = vx * n2[0] + vy * n2[1] + vz * n2[2]
+        theta = math.atan2(
+            wx * n2[0] + wy * n2[1] + wz * n2[2], n1[0] * n2[0] + n1[1] * n2[1] + n1[2] * n2[2]
+        )
+    else:
+        phi = 0.0
+    return (
+        _bin((theta + math.pi) / (2.0 * math.pi)),
+        _bin((alpha + 1.0) * 0.5),
+        _bin((phi + 1.0) * 0.5),
+    )
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _bin(fraction: float) -> int:
+    return min(max(int(math.floor(BINS * fraction)), 0), BINS - 1)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _weighted_sum(points: Float64, spfh: Float32, limit: float, half_window: int) -> Float32:
+    """FPFH(p) = SPFH(p) + the neighbours' SPFH by inverse squared distance, scaled to 100."""
+    rows, columns = points.shape[:2]
+    fpfh = np.zeros((rows, columns, 3 * BINS), np.float32)
+    total = np.empty(3 * BINS, np.float32)
+    for r in range(rows):
+        for c in range(columns):
+            if not points[r, c, 2] > 0.0:
+                continue
+            total[:] = 0.0
+            weight = np.float32(0.0)
+            for i in range(max(0, r - half_window), min(rows, r + half_window + 1)):
+                for j in range(max(0, c - half_window), min(columns, c + half_window + 1)):
+                    dx = points[i, j, 0] - points[r, c, 0]
+                    dy = points[i, j, 1] - points[r, c, 1]
+                    dz = points[i, j, 2] - points[r, c, 2]
+                    squared = dx * dx + dy * dy + dz * dz
+                    if not 0.0 < squared <= limit:
+                        continue
+                    w = np.float32(1.0 / squared)
+                    weight += w
+                    for k in range(3 * BINS):
+                        total[k] += w * spfh[i, j, k]
+            if weight > 0.0:
+                # each neighbour's three histograms sum to 100 each, so the weights are the sum
+                for k in range(3 * BINS):
+                    fpfh[r, c, k] = spfh[r, c, k] + total[k] / weight
+    return fpfh
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def guided_search(
+    source: Float64,
+    source_descriptors: Float32,
+    target: Float64,
+    target_descriptors: Float32,
+    T: Float64,
+    camera: Float64,
+    step: int,
+    radius: float,
+    half_window: int,
+) -> tuple[Float64, Float64, Float64]:
+    """For each source point, the target point within ``radius`` of T p with the nearest feature.
+
+    What equation 8 would keep, searched for directly: only the grid cells around the pixel that
+    T p projects to are compared.
+
+    Args:
+        source: float64 [rows, columns, 3], NaN where unknown.
+        source_descriptors: float32 [rows, columns, D].
+        target: float64 [rows, columns, 3], NaN where unknown.
+        target_descriptors: float32 [rows, columns, D].
+        T: T_target_source, float64 [4, 4].
+        camera: fx, fy, cx, cy.
+        step: pixels between grid points.
+        radius: epsilon, metres.
+        half_window: cells to each side that are searched, at most.
+
+    Returns:
+        Points p and q, float64 [N, 3], and the distances of their features, float64 [N].
+    """
+    rows, columns = target.shape[:2]
+    capacity = source.shape[0] * source.shape[1]
+    p, q, distance = np.empty((capacity, 3)), np.empty((capacity, 3)), np.empty(capacity)
+    n = 0
+    fx, fy, cx, cy = camera
+    offset = step // 2
+    for r in range(source.shape[0]):
+        for c in range(source.shape[1]):
+            if not source[r, c, 2] > 0.0:
+                continue
+            x = T[0, 0] * source[r, c, 0] + T[0, 1] * source[r, c, 1] + T[0, 2] * source[r, c, 2]
+            y = T[1, 0] * source[r, c, 0] + T[1, 1] * source[r, c, 1] + T[1, 2] * source[r, c, 2]
+            z = T[2, 0] * source[r, c, 0] + T[2, 1] * source[r, c, 1] + T[2, 2] * source[r, c, 2]
+            x, y, z = x + T[0, 3], y + T[1, 3], z + T[2, 3]
+            if z <= 0.05:
+                continue
+            column = int(round((fx * x / z + cx - offset) / step))
+            row = int(round((fy * y / z + cy - offset) / step))
+            reach = min(half_window, int(math.ceil(radius * fx / (z * step))))
+            best, best_row, best_column = np.inf, -1, -1
+            for i in range(max(0, row - reach), min(rows, row + reach + 1)):
+                for j in range(max(0, column - reach), min(columns, column + reach + 1)):
+                    dx, dy, dz = target[i, j, 0] - x, target[i, j, 1] - y, target[i, j, 2] - z
+                    if not dx * dx + dy * dy + dz * dz <= radius * radius:
+                        continue
+                    squared = np.float32(0.0)
+                    for k in range(source_descriptors.shape[2]):
+                        difference = source_descriptors[r, c, k] - target_descriptors[i, j, k]
+                        squared += difference * difference
+                    if squared < best:
+                        best, best_row, best_column = squared, i, j
+            if best_row >= 0:
+                p[n] = source[r, c]
+                q[n] = target[best_row, best_column]
+                distance[n] = math.sqrt(best)
+                n += 1
+    return p[:n], q[:n], distance[:n]

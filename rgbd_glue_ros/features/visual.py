@@ -1,0 +1,167 @@
+"""What a visual feature is, and those that OpenCV computes: SIFT, ORB, BRISK."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+
+from rgbd_glue_ros.camera import back_project, depth_at
+from rgbd_glue_ros.config import FeaturesConfig
+from rgbd_glue_ros.matching import distance_ratio, nearest_two, one_to_one
+from rgbd_glue_ros.types import (
+    CameraIntrinsics,
+    Correspondences,
+    Float32,
+    Float64,
+    Int64,
+    UInt8,
+)
+
+
+@dataclass(frozen=True)
+class View:
+    """One frame as the features see it.
+
+    Attributes:
+        grey: uint8 [H, W].
+        depth: float32 [H, W], metres, NaN where unknown.
+        intrinsics: of both.
+    """
+
+    grey: UInt8
+    depth: Float32
+    intrinsics: CameraIntrinsics
+
+
+@dataclass(frozen=True)
+class VisualMatches:
+    """Matched pixels, one row a match.
+
+    Attributes:
+        source_uv: float32 [N, 2].
+        target_uv: float32 [N, 2].
+        weights: float64 [N] in [0, 1], greater for more distinctive matches.
+    """
+
+    source_uv: Float32
+    target_uv: Float32
+    weights: Float64
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    @staticmethod
+    def empty() -> VisualMatches:
+        """No matches."""
+        return VisualMatches(
+            np.empty((0, 2), np.float32), np.empty((0, 2), np.float32), np.empty(0)
+        )
+
+
+class VisualFeature(Protocol):
+    """A way to find and match visual features.
+
+    ``extract`` gives what is kept of a frame; ``match`` relates two of them.
+    """
+
+    def extract(self, view: View) -> Any:
+        """The visual features of a frame."""
+
+    def match(self, source: Any, target: Any, prior: Float64 | None) -> VisualMatches:
+        """C_vis in pixels; ``prior`` is a guess of T_target_source [4, 4], where there is one."""
+
+
+def lift(matches: VisualMatches, source: View, target: View) -> tuple[Correspondences, Int64]:
+    """Maps visual matches to 3D with the camera intrinsics (section 3.2).
+
+    Returns:
+        The matches whose depth is known on both sides, and their rows in ``matches``.
+    """
+    z_source = depth_at(source.depth, matches.source_uv)
+    z_target = depth_at(target.depth, matches.target_uv)
+    rows = np.flatnonzero(np.isfinite(z_source) & np.isfinite(z_target))
+    p = back_project(matches.source_uv[rows], z_source[rows], source.intrinsics)
+    q = back_project(matches.target_uv[rows], z_target[rows], target.intrinsics)
+    return Correspondences(p, q, matches.weights[rows]), rows
+
+
+@dataclass(frozen=True)
+class DescribedKeypoints:
+    """Keypoints with descriptors.
+
+    Attributes:
+        uv: float32 [N, 2], pixels.
+        descriptors: [N, D], float32, or uint8 for bit strings.
+    """
+
+    uv: Float32
+    descriptors: Float32 | UInt8
+
+
+class OpenCvFeature:
+    """Keypoints and descriptors of OpenCV, matched by nearest neighbour and ratio test."""
+
+    def __init__(self, detector: Any, config: FeaturesConfig) -> None:
+        self._detector = detector
+        self._config = config
+
+    def extract(self, view: View) -> DescribedKeypoints:
+        """Detects and describes the strongest keypoints."""
+        keypoints, descriptors = self._detector.detectAndCompute(view.grey, None)
+        if descriptors is None:
+            return DescribedKeypoints(np.empty((0, 2), np.float32), np.empty((0, 1), np.float32))
+        uv = cv2.KeyPoint.convert(keypoints)
+        response = np.array([k.response for k in keypoints])
+        strongest = np.argsort(-response, kind="stable")[: self._config.keypoints]
+        return DescribedKeypoints(uv[strongest], descriptors[strongest])
+
+    def match(
+        self,
+        source: DescribedKeypoints,
+        target: DescribedKeypoints,
+        prior: Float64 | None,  # noqa: ARG002 - descriptors are compared wherever they are
+    ) -> VisualMatches:
+        """Equation 1: nearest neighbours whose ratio is below the threshold, one to one."""
+        if len(source.uv) == 0 or len(target.uv) < 2:
+            return VisualMatches.empty()
+        index, distances = nearest_two(source.descriptors, target.descriptors)
+        ratio = distance_ratio(distances)
+        kept = np.flatnonzero(ratio <= self._config.ratio)
+        kept = kept[one_to_one(index[kept], ratio[kept])]
+        return VisualMatches(source.uv[kept], target.uv[index[kept]], 1.0 - ratio[kept])
+
+
+def sift(config: FeaturesConfig) -> OpenCvFeature:
+    """SIFT (Lowe 2004)."""
+    return OpenCvFeature(cv2.SIFT_create(nfeatures=config.keypoints), config)
+
+
+def orb(config: FeaturesConfig) -> OpenCvFeature:
+    """ORB (Rublee et al. 2011)."""
+    return OpenCvFeature(cv2.ORB_create(nfeatures=config.keypoints, fastThreshold=10), config)
+
+
+def brisk(config: FeaturesConfig) -> OpenCvFeature:
+    """BRISK (Leutenegger, Chli and Siegwart 2011)."""
+    create: Callable[..., Any] = cv2.BRISK_create
+    return OpenCvFeature(create(thresh=20), config)
+
+
+class NoVisualFeature:
+    """No visual feature: registration by geometry alone."""
+
+    def extract(self, view: View) -> None:
+        """Nothing."""
+
+    def match(
+        self,
+        source: None,  # noqa: ARG002
+        target: None,  # noqa: ARG002
+        prior: Float64 | None,  # noqa: ARG002
+    ) -> VisualMatches:
+        """No matches."""
+        return VisualMatches.empty()

@@ -1,0 +1,194 @@
+"""RGBD-Glue (Chen et al., 3DV 2025): visual matches tell which geometric matches to believe.
+
+One function per equation; ``Glue.register`` reads like section 3 of the paper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.stats import chi2
+
+from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.estimation import (
+    distances,
+    procrustes_information,
+    randomised_procrustes,
+    ransac,
+)
+from rgbd_glue_ros.features import GEOMETRIC, VISUAL
+from rgbd_glue_ros.features.geometric import Rough
+from rgbd_glue_ros.features.visual import View, lift
+from rgbd_glue_ros.types import (
+    Correspondences,
+    Float64,
+    RegistrationResult,
+    RegistrationStatus,
+)
+
+R = TypeVar("R")
+
+
+def assumed_inliers(
+    matches: Correspondences, T: Float64, inlier_threshold: float, k: float
+) -> Correspondences:
+    """Equation 4: C_vis^in = {p, q in C_vis : |T p - q| <= K t_in}."""
+    return matches.select(distances(T, matches) <= k * inlier_threshold)
+
+
+def error_variance(inliers: Correspondences, T: Float64) -> float:
+    """Equation 5: the moment estimate of sigma², the variance along one axis, m²."""
+    return float(np.mean(distances(T, inliers) ** 2) / 3)
+
+
+def adaptive_threshold(variance: float, confidence: float = 0.95) -> float:
+    """Equations 6 and 7: epsilon = sqrt(sigma² chi²_confidence(3)), metres."""
+    return float(np.sqrt(variance * chi2.ppf(confidence, 3)))
+
+
+def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspondences:
+    """Equation 8: C_geo^in = {p, q in C_geo : |T p - q| <= epsilon}."""
+    return matches.select(distances(T, matches) <= epsilon)
+
+
+@dataclass(frozen=True)
+class FrameFeatures:
+    """A frame and what was extracted from it.
+
+    Attributes:
+        view: the frame as the features saw it.
+        visual: of the configured visual feature.
+        geometric: of the configured geometric feature.
+        stages_ms: wall time of each extraction, milliseconds.
+    """
+
+    view: View
+    visual: Any
+    geometric: Any
+    stages_ms: dict[str, float]
+
+
+class Glue:
+    """Registers RGB-D frames by the features and parameters of a configuration."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._visual = VISUAL[config.features.visual](config.features)
+        self._geometric = GEOMETRIC[config.features.geometric](config.features)
+        self._threads = ThreadPoolExecutor(1, thread_name_prefix="geometric")
+
+    def extract(self, view: View) -> FrameFeatures:
+        """Section 3.1: visual and geometric features, side by side on two threads."""
+        geometric = self._threads.submit(_timed, self._geometric.extract, view)
+        visual, visual_ms = _timed(self._visual.extract, view)
+        described, geometric_ms = geometric.result()
+        times = {"visual_features": visual_ms, "geometric_features": geometric_ms}
+        return FrameFeatures(view, visual, described, times)
+
+    def register(
+        self, source: FrameFeatures, target: FrameFeatures, prior: Rough | None = None
+    ) -> RegistrationResult:
+        """The transform T_target_source of two frames (sections 3.1 to 3.3).
+
+        Args:
+            source: frame whose points are p.
+            target: frame whose points are q.
+            prior: a transform to fall back on when visual matches give none, and to start
+                tracking from; None for the paper's method.
+
+        Returns:
+            The result; its status says why where there is no transform.
+        """
+        glue, fit = self._config.glue, self._config.fit
+        rng = np.random.default_rng(self._config.seed)
+        clock = _Stopwatch()
+
+        guess = prior.T_target_source if prior else None
+        pixels = self._visual.match(source.visual, target.visual, guess)
+        C_vis, _ = lift(pixels, source.view, target.view)
+        clock.lap("visual_matching")
+
+        T, agreeing = ransac(C_vis, glue.inlier_threshold, self._config.ransac.iterations, rng)
+        clock.lap("ransac")
+
+        C_vis_in, sigma, rough = Correspondences.empty(), float("nan"), prior
+        if T is not None and agreeing >= glue.min_visual:
+            C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, glue.k)
+            variance = error_variance(C_vis_in, T)
+            sigma = float(np.sqrt(variance))
+            rough = Rough(T, adaptive_threshold(variance, glue.confidence))
+        C_geo = self._geometric.match(source.geometric, target.geometric, rough)
+        clock.lap("geometric_matching")
+
+        C_geo_in, filtered = C_geo, False
+        if glue.filter and rough is not None:
+            survivors = consistent(C_geo, rough.T_target_source, rough.radius)
+            if len(survivors) >= glue.min_credible:
+                C_geo_in, filtered = survivors, True
+        C = C_vis_in + C_geo_in
+        found = RegistrationResult(
+            T_target_source=None,
+            status=RegistrationStatus.TOO_FEW_CORRESPONDENCES,
+            visual=C_vis,
+            visual_inliers=C_vis_in,
+            geometric=C_geo,
+            credible=C_geo_in,
+            filtered=filtered,
+            sigma_m=sigma,
+            epsilon_m=rough.radius if filtered and rough else float("nan"),
+            stages_ms=clock.laps_ms,
+        )
+        if len(C) < glue.min_visual or not C.weights.any():
+            return found
+        T = randomised_procrustes(C, fit.subsets, fit.fraction, rng)
+        clock.lap("fit")
+        covariance = fit_covariance(T, C)
+        if covariance is None:
+            return found.refused(RegistrationStatus.DEGENERATE)
+        return found.accepted(T, covariance)
+
+
+def fit_covariance(T: Float64, matches: Correspondences) -> Float64 | None:
+    """Covariance [6, 6] of the weighted Procrustes fit, from its own residuals.
+
+    That of weighted least squares with independent errors of equal variance s²,
+    H⁻¹ (sum w² JᵀJ s²) H⁻¹ with H = sum w JᵀJ; s² by moments as in equation 5.
+
+    Returns:
+        Order x y z rx ry rz, perturbation on the left, target frame; None when the matches leave
+        a degree of freedom open.
+    """
+    H = procrustes_information(T, matches)
+    scale = np.sqrt(np.diag(H))
+    if (scale <= 0).any() or np.linalg.cond(H / np.outer(scale, scale)) > 1e8:
+        return None
+    w = matches.weights
+    variance = float(w @ distances(T, matches) ** 2 / w.sum()) / 3
+    squared = Correspondences(matches.source, matches.target, w**2)
+    inverse = np.linalg.inv(H)
+    covariance: Float64 = inverse @ (procrustes_information(T, squared) * variance) @ inverse
+    return (covariance + covariance.T) / 2
+
+
+def _timed(function: Callable[[View], R], view: View) -> tuple[R, float]:
+    start = perf_counter()
+    result = function(view)
+    return result, (perf_counter() - start) * 1e3
+
+
+class _Stopwatch:
+    """Wall time between calls of ``lap``, by name."""
+
+    def __init__(self) -> None:
+        self.laps_ms: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = perf_counter()
+        self.laps_ms[name] = (now - self._last) * 1e3
+        self._last = now

@@ -1,0 +1,69 @@
+"""Nearest neighbours in feature space, for float and binary descriptors."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8
+
+# Rows of the distance matrix that are held at once: 2048 x 20000 float32 are 160 MB.
+_BLOCK = 2048
+
+
+def nearest_two(query: Float32 | UInt8, reference: Float32 | UInt8) -> tuple[Int64, Float64]:
+    """The two nearest reference rows of each query row.
+
+    Args:
+        query: descriptors [N, D]; float32 are compared by Euclidean distance (equation 1),
+            uint8 are bit strings and compared by Hamming distance.
+        reference: descriptors [M, D] of the same type, M >= 2.
+
+    Returns:
+        Index int64 [N] of the nearest row, and distances float64 [N, 2] to it and to the second.
+    """
+    if query.dtype == np.uint8:
+        return _nearest_two_binary(np.asarray(query, np.uint8), np.asarray(reference, np.uint8))
+    return _nearest_two_float(np.asarray(query, np.float32), np.asarray(reference, np.float32))
+
+
+def _nearest_two_float(query: Float32, reference: Float32) -> tuple[Int64, Float64]:
+    """One matrix product a block: |a - b|² = |a|² - 2 a·b + |b|², and |a|² orders nothing."""
+    index = np.empty(len(query), np.int64)
+    distances = np.empty((len(query), 2))
+    half_norm = 0.5 * np.einsum("ij,ij->i", reference, reference)
+    for start in range(0, len(query), _BLOCK):
+        block = query[start : start + _BLOCK]
+        rows = np.arange(len(block))
+        score = block @ reference.T
+        score -= half_norm
+        nearest = score.argmax(axis=1)
+        score[rows, nearest] = -np.inf
+        second = score.argmax(axis=1)
+        index[start : start + len(block)] = nearest
+        for column, neighbour in enumerate((nearest, second)):
+            # the product cancels digits, so the two distances kept are computed directly
+            difference = block - reference[neighbour]
+            distances[start : start + len(block), column] = np.linalg.norm(difference, axis=1)
+    return index, distances
+
+
+def _nearest_two_binary(query: UInt8, reference: UInt8) -> tuple[Int64, Float64]:
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(query, reference, k=2)
+    index = np.array([first.trainIdx for first, _ in matches], np.int64)
+    distances = np.array([(first.distance, second.distance) for first, second in matches])
+    return index, distances.reshape(-1, 2)
+
+
+def distance_ratio(distances: Float64) -> Float64:
+    """Equation 1: r = D(f_p, f_q) / D(f_p, f_q^nn2) from distances [N, 2]; 1 where both are 0."""
+    nearest, second = distances[:, 0], distances[:, 1]
+    return np.divide(nearest, second, out=np.ones_like(nearest), where=second > 0)
+
+
+def one_to_one(target: Int64, cost: Float64) -> Int64:
+    """Rows that keep, of all matches to one target, the one with the least cost; increasing."""
+    order = np.lexsort((cost, target))
+    first = np.ones(len(order), bool)
+    first[1:] = target[order[1:]] != target[order[:-1]]
+    return np.sort(order[first]).astype(np.int64)
