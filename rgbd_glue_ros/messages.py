@@ -1,0 +1,414 @@
+"""Message fields -> numpy, for messages of rclpy, rosbags and ``message_fields`` alike.
+
+None of these is imported here but the last, whose classes stand in the annotations for any
+message of that type with the same fields. What cannot be used is refused with an ``InputError``
+that names the topic, what is wrong and what to do.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.image_files import PNG_SIGNATURE, check_size, decode
+from rgbd_glue_ros.message_fields import (
+    DEPTH_UNITS_PER_METRE,
+    CameraInfo,
+    CompressedImage,
+    Image,
+    Time,
+)
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    CameraIntrinsics,
+    Float32,
+    Float64,
+    RgbdFrame,
+    UInt8,
+)
+
+AnyImage = Image | CompressedImage
+
+
+@dataclass(frozen=True)
+class FrameTopics:
+    """Names of the topics that a frame comes from, for errors."""
+
+    color: str
+    depth: str
+    info: str
+
+
+@dataclass(frozen=True)
+class _ColorEncoding:
+    """Channels of 8 bits, and OpenCV's code of the conversion to RGB (None: nothing to do)."""
+
+    channels: int
+    to_rgb: int | None
+
+
+_COLOR_ENCODINGS: Mapping[str, _ColorEncoding] = {
+    "rgb8": _ColorEncoding(3, None),
+    "bgr8": _ColorEncoding(3, cv2.COLOR_BGR2RGB),
+    "rgba8": _ColorEncoding(4, cv2.COLOR_RGBA2RGB),
+    "bgra8": _ColorEncoding(4, cv2.COLOR_BGRA2RGB),
+    "mono8": _ColorEncoding(1, None),
+    # OpenCV's names leave the order open; those who use them publish OpenCV's order
+    "8UC1": _ColorEncoding(1, None),
+    "8UC3": _ColorEncoding(3, cv2.COLOR_BGR2RGB),
+    "8UC4": _ColorEncoding(4, cv2.COLOR_BGRA2RGB),
+}
+
+# Type of the pixels and how many units make a metre (REP-118)
+_DEPTH_ENCODINGS: Mapping[str, tuple[type[np.generic], int]] = {
+    "16UC1": (np.uint16, DEPTH_UNITS_PER_METRE),
+    "mono16": (np.uint16, DEPTH_UNITS_PER_METRE),
+    "32FC1": (np.float32, 1),
+}
+
+# Before the PNG in a compressedDepth message: an enumerator and the two quantisation parameters
+_QUANTISATION = struct.Struct("<iff")
+
+# How many coefficients each distortion model may have; the order is OpenCV's in both
+_DISTORTION_MODELS: Mapping[str, tuple[int, ...]] = {
+    "plumb_bob": (4, 5),
+    "rational_polynomial": (8,),
+}
+
+
+def stamp_ns(stamp: Time) -> int:
+    """A message's stamp in nanoseconds."""
+    return stamp.sec * NANOSECONDS + stamp.nanosec
+
+
+def color_from_message(msg: AnyImage, where: str) -> UInt8:
+    """The pixels of a colour or grey image.
+
+    Args:
+        msg: sensor_msgs/msg/Image or CompressedImage.
+        where: its topic.
+
+    Returns:
+        uint8 [H, W, 3] RGB or [H, W]. It shares the message's memory where that holds just this.
+
+    Raises:
+        InputError: it is of another type or encoding, cut off or damaged.
+    """
+    return _reader(_COLOR_READERS, msg, where)(msg, where)
+
+
+def depth_from_message(msg: AnyImage, where: str) -> Float32:
+    """The depth of every pixel.
+
+    Args:
+        msg: sensor_msgs/msg/Image or CompressedImage (``compressedDepth``, or a PNG).
+        where: its topic.
+
+    Returns:
+        float32 [H, W], metres, NaN where unknown.
+
+    Raises:
+        InputError: it is of another type or encoding, cut off or damaged.
+    """
+    return _reader(_DEPTH_READERS, msg, where)(msg, where)
+
+
+def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
+    """The camera that took the image as it was published: after cropping and binning.
+
+    K and D are taken, which describe the image that is not rectified.
+
+    Args:
+        msg: sensor_msgs/msg/CameraInfo.
+        where: its topic.
+
+    Raises:
+        InputError: it is of another type, not calibrated, or of an unknown distortion model.
+    """
+    if _type_name(msg) != "CameraInfo":
+        raise InputError(where, f"is a {_type_name(msg)}", "give a topic of CameraInfo")
+    k = np.asarray(msg.k, np.float64)
+    if not k.any():
+        raise InputError(
+            where,
+            "K is all zeros: the camera is not calibrated",
+            "calibrate it and give the file to its driver (camera_info_url)",
+        )
+    fx, fy, cx, cy = (float(k[i]) for i in (0, 4, 2, 5))
+    is_pinhole = np.array_equal(k, [fx, 0, cx, 0, fy, cy, 0, 0, 1]) and min(fx, fy) > 0
+    if not (is_pinhole and np.isfinite(k).all()):
+        raise InputError(
+            where, f"K is no camera matrix: {k.tolist()}", "calibrate the camera again"
+        )
+    check_size(msg.width, msg.height, where)
+    camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy, _distortion(msg, where))
+    return _binned(_cropped(camera, msg, where), msg, where)
+
+
+def frame_from_messages(
+    color: AnyImage, depth: AnyImage, info: CameraInfo, topics: FrameTopics
+) -> RgbdFrame:
+    """The frame made of three messages.
+
+    A depth image of another size than the colour image is brought to the colour image's, by
+    nearest neighbours, and a camera info of another size is scaled, if the aspect is the same.
+
+    Args:
+        color: sensor_msgs/msg/Image or CompressedImage.
+        depth: the same, registered to the colour image.
+        info: of the colour image.
+        topics: where they are from.
+
+    Raises:
+        InputError: one of them cannot be used, or the sizes have different aspects.
+    """
+    color_pixels = color_from_message(color, topics.color)
+    depth_pixels = depth_from_message(depth, topics.depth)
+    camera = intrinsics_from_message(info, topics.info)
+    height, width = color_pixels.shape[:2]
+    if (camera.width, camera.height) != (width, height):
+        _check_aspect(camera.width, camera.height, color_pixels, topics.info, topics.color)
+        camera = camera.scaled(width, height)
+    if depth_pixels.shape != (height, width):
+        depth_height, depth_width = depth_pixels.shape
+        _check_aspect(depth_width, depth_height, color_pixels, topics.depth, topics.color)
+        depth_pixels = resampled(depth_pixels, width, height)
+    return RgbdFrame(
+        stamp_ns=stamp_ns(color.header.stamp),
+        color=color_pixels,
+        depth=depth_pixels,
+        intrinsics=camera,
+        frame_id=color.header.frame_id,
+    )
+
+
+def resampled(depth: Float32, width: int, height: int) -> Float32:
+    """Depth [h, w] at ``height`` x ``width`` pixels: each takes the pixel that its centre is in.
+
+    Depth is never averaged: a mean across an edge lies where nothing is.
+    """
+    rows = _nearest(depth.shape[0], height)
+    columns = _nearest(depth.shape[1], width)
+    nearest: Float32 = depth[rows[:, None], columns]
+    return nearest
+
+
+def _nearest(old: int, new: int) -> NDArray[np.int64]:
+    """For each of ``new`` pixels, which of ``old`` its centre is in: floor((i + 0.5) old / new)."""
+    return (2 * np.arange(new) + 1) * old // (2 * new)
+
+
+def _check_aspect(width: int, height: int, color: UInt8, where: str, color_topic: str) -> None:
+    color_height, color_width = color.shape[:2]
+    if round(width * color_height / color_width) != height and (
+        round(height * color_width / color_height) != width
+    ):
+        raise InputError(
+            where,
+            f"is of {width}x{height} pixels, but {color_topic} of {color_width}x{color_height}",
+            "give depth registered to colour and the colour camera's info",
+        )
+
+
+def _type_name(msg: object) -> str:
+    """``Image`` for rclpy's Image as for rosbags' sensor_msgs__msg__Image."""
+    return type(msg).__name__.rpartition("__")[2]
+
+
+def _reader(
+    readers: Mapping[str, Callable[[Any, str], NDArray[Any]]], msg: object, where: str
+) -> Callable[[Any, str], NDArray[Any]]:
+    name = _type_name(msg)
+    if name not in readers:
+        raise InputError(where, f"is a {name}", f"give a topic of {' or '.join(readers)}")
+    return readers[name]
+
+
+def _color_from_image(msg: Image, where: str) -> UInt8:
+    encoding = _COLOR_ENCODINGS.get(msg.encoding)
+    if encoding is None:
+        raise _unknown_encoding(msg.encoding, _COLOR_ENCODINGS, "colour", where)
+    pixels = np.ascontiguousarray(_pixels(msg, np.dtype(np.uint8), encoding.channels, where))
+    if encoding.to_rgb is None:
+        return pixels
+    return np.asarray(cv2.cvtColor(pixels, encoding.to_rgb), np.uint8)
+
+
+def _depth_from_image(msg: Image, where: str) -> Float32:
+    if msg.encoding not in _DEPTH_ENCODINGS:
+        raise _unknown_encoding(msg.encoding, _DEPTH_ENCODINGS, "depth", where)
+    kind, units = _DEPTH_ENCODINGS[msg.encoding]
+    dtype = np.dtype(kind).newbyteorder(">" if msg.is_bigendian else "<")
+    return _metres(_pixels(msg, dtype, 1, where), units)
+
+
+def _unknown_encoding(
+    encoding: str, known: Mapping[str, object], kind: str, where: str
+) -> InputError:
+    return InputError(
+        where,
+        f"encoding {encoding!r} is none of {kind} ({', '.join(known)})",
+        "choose the topic or the driver's format accordingly",
+    )
+
+
+def _pixels(msg: Image, dtype: np.dtype[Any], channels: int, where: str) -> NDArray[Any]:
+    """[H, W] or [H, W, channels], in the message's memory."""
+    check_size(msg.width, msg.height, where)
+    row = msg.width * channels * dtype.itemsize
+    if msg.step < row:
+        raise InputError(
+            where,
+            f"step is {msg.step} bytes, but a row of {msg.width} pixels {msg.encoding} has {row}",
+            "correct the publisher",
+        )
+    # the padding of the last row may be missing
+    needed = (msg.height - 1) * msg.step + row
+    if len(msg.data) < needed:
+        raise InputError(
+            where,
+            f"data are cut off: {len(msg.data)} bytes instead of {needed} for "
+            f"{msg.width}x{msg.height} {msg.encoding}",
+            "check the publisher or the recording",
+        )
+    shape: tuple[int, ...] = (msg.height, msg.width)
+    strides: tuple[int, ...] = (msg.step, channels * dtype.itemsize)
+    if channels > 1:
+        shape, strides = (*shape, channels), (*strides, dtype.itemsize)
+    pixels: NDArray[Any] = np.ndarray(shape, dtype, msg.data, strides=strides)
+    return pixels
+
+
+def _metres(depth: NDArray[Any], units_per_metre: float) -> Float32:
+    """float32 metres; NaN where the depth is not positive and finite."""
+    metres: Float32 = np.divide(depth, np.float32(units_per_metre), dtype=np.float32)
+    metres[~((metres > 0) & (metres < np.inf))] = np.nan
+    return metres
+
+
+def _color_from_compressed(msg: CompressedImage, where: str) -> UInt8:
+    if "compressedDepth" in msg.format:
+        raise InputError(where, f"is depth ({msg.format})", "give the topic of the colour image")
+    image = decode(_bytes(msg), where)
+    if image.dtype != np.uint8:
+        raise InputError(
+            where, f"is an image of {image.dtype} ({msg.format})", "give a colour image of 8 bits"
+        )
+    if image.ndim == 2:
+        return image
+    if image.shape[2] == 4:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGRA2RGB), np.uint8)
+    # image_transport says so when RGB was given to an encoder that takes BGR
+    if "compressed rgb" in msg.format:
+        return image
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _depth_from_compressed(msg: CompressedImage, where: str) -> Float32:
+    data = _bytes(msg)
+    if "compressedDepth" not in msg.format:
+        if data[: len(PNG_SIGNATURE)] != PNG_SIGNATURE:
+            raise InputError(
+                where, f"is a {msg.format} image, which holds no depth", "record compressedDepth"
+            )
+        return _metres(_decoded_depth(data, msg.format, where), DEPTH_UNITS_PER_METRE)
+    if "rvl" in msg.format:
+        raise InputError(
+            where,
+            "depth in RVL compression is not supported",
+            "set the publisher's parameter compressedDepth.format to png",
+        )
+    if len(data) < _QUANTISATION.size:
+        raise InputError(where, f"data are cut off: {len(data)} bytes", "check the recording")
+    _, a, b = _QUANTISATION.unpack_from(data)
+    image = _decoded_depth(data[_QUANTISATION.size :], msg.format, where)
+    if not msg.format.startswith("32FC1"):
+        return _metres(image, DEPTH_UNITS_PER_METRE)
+    if not (np.isfinite(a) and np.isfinite(b) and a > 0):
+        raise InputError(
+            where, f"the quantisation ({a}, {b}) makes no sense", "check the publisher"
+        )
+    with np.errstate(divide="ignore"):
+        metres = np.float32(a) / (image.astype(np.float32) - np.float32(b))
+    metres[image == 0] = np.nan
+    return _metres(metres, 1)
+
+
+def _bytes(msg: CompressedImage) -> memoryview:
+    buffer: Any = msg.data
+    return memoryview(buffer)
+
+
+def _decoded_depth(data: memoryview, image_format: str, where: str) -> NDArray[np.uint16]:
+    image = decode(data, where)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        raise InputError(
+            where,
+            f"{image_format!r} holds an image of {image.dtype} and shape {image.shape}",
+            "give depth as one channel of 16 bits",
+        )
+    return np.asarray(image, np.uint16)
+
+
+_COLOR_READERS: Mapping[str, Callable[[Any, str], UInt8]] = {
+    "Image": _color_from_image,
+    "CompressedImage": _color_from_compressed,
+}
+_DEPTH_READERS: Mapping[str, Callable[[Any, str], Float32]] = {
+    "Image": _depth_from_image,
+    "CompressedImage": _depth_from_compressed,
+}
+
+
+def _distortion(msg: CameraInfo, where: str) -> tuple[float, ...]:
+    d: Float64 = np.asarray(msg.d, np.float64)
+    if not np.isfinite(d).all():
+        raise InputError(where, f"D holds {d.tolist()}", "calibrate the camera again")
+    if not d.any():
+        return ()
+    if len(d) not in _DISTORTION_MODELS.get(msg.distortion_model, ()):
+        raise InputError(
+            where,
+            f"{len(d)} coefficients of distortion model {msg.distortion_model!r} are not supported",
+            f"rectify the images, or calibrate by {' or '.join(_DISTORTION_MODELS)}",
+        )
+    return tuple(d.tolist())
+
+
+def _cropped(camera: CameraIntrinsics, msg: CameraInfo, where: str) -> CameraIntrinsics:
+    roi = msg.roi
+    if roi.width == 0 and roi.height == 0:
+        return camera
+    if (
+        min(roi.width, roi.height) < 1
+        or roi.x_offset + roi.width > camera.width
+        or roi.y_offset + roi.height > camera.height
+    ):
+        raise InputError(
+            where,
+            f"the region of interest {roi.width}x{roi.height} at ({roi.x_offset}, {roi.y_offset}) "
+            f"is not within {camera.width}x{camera.height} pixels",
+            "correct the publisher",
+        )
+    return replace(
+        camera,
+        width=roi.width,
+        height=roi.height,
+        cx=camera.cx - roi.x_offset,
+        cy=camera.cy - roi.y_offset,
+    )
+
+
+def _binned(camera: CameraIntrinsics, msg: CameraInfo, where: str) -> CameraIntrinsics:
+    # both 0 and 1 mean no binning
+    width = camera.width // max(msg.binning_x, 1)
+    height = camera.height // max(msg.binning_y, 1)
+    check_size(width, height, where)
+    return camera.scaled(width, height)
