@@ -199,7 +199,7 @@ def copy_fields(source: object, target: Message) -> Message:
         elif isinstance(value, np.ndarray):
             # of all that rclpy takes, only an array.array is filled without a loop in Python
             values = array(value.dtype.char)
-            values.frombytes(memoryview(value).cast("B"))
+            values.frombytes(value.data.cast("B"))
             setattr(target, item.name, values)
         else:
             setattr(target, item.name, value)

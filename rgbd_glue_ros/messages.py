@@ -133,7 +133,7 @@ def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
         InputError: it is of another type, not calibrated, or of an unknown distortion model.
     """
     if _type_name(msg) != "CameraInfo":
-        raise InputError(where, f"is a {_type_name(msg)}", "give a topic of CameraInfo")
+        raise InputError(where, f"is of type {_type_name(msg)}", "give a topic of CameraInfo")
     k = np.asarray(msg.k, np.float64)
     if not k.any():
         raise InputError(
@@ -227,7 +227,7 @@ def _reader(
 ) -> Callable[[Any, str], NDArray[Any]]:
     name = _type_name(msg)
     if name not in readers:
-        raise InputError(where, f"is a {name}", f"give a topic of {' or '.join(readers)}")
+        raise InputError(where, f"is of type {name}", f"give a topic of {' or '.join(readers)}")
     return readers[name]
 
 
