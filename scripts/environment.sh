@@ -1,0 +1,100 @@
+# shellcheck shell=bash
+# Sourced by the other scripts: makes the virtual environment they run in and puts it on PATH.
+#
+#   PYTHON       interpreter to use; without it the first of 3.11, 3.12 and 3.10 that works
+#   VENV         folder to make; without it .venv, or .venv-3.12 for PYTHON=python3.12
+#   CONSTRAINTS  versions to install; without it scripts/constraints.txt
+
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
+
+# What a sourced ROS installation leaves behind would be mixed with the ROS of the environment.
+unset AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH
+
+# The shared libraries that Open3D loads, each with its Debian package.
+open3d_libraries=(
+  libEGL.so.1:libegl1
+  libGL.so.1:libgl1
+  libX11.so.6:libx11-6
+  libgomp.so.1:libgomp1
+  libusb-1.0.so.0:libusb-1.0-0
+)
+
+fail() {
+  echo "$0: $1" >&2
+  exit 1
+}
+
+find_python() {
+  local candidate
+  for candidate in ${PYTHON:-python3.11 python3.12 python3.10 python3}; do
+    if "$candidate" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' \
+      2>/dev/null; then
+      echo "$candidate"
+      return
+    fi
+  done
+  fail "${PYTHON:-python3} is not Python 3.10, 3.11 or 3.12; install one, or name it: PYTHON=python3.12 $0"
+}
+
+# Installs Debian packages where that can be done without asking, else says what to install.
+install_system_packages() {
+  local root=()
+  if [ "$(id -u)" != 0 ]; then
+    root=(sudo -n)
+  fi
+  if ! command -v apt-get >/dev/null || ! "${root[@]}" true 2>/dev/null; then
+    fail "system packages are missing; install them, then run this again: sudo apt-get install $*"
+  fi
+  "${root[@]}" apt-get update
+  "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "$@"
+}
+
+version_of() {
+  "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null
+}
+
+make_environment() {
+  # one that was moved here would run what it was made from
+  if [ "$(version_of "$VENV/bin/python")" = "$version" ] &&
+    grep -qF "$PWD/$VENV" "$VENV/bin/activate"; then
+    return
+  fi
+  if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
+    install_system_packages "python$version-venv"
+  fi
+  echo "Making $VENV with Python $version"
+  "$python" -m venv --clear "$VENV"
+}
+
+install_open3d_libraries() {
+  local entry missing=()
+  for entry in "${open3d_libraries[@]}"; do
+    "$python" -c "import ctypes; ctypes.CDLL('${entry%%:*}')" 2>/dev/null ||
+      missing+=("${entry#*:}")
+  done
+  if [ "${#missing[@]}" != 0 ]; then
+    install_system_packages "${missing[@]}"
+  fi
+}
+
+# install PIP_ARGUMENT...: into the environment; done already, it takes no time.
+install() {
+  local stamp
+  stamp=$VENV/installed-$(
+    { echo "$PWD $version $*" && cat setup.py package.xml scripts/tools.txt "$CONSTRAINTS"; } |
+      sha256sum | cut -c 1-16
+  )
+  if [ -e "$stamp" ] && "$VENV/bin/python" -c ''; then
+    return
+  fi
+  make_environment
+  install_open3d_libraries
+  "$VENV/bin/python" -m pip install --constraint "$CONSTRAINTS" "$@"
+  touch "$stamp"
+}
+
+python=$(find_python)
+version=$(version_of "$python")
+VENV=${VENV:-.venv${PYTHON:+-$version}}
+CONSTRAINTS=${CONSTRAINTS:-scripts/constraints.txt}
+export PATH="$PWD/$VENV/bin:$PATH"
