@@ -1,0 +1,264 @@
+"""The report of a run: one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros import charts, se3
+from rgbd_glue_ros.charts import Line, Span
+from rgbd_glue_ros.config import Config, parameters, values
+from rgbd_glue_ros.evaluation import RPE_DELTA_S, Evaluation
+from rgbd_glue_ros.run import FrameRecord, Run
+from rgbd_glue_ros.trajectory import MAX_TIME_DIFFERENCE_S
+from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, TrackingState
+
+_CSS = """
+:root { --page: #fff; --card: #f6f7f9; --text: #16202c; --quiet: #5d6b7b; --line: #e3e7ec;
+  --estimate: #1d5fd1; --truth: #a9b4c0; --geometric: #c2620a; --good: #1a8f5a; --bad: #cf2f3c;
+  --wait: #d9a514; color-scheme: light dark; }
+@media (prefers-color-scheme: dark) { :root { --page: #11161d; --card: #1a212b; --text: #e6ebf1;
+  --quiet: #93a1b1; --line: #2a3441; --estimate: #6aa5ff; --truth: #66727f; --geometric: #f0963c;
+  --good: #35b57c; --bad: #f0626c; --wait: #e2bb45; } }
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--page); color: var(--text);
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", sans-serif; }
+main { max-width: 66rem; margin: 0 auto; padding: 2rem 1.25rem 3rem; }
+h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .3rem; overflow-wrap: anywhere; }
+h2 { font-size: 1.1rem; margin: 2.6rem 0 1rem; padding-top: 1.1rem;
+  border-top: 1px solid var(--line); }
+p { margin: 0 0 1rem; color: var(--quiet); max-width: 46rem; }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .7rem;
+  margin: 1.5rem 0 0; }
+.tile { background: var(--card); border-radius: 10px; padding: .8rem 1rem .75rem; }
+.tile b { display: block; font-size: 1.55rem; line-height: 1.25; font-weight: 650;
+  font-variant-numeric: tabular-nums; white-space: nowrap; }
+.tile b small { font-size: .95rem; font-weight: 500; color: var(--quiet); }
+.tile span { color: var(--quiet); font-size: .82rem; display: block; }
+.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr));
+  gap: 1.5rem 2.5rem; align-items: start; }
+table { border-collapse: collapse; width: 100%; font-size: .9rem; }
+td, th { text-align: left; padding: .38rem .8rem .38rem 0; border-bottom: 1px solid var(--line);
+  vertical-align: top; font-weight: 400; }
+th { color: var(--quiet); }
+.n { text-align: right; padding: .38rem 0 .38rem .8rem; font-variant-numeric: tabular-nums;
+  white-space: nowrap; }
+code { font: .86em ui-monospace, "SF Mono", Consolas, monospace; overflow-wrap: anywhere; }
+td small { color: var(--quiet); }
+caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
+"""
+
+_STATES = {
+    TrackingState.TRACKING: ("tracking", "var(--good)"),
+    TrackingState.INITIALIZING: ("initializing", "var(--wait)"),
+    TrackingState.LOST: ("lost", "var(--bad)"),
+}
+_TALL, _LOW = 5, 3
+
+
+def render(run: Run, figures: Mapping[str, Any], evaluation: Evaluation | None) -> str:
+    """The page.
+
+    Args:
+        run: with one frame at least.
+        figures: its ``metrics``.
+        evaluation: of its trajectory; None without ground truth.
+    """
+    seconds = _seconds(run, np.array([frame.stamp_ns for frame in run.frames], np.int64))
+    parts = [
+        f"<h1>{escape(run.sequence)}</h1>",
+        _summary(run, seconds),
+        _tiles(figures),
+        _trajectory(run, evaluation),
+        "<h2>Over time</h2>",
+        _states(run.frames, seconds),
+        *_charts(run, seconds, evaluation),
+        "<h2>Where the time goes</h2>",
+        "<p>Median of each stage. Stages that run side by side add up to more than the whole.</p>",
+        charts.bars(_named(figures["stages_ms"]), "ms", "var(--estimate)"),
+        "<h2>All figures</h2>",
+        _figures(figures),
+        "<h2>Parameters that differ from the defaults</h2>",
+        _changes(run.config),
+    ]
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(run.sequence)} · rgbd-glue</title><style>{_CSS}{charts.CSS}</style>"
+        f"</head><body><main>{''.join(parts)}</main></body></html>\n"
+    )
+
+
+def _summary(run: Run, seconds: Float64) -> str:
+    return (
+        f"<p>{len(run.frames)} frames, {seconds[-1]:.1f} s of recording, "
+        f"replayed in {run.wall_s:.1f} s by rgbd-glue.</p>"
+    )
+
+
+def _seconds(run: Run, stamps_ns: Int64) -> Float64:
+    """Time since the first frame."""
+    return np.asarray((stamps_ns - run.frames[0].stamp_ns) / NANOSECONDS, np.float64)
+
+
+def _tiles(figures: Mapping[str, Any]) -> str:
+    tracked = f"{100 * figures['tracked'] / figures['frames']:.4g}"
+    tiles = []
+    if "ape" in figures:
+        tiles.append((f"{100 * figures['ape']['rmse_m']:.2f}", "cm", "position error, rmse (APE)"))
+    if figures.get("rpe"):
+        rpe = figures["rpe"]
+        tiles.append((f"{100 * rpe['trans_rmse_m']:.2f}", "cm/s", "drift, rmse (RPE)"))
+        tiles.append((f"{rpe['rot_rmse_deg']:.2f}", "°/s", "rotation drift, rmse (RPE)"))
+    tiles += [
+        (tracked, "%", f"of frames tracked, {figures['lost']} lost"),
+        (f"{figures['latency_ms']['p50']:.1f}", "ms", "median latency of a frame"),
+        (f"{figures['fps']:.1f}", "fps", "whole replay, decoding included"),
+    ]
+    body = "".join(
+        f'<div class="tile"><b>{value} <small>{unit}</small></b><span>{text}</span></div>'
+        for value, unit, text in tiles
+    )
+    return f'<div class="tiles">{body}</div>'
+
+
+def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
+    poses = run.trajectory.poses
+    if not len(poses):
+        return "<h2>Trajectory</h2><p>No frame has a pose.</p>"
+    tracks = []
+    if evaluation is not None:
+        # the truth, laid upon the estimate, so that the picture has the first camera's axes
+        truth = se3.inverse(evaluation.T_reference_estimate) @ evaluation.reference
+        tracks.append(("ground truth", "var(--truth)", truth[:, :3, 3], "thick"))
+    tracks.append(("estimate", "var(--estimate)", poses[:, :3, 3], ""))
+    above = [Line(name, color, p[:, 0], p[:, 2], style) for name, color, p, style in tracks]
+    beside = [Line(name, color, p[:, 2], -p[:, 1], style) for name, color, p, style in tracks]
+    aligned = "; the ground truth is laid upon it by rotation and translation"
+    return (
+        "<h2>Trajectory</h2><p>In the axes of the first camera, from the green to the red end"
+        f"{aligned if evaluation else ''}.</p>"
+        f'<div class="two">{charts.plan("From above (right, forward)", above)}'
+        f"{charts.plan('From the side (forward, up)', beside)}</div>"
+    )
+
+
+def _states(frames: list[FrameRecord], seconds: Float64) -> str:
+    # a frame's state holds until the next frame
+    edges = np.append(seconds, seconds[-1]) / (seconds[-1] or 1.0)
+    spans, start = [], 0
+    for state, group in groupby(frames, key=lambda frame: frame.state):
+        stop = start + len(list(group))
+        spans.append(Span(edges[start], edges[stop], _STATES[state][1]))
+        start = stop
+    keyframes = edges[[i for i, frame in enumerate(frames) if frame.is_keyframe]]
+    present = {frame.state for frame in frames}
+    keys = [key for state, key in _STATES.items() if state in present]
+    title = f"State, and a tick for each of {len(keyframes)} keyframes"
+    return charts.band(title, keys, spans, keyframes)
+
+
+def _charts(run: Run, seconds: Float64, evaluation: Evaluation | None) -> list[str]:
+    span = (float(seconds.min()), float(seconds.max()))
+    drawn = []
+    if evaluation is not None:
+        x, y = _seconds(run, evaluation.stamps_ns), 100 * evaluation.errors_m
+        rmse = Line(
+            "rmse", "var(--quiet)", x, np.full(len(x), 100 * evaluation.ape.rmse_m), "dashed"
+        )
+        error = Line("of each pose", "var(--estimate)", x, y)
+        drawn.append(charts.chart("Position error after alignment, cm", [rmse, error], span, _TALL))
+    for title, color, numbers in (
+        ("Visual inliers", "var(--estimate)", [frame.visual_inliers for frame in run.frames]),
+        (
+            "Credible geometric matches",
+            "var(--geometric)",
+            [frame.credible for frame in run.frames],
+        ),
+    ):
+        line = Line(title, color, seconds, np.array(numbers, np.float64))
+        drawn.append(charts.chart(title, [line], span, _LOW))
+    drawn.append(_latency(run.frames, seconds, span))
+    return drawn
+
+
+def _latency(frames: list[FrameRecord], seconds: Float64, span: tuple[float, float]) -> str:
+    latency = np.array([frame.latency_ms for frame in frames])
+    interval = 1000 * float(np.median(np.diff(seconds))) if len(seconds) > 1 else float("nan")
+    # the first frames may compile code: their seconds would hide all others
+    ceiling = 3 * float(np.nanmax([interval, np.percentile(latency, 95)]))
+    lines = [
+        Line("between frames", "var(--quiet)", seconds, np.full(len(seconds), interval), "dashed"),
+        Line("per frame", "var(--estimate)", seconds, np.minimum(latency, ceiling)),
+    ]
+    return charts.chart("Latency, ms", lines, span, _TALL)
+
+
+def _named(stages: Mapping[str, float]) -> dict[str, float]:
+    return {name.replace("_", " "): value for name, value in stages.items()}
+
+
+def _figures(figures: Mapping[str, Any]) -> str:
+    latency = figures["latency_ms"]
+    tables = [
+        (
+            "Tracking",
+            [
+                ("frames", f"{figures['frames']}"),
+                ("tracked", f"{figures['tracked']}"),
+                ("lost", f"{figures['lost']}"),
+                ("keyframes", f"{figures['keyframes']}"),
+                ("length of path", f"{figures['path_m']:.2f} m"),
+            ],
+        ),
+        (
+            "Speed",
+            [
+                ("frames per second", f"{figures['fps']:.1f}"),
+                *((f"latency, {name}", f"{value:.1f} ms") for name, value in latency.items()),
+                ("memory, peak", f"{figures['peak_rss_mb']:.0f} MB"),
+            ],
+        ),
+    ]
+    note = ""
+    if "ape" in figures:
+        ape = [(name[:-2], f"{100 * value:.2f} cm") for name, value in figures["ape"].items()]
+        tables.insert(0, ("Absolute error (APE)", ape))
+        note = (
+            "<p>APE: distance of positions after alignment by rotation and translation (no "
+            f"scale), poses nearest in time, one-to-one, within {MAX_TIME_DIFFERENCE_S:g} s. "
+            f"RPE: error of the motion over every pair of poses {RPE_DELTA_S:g} s apart.</p>"
+        )
+    if figures.get("rpe"):
+        rpe = figures["rpe"]
+        drift = [
+            ("translation, rmse", f"{100 * rpe['trans_rmse_m']:.2f} cm"),
+            ("rotation, rmse", f"{rpe['rot_rmse_deg']:.2f}°"),
+        ]
+        tables.insert(1, (f"Relative error over {rpe['delta_s']:g} s (RPE)", drift))
+    body = "".join(
+        f"<table><caption>{title}</caption>"
+        + "".join(f'<tr><td>{name}</td><td class="n">{value}</td></tr>' for name, value in rows)
+        + "</table>"
+        for title, rows in tables
+    )
+    return f'{note}<div class="two">{body}</div>'
+
+
+def _changes(config: Config) -> str:
+    chosen = values(config)
+    rows = [
+        f"<tr><td><code>{p.name}</code><br><small>{escape(p.description)}</small></td>"
+        f'<td class="n">{escape(str(chosen[p.name]))} {escape(p.unit)}</td>'
+        f'<td class="n">{escape(str(p.default))}</td></tr>'
+        for p in parameters(config)
+        if chosen[p.name] != p.default
+    ]
+    if not rows:
+        return "<p>None does.</p>"
+    head = '<tr><th>parameter</th><th class="n">value</th><th class="n">default</th></tr>'
+    return f"<table>{head}{''.join(rows)}</table>"
