@@ -328,6 +328,15 @@ class NodeConfig:
     topic_queue_size: int = _parameter(
         10, "Messages of a topic that wait for the node, at most.", minimum=1, maximum=1000
     )
+    sync_queue_size: int = _parameter(
+        10, "Messages of a topic that wait for their partners, at most.", minimum=1, maximum=1000
+    )
+    approx_sync_max_interval: float = _parameter(
+        0.02,
+        "Stamps of colour and depth that are further apart than this do not belong together.",
+        unit="s",
+        minimum=0.0,
+    )
 
 
 def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:
