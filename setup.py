@@ -58,11 +58,13 @@ setup(
     zip_safe=True,
     # Ubuntu 24.04's versions and newer; scripts/test-colcon tests with the oldest.
     install_requires=[
+        "backports.zstd>=1.0",
+        "lz4>=4.3",
         "numba>=0.59",
         "numpy>=1.26.4,<3",
         "opencv-python-headless>=4.10,<5",
         "PyYAML>=6.0.1",
-        "rosbags>=0.11,<0.12",
+        "rosbags>=0.11.9,<0.12",
         "scipy>=1.11.4",
         "tqdm>=4.66",
     ],

@@ -20,10 +20,17 @@ ORDER = """
     camera matching estimation features refinement glue odometry
     sync worker image_files message_fields messages frames monitor
     trajectory sequences evaluation charts run report replay convert pairs bench
-    node node_process cli
+    node node_process cli __main__
 """.split()  # noqa: SIM905 - a line a layer
 ROS_MODULES = {"node"}
 OPTIONAL_LIBRARIES = {"open3d", "torch", "onnxruntime", "pyorbslam3", "small_gicp", "evo"}
+ROSDEP_KEYS = {
+    "backports": "python3-rosbags-pip",  # comes with rosbags, as lz4
+    "cv2": "python3-opencv",
+    "lz4": "python3-rosbags-pip",
+    "rosbags": "python3-rosbags-pip",
+    "tf2_ros": "tf2_ros_py",
+}
 
 
 def _sources() -> list[Path]:
@@ -49,8 +56,12 @@ def _imports(path: Path) -> Iterator[str]:
                 yield node.module
 
 
+def _top(module: str) -> str:
+    return module.split(".", maxsplit=1)[0]
+
+
 def _is_ros(module: str) -> bool:
-    top = module.split(".", maxsplit=1)[0]
+    top = _top(module)
     return top.endswith("_msgs") or top in {
         "ament_index_python",
         "builtin_interfaces",
@@ -86,7 +97,7 @@ def test_everything_but_the_ros_modules_imports_without_ros_and_without_the_extr
     modules = [
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
         for path in _sources()
-        if _place(path) not in ROS_MODULES
+        if _place(path) not in {*ROS_MODULES, "__main__"}
     ]
     absent = OPTIONAL_LIBRARIES | {
         module.split(".")[0] for path in _sources() for module in _imports(path) if _is_ros(module)
@@ -108,6 +119,17 @@ for name in {modules}:
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_rosdep_brings_every_library_that_is_imported() -> None:
+    imported = {_top(module) for path in _sources() for module in _imports(path)}
+    imported -= {PACKAGE.name, *sys.stdlib_module_names, *OPTIONAL_LIBRARIES}
+    keys = {
+        ROSDEP_KEYS.get(library, library if _is_ros(library) else f"python3-{library}")
+        for library in imported
+    }
+    manifest = (ROOT / "package.xml").read_text()
+    assert keys <= {*re.findall(r"<exec_depend>(.+)</exec_depend>", manifest)}
 
 
 def test_the_newest_released_version_in_the_changelog_is_that_of_package_xml() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -20,12 +21,13 @@ FOLDERS = ("bags", "config", "launch")
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A prefix that pip has installed a copy of the package into."""
-    pytest.importorskip("pip", reason="needs pip to install the package")
+    pytest.importorskip("pip", reason="pip installs the package")
+    pytest.importorskip("wheel", reason="older versions of setuptools build with it")
     folder = tmp_path_factory.mktemp("packaging")
     shutil.copytree(
         ROOT,
         folder / "source",
-        ignore=shutil.ignore_patterns(".*", "__pycache__", "build", "*.egg-info", "out"),
+        ignore=shutil.ignore_patterns(".*", "*.egg-info", "build", "install", "log", "out"),
     )
     options = [
         "--no-deps",
@@ -36,6 +38,7 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run(
         [sys.executable, "-m", "pip", "install", *options, "--prefix", folder / "prefix", "."],
         cwd=folder / "source",
+        env={**os.environ, "PIP_BREAK_SYSTEM_PACKAGES": "1"},  # the prefix is not the system's
         check=True,
     )
     return folder / "prefix"
@@ -110,7 +113,7 @@ def test_every_requirement_is_locked(prefix: Path) -> None:
 
 def _project(requirement: str) -> str:
     """The normalised name of the project that a requirement starts with."""
-    return re.split(r"[^\w.-]", requirement, maxsplit=1)[0].replace("_", "-").lower()
+    return re.sub("[._]", "-", re.split(r"[^\w.-]", requirement, maxsplit=1)[0]).lower()
 
 
 def test_package_xml_is_valid_for_an_ament_python_package() -> None:
