@@ -145,7 +145,10 @@ def _pairs(stamps_ns: Int64) -> tuple[Int64, Int64]:
     nearer = wanted - stamps_ns[before] <= stamps_ns[after] - wanted
     second = np.where(nearer, before, after)
     first = np.arange(len(stamps_ns))
-    kept = np.abs(stamps_ns[second] - wanted) <= round(_DELTA_TOLERANCE * delta)
+    is_near = np.abs(stamps_ns[second] - wanted) <= round(_DELTA_TOLERANCE * delta)
+    # the last pose is nearest to every time after it
+    is_within = wanted - stamps_ns[-1] <= round(MAX_TIME_DIFFERENCE_S * NANOSECONDS)
+    kept = is_near & is_within
     return first[kept], second[kept]
 
 

@@ -246,8 +246,10 @@ def _parsed(
     """What ``parse`` makes of the words of each line that is neither empty nor a comment."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read ({error})", "give a text file") from error
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})", "give a text file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, "is no text", "give a text file") from error
     for number, line in enumerate(lines, 1):
         words = line.replace(",", " ").split()
         if not words or line.lstrip().startswith(comment):

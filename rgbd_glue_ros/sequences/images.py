@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -16,10 +14,8 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.image_files import decode
+from rgbd_glue_ros.sequences.ahead import mapped_ahead
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame, Trajectory, UInt8
-
-_THREADS = 2
-_FRAMES_AHEAD = 4
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """How an image of so many channels becomes RGB; grey stays grey."""
@@ -39,7 +35,7 @@ class DepthEncoding:
 
     def metres(self, image: NDArray[np.uint16]) -> Float32:
         """float32 [H, W] metres with NaN for unknown, from uint16 [H, W]."""
-        depth: Float32 = image.astype(np.float32) * np.float32(1.0 / self.units_per_metre)
+        depth: Float32 = np.divide(image, np.float32(self.units_per_metre), dtype=np.float32)
         for value in self.invalid:
             depth[image == value] = np.nan
         return depth
@@ -78,23 +74,12 @@ class ImageSequence:
         return len(self.pairs)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
-        """The frames in order of time, a few decoded ahead by threads.
+        """The frames in order of time.
 
         Raises:
             InputError: an image is missing, corrupt, or not of the camera's size.
         """
-        with ThreadPoolExecutor(_THREADS) as pool:
-            ahead: deque[Future[RgbdFrame]] = deque()
-            try:
-                for pair in self.pairs:
-                    ahead.append(pool.submit(self._read, pair))
-                    if len(ahead) > _FRAMES_AHEAD:
-                        yield ahead.popleft().result()
-                while ahead:
-                    yield ahead.popleft().result()
-            finally:
-                for future in ahead:
-                    future.cancel()
+        return mapped_ahead(self._read, self.pairs)
 
     def _read(self, pair: ImagePair) -> RgbdFrame:
         return RgbdFrame(

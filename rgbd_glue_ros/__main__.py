@@ -1,0 +1,7 @@
+"""``python -m rgbd_glue_ros`` is ``rgbd-glue``."""
+
+import sys
+
+from rgbd_glue_ros.cli import main
+
+sys.exit(main())

@@ -1,0 +1,311 @@
+"""``rgbd-glue``: the command line; the only place that prints and that exits the process."""
+
+# Commands import what they need when they run, so that help and errors come at once.
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from rgbd_glue_ros.errors import InputError, MissingExtraError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.config import Config
+    from rgbd_glue_ros.evaluation import Evaluation
+    from rgbd_glue_ros.sequences import Sequence as Recording
+    from rgbd_glue_ros.types import OdometryEstimate
+
+logger = logging.getLogger(__name__)
+
+PROGRAM = "rgbd-glue"
+
+OK, FAILED, BAD_INPUT = 0, 1, 2
+# what a shell sees of a program that ended by SIGINT or SIGPIPE
+INTERRUPTED, BROKEN_PIPE = 128 + 2, 128 + 13
+
+
+@dataclass(frozen=True)
+class Command:
+    """A subcommand.
+
+    Attributes:
+        name: on the command line.
+        summary: one line for the help.
+        add_arguments: declares its arguments.
+        run: does it and returns what to print; raises InputError or MissingExtraError for what
+            the user can mend.
+    """
+
+    name: str
+    summary: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace], str]
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong with the arguments in one line, where argparse prints the usage too."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{PROGRAM}: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the program.
+
+    Args:
+        arguments: of the command line; None takes the process's.
+
+    Returns:
+        The exit code: 2 for bad input, 1 for a failure inside.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    args = _parser(words).parse_args(words)
+    logging.basicConfig(format=f"{PROGRAM}: %(levelname)s: %(message)s")
+    try:
+        sys.stdout.write(args.command.run(args))
+        sys.stdout.flush()
+    except (InputError, MissingExtraError) as error:
+        return _fail(error, str(error), BAD_INPUT, debug=args.debug)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        # the reader went away, as in `| head`: keep Python from flushing into nothing at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
+        text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"
+        return _fail(error, text, FAILED, debug=args.debug)
+    return OK
+
+
+def _fail(error: Exception, text: str, code: int, *, debug: bool) -> int:
+    if debug:
+        logger.error("traceback:", exc_info=error)
+    sys.stderr.write(f"{PROGRAM}: {' '.join(text.split())}\n")
+    return code
+
+
+def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    common = _Parser(add_help=False)
+    common.add_argument("--debug", action="store_true", help="show where an error arose")
+    parser = _Parser(
+        PROGRAM, description="RGB-D odometry by RGBD-Glue: replay, evaluate, convert, measure."
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    chosen = next((word for word in words if not word.startswith("-")), None)
+    for command in COMMANDS:
+        child = commands.add_parser(
+            command.name,
+            help=command.summary,
+            description=command.summary[0].upper() + command.summary[1:] + ".",
+            parents=[common],
+        )
+        child.set_defaults(command=command)
+        if command.name == chosen:
+            command.add_arguments(child)
+    return parser
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        try:
+            version = metadata.version("rgbd_glue_ros")
+        except metadata.PackageNotFoundError:
+            version = "(not installed)"
+        parser.exit(OK, f"{PROGRAM} {version}\n")
+
+
+def _add_recording(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "recording",
+        metavar="SRC",
+        type=Path,
+        help="a bag (rosbag2 folder, .mcap, .db3, .bag) or the folder of a data set",
+    )
+    for kind, what in (
+        ("color", "colour images"),
+        ("depth", "depth images"),
+        ("info", "camera infos"),
+        ("truth", "true poses"),
+    ):
+        parser.add_argument(
+            f"--{kind}-topic",
+            metavar="TOPIC",
+            help=f"topic of a bag's {what} in place of the one found by type and name",
+        )
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        type=Path,
+        help="camera info (YAML or JSON) in place of the recording's",
+    )
+
+
+def _open(args: argparse.Namespace) -> Recording:
+    from rgbd_glue_ros.sequences import load_calibration, open_sequence
+    from rgbd_glue_ros.sequences.bag import Topics
+
+    topics = Topics(args.color_topic, args.depth_topic, args.info_topic, args.truth_topic)
+    calibration = load_calibration(args.calibration) if args.calibration else None
+    return open_sequence(args.recording, topics, calibration)
+
+
+def _add_config(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--preset", default="live", help="preset to start from: live (default) or paper"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="set a parameter, as in --set glue.k=3; may be repeated",
+    )
+
+
+def _config(args: argparse.Namespace) -> Config:
+    from rgbd_glue_ros.config import load_preset, parse_assignment, with_values
+
+    return with_values(load_preset(args.preset), dict(map(parse_assignment, args.set)))
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number above zero")
+    return int(text)
+
+
+def _add_replay(parser: argparse.ArgumentParser) -> None:
+    _add_recording(parser)
+    _add_config(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, required=True, help="where the results go"
+    )
+    parser.add_argument(
+        "--ground-truth",
+        metavar="FILE",
+        type=Path,
+        help="true trajectory (TUM format) in place of the recording's",
+    )
+    parser.add_argument("--limit", metavar="N", type=_positive, help="stop after N frames")
+
+
+def _replay(args: argparse.Namespace) -> str:
+    from tqdm import tqdm
+
+    from rgbd_glue_ros.replay import METRICS, REPORT, replay
+    from rgbd_glue_ros.trajectory import read_tum
+
+    config = _config(args)
+    truth = read_tum(args.ground_truth) if args.ground_truth else None
+    with _open(args) as recording:
+        total = min(recording.frame_count, args.limit or recording.frame_count)
+        # None: no bar where nobody watches
+        with tqdm(total=total, unit=" frames", disable=None, dynamic_ncols=True) as bar:
+
+            def show(estimate: OdometryEstimate) -> None:
+                bar.set_postfix_str(estimate.state.value, refresh=False)
+                bar.update()
+
+            try:
+                replay(
+                    recording,
+                    config,
+                    args.output,
+                    ground_truth=truth,
+                    limit=args.limit,
+                    on_frame=show,
+                )
+            except KeyboardInterrupt:
+                bar.close()
+                logger.warning("interrupted; what was done is in %s", args.output)
+                raise
+    figures = json.loads((args.output / METRICS).read_text(encoding="utf-8"))
+    return f"{_summary(figures)}report   {args.output / REPORT}\n"
+
+
+def _summary(figures: dict[str, Any]) -> str:
+    frames = "{frames}, of which {tracked} tracked and {lost} lost; {keyframes} keyframes"
+    speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
+    text = f"frames   {frames.format(**figures)}\n"
+    text += f"path     {figures['path_m']:.2f} m\n"
+    text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
+    if "ape" in figures:
+        text += f"APE      {figures['ape']['rmse_m']:.4f} m rmse, SE(3) aligned\n"
+    if figures.get("rpe"):
+        rpe = "{trans_rmse_m:.4f} m, {rot_rmse_deg:.3f} deg rmse over {delta_s:g} s"
+        text += f"RPE      {rpe.format(**figures['rpe'])}\n"
+    return text
+
+
+def _add_evaluate(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("estimate", metavar="EST", type=Path, help="trajectory (TUM format)")
+    parser.add_argument("reference", metavar="REF", type=Path, help="true trajectory (TUM format)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _evaluate(args: argparse.Namespace) -> str:
+    from rgbd_glue_ros.evaluation import evaluate
+    from rgbd_glue_ros.trajectory import read_tum
+
+    evaluation = evaluate(read_tum(args.estimate), read_tum(args.reference))
+    return _json(evaluation) if args.json else _table(evaluation)
+
+
+def _json(evaluation: Evaluation) -> str:
+    content = {
+        "poses": len(evaluation.stamps_ns),
+        "ape": asdict(evaluation.ape),
+        "rpe": asdict(evaluation.rpe) if evaluation.rpe else None,
+    }
+    return json.dumps(content, indent=2) + "\n"
+
+
+def _table(evaluation: Evaluation) -> str:
+    ape, rpe = evaluation.ape, evaluation.rpe
+    rows = [
+        f"{len(evaluation.stamps_ns)} poses, paired one-to-one by time",
+        "APE, SE(3) aligned (m)",
+        f"  rmse    {ape.rmse_m:.6f}",
+        f"  mean    {ape.mean_m:.6f}",
+        f"  median  {ape.median_m:.6f}",
+        f"  max     {ape.max_m:.6f}",
+    ]
+    if rpe is None:
+        rows.append("RPE: the trajectory is too short")
+    else:
+        rows += [
+            f"RPE over {rpe.delta_s:g} s, rmse",
+            f"  translation  {rpe.trans_rmse_m:.6f} m",
+            f"  rotation     {rpe.rot_rmse_deg:.6f} deg",
+        ]
+    return "\n".join(rows) + "\n"
+
+
+def _add_params(parser: argparse.ArgumentParser) -> None:
+    _add_config(parser)
+    parser.add_argument("--markdown", action="store_true", help="print a table, not YAML")
+
+
+def _params(args: argparse.Namespace) -> str:
+    from rgbd_glue_ros.config import to_markdown, to_yaml
+
+    config = _config(args)
+    return to_markdown(config) if args.markdown else to_yaml(config)
+
+
+COMMANDS = (
+    Command("replay", "run the odometry over a recording", _add_replay, _replay),
+    Command("evaluate", "compare a trajectory with the truth", _add_evaluate, _evaluate),
+    Command("params", "print all parameters with unit, range and meaning", _add_params, _params),
+)
