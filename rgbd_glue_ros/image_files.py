@@ -1,4 +1,4 @@
-"""PNG and JPEG bytes <-> arrays; damaged and absurdly large ones are refused before decoding.
+"""PNG and JPEG bytes <-> arrays: damaged and absurdly large ones are refused before decoding.
 
 OpenCV alone would fill the missing part of a truncated image with grey (as versions before 4.13
 do) and write about it to stderr, and it would allocate whatever size a header claims.
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.types import Float32
 
 # Twice the largest colour image of any RGB-D camera today (Azure Kinect, 4096 x 3072).
 MAX_PIXELS = 2**25
@@ -77,9 +78,11 @@ def check_size(width: int, height: int, where: str) -> None:
         )
 
 
-def encode_png(image: NDArray[Any], level: int = 6) -> bytes:
-    """A grey (uint8 or uint16) or BGR image as PNG; ``level`` is zlib's, 0 to 9."""
-    _, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, level])
+def encode_png(image: NDArray[Any]) -> bytes:
+    """A grey (uint8 or uint16) or BGR image as PNG."""
+    # For depth images, run-length coding is as small as zlib's level 4 in half the time.
+    options = [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+    _, data = cv2.imencode(".png", image, options)
     return data.tobytes()
 
 
@@ -87,6 +90,13 @@ def encode_jpeg(image: NDArray[Any], quality: int = 95) -> bytes:
     """A grey or BGR image (uint8) as JPEG; ``quality`` is libjpeg's, 1 to 100."""
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return data.tobytes()
+
+
+def quantised(depth: Float32, units_per_metre: int) -> NDArray[np.uint16]:
+    """Depth [H, W] in metres as whole units of 16 bits; 0 where it is unknown or too far."""
+    units = np.nan_to_num(np.rint(depth * units_per_metre), nan=0.0)
+    units[(units < 0) | (units > np.iinfo(np.uint16).max)] = 0
+    return units.astype(np.uint16)
 
 
 class _DamagedError(Exception):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros import se3
-from rgbd_glue_ros.image_files import encode_jpeg, encode_png
+from rgbd_glue_ros.image_files import encode_jpeg, encode_png, quantised
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -159,10 +159,9 @@ def compressed_depth_image(depth: Float32, head: Header) -> CompressedImage:
 
     Depth beyond 65.535 m is given as unknown.
     """
-    units = np.nan_to_num(np.rint(depth * DEPTH_UNITS_PER_METRE), nan=0.0)
-    units[(units < 0) | (units > np.iinfo(np.uint16).max)] = 0
     # the three numbers before the PNG are for 32FC1 only
-    data = struct.pack("<iff", 0, 0.0, 0.0) + encode_png(units.astype(np.uint16))
+    head_of_data = struct.pack("<iff", 0, 0.0, 0.0)
+    data = head_of_data + encode_png(quantised(depth, DEPTH_UNITS_PER_METRE))
     return CompressedImage(head, "16UC1; compressedDepth png", _flat(data))
 
 
@@ -170,17 +169,21 @@ def camera_info(intrinsics: CameraIntrinsics, head: Header) -> CameraInfo:
     """The camera info of an image that is used as it is: P repeats K, R is the identity."""
     p = np.zeros((3, 4))
     p[:, :3] = intrinsics.matrix
-    is_rational = len(intrinsics.distortion) > 5
     return CameraInfo(
         header=head,
         height=intrinsics.height,
         width=intrinsics.width,
-        distortion_model="rational_polynomial" if is_rational else "plumb_bob",
+        distortion_model=distortion_model(intrinsics),
         d=np.array(intrinsics.distortion or (0.0,) * 5, np.float64),
         k=intrinsics.matrix.ravel(),
         r=np.eye(3).ravel(),
         p=p.ravel(),
     )
+
+
+def distortion_model(intrinsics: CameraIntrinsics) -> str:
+    """What ROS calls the model of that many coefficients."""
+    return "rational_polynomial" if len(intrinsics.distortion) > 5 else "plumb_bob"
 
 
 def pose_stamped(T: Float64, head: Header) -> PoseStamped:

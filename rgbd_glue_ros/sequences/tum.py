@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.sequences.calibration import load_calibration
 from rgbd_glue_ros.sequences.images import DepthEncoding, ImagePair, ImageSequence
 from rgbd_glue_ros.trajectory import MAX_TIME_DIFFERENCE_S, associate, parse_stamp, read_tum
 from rgbd_glue_ros.types import CameraIntrinsics, Int64
 
 COLOR_LIST, DEPTH_LIST, GROUND_TRUTH = "rgb.txt", "depth.txt", "groundtruth.txt"
 
-_DEPTH = DepthEncoding(units_per_metre=5000.0, invalid=(0,))
+CALIBRATION = "camera_info.yaml"
+"""Not part of the layout as published; where it is there, it is believed."""
+
+UNITS_PER_METRE = 5000
+
+_DEPTH = DepthEncoding(units_per_metre=UNITS_PER_METRE, invalid=(0,))
 
 # The benchmark recommends the driver's default for freiburg1 and 2: the depth images were
 # registered with it, and undistorting them afterwards is not possible.
@@ -42,7 +48,8 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
 
     Args:
         folder: of the data set.
-        calibration: of the camera; None takes it from the folder's name.
+        calibration: of the camera; None takes it from ``CALIBRATION`` in the folder, or else
+            from the folder's name.
 
     Raises:
         InputError: a list is malformed, no images pair up, or the camera is not known.
@@ -68,6 +75,8 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
 
 
 def _camera(folder: Path) -> CameraIntrinsics:
+    if (folder / CALIBRATION).is_file():
+        return load_calibration(folder / CALIBRATION)
     name = folder.resolve().name.lower()
     for part, camera in _CAMERAS.items():
         if part in name:
