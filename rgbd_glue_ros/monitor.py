@@ -10,14 +10,13 @@ from enum import Enum
 
 import numpy as np
 
-from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.sync import Channel
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 
 # Frames that the latency is taken over: the last half minute.
 LATENCY_WINDOW = 1000
 RATE_WINDOW_NS = 5 * NANOSECONDS
-# Different faults of messages told apart; a camera gone mad must not fill the memory or the log.
+# Different faults told apart; a camera gone mad must not fill the memory or the log.
 MAX_FAULTS = 100
 
 
@@ -88,13 +87,12 @@ class Monitor:
         with self._lock:
             self._drops[reason] += 1
 
-    def is_news(self, fault: InputError) -> bool:
+    def is_news(self, where: str, cause: str) -> bool:
         """Whether this fault is seen for the first time, so that it deserves a line in the log."""
         with self._lock:
-            key = (fault.where, fault.cause)
-            if key in self._faults or len(self._faults) >= MAX_FAULTS:
+            if (where, cause) in self._faults or len(self._faults) >= MAX_FAULTS:
                 return False
-            self._faults.add(key)
+            self._faults.add((where, cause))
             return True
 
     def summary(self, now_ns: int) -> Summary:

@@ -41,7 +41,7 @@ from rgbd_glue_ros.sync import Channel, Match, Synchronizer
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState
 from rgbd_glue_ros.worker import NewestWorker
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
 
 NODE_NAME = "rgbd_odometry"
 TOPICS = {
@@ -275,7 +275,7 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _refuse(self, fault: InputError) -> None:
         self._monitor.dropped(monitor.Drop.UNUSABLE)
-        if self._monitor.is_news(fault):
+        if self._monitor.is_news(fault.where, fault.cause):
             self.get_logger().error(f"{fault} (said once, counted from now on)")
 
     # Work, on the worker's thread
@@ -299,9 +299,10 @@ class OdometryNode(Node):  # type: ignore[misc]
             state_before = self._odometry.state
             estimate = self._odometry.process(frame)
             self._publish(estimate, frame.frame_id)
-        except Exception:
+        except Exception as error:
             self._monitor.dropped(monitor.Drop.FAILED)
-            logger.exception("The frame at %d ns failed; going on", frame.stamp_ns)
+            if self._monitor.is_news("a frame", repr(error)):
+                logger.exception("The frame at %d ns failed; going on", frame.stamp_ns)
             return
         self._monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
         self._announce(state_before, estimate)

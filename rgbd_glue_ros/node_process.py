@@ -71,13 +71,13 @@ class NodeProcess:
     def __init__(
         self,
         parameters: Mapping[str, object],
-        environment: Mapping[str, str],
+        environment: Mapping[str, str] | None = None,
         arguments: Sequence[str] = (),
     ) -> None:
         """Starts the node.
 
         Args:
-            parameters: its ROS parameters, by name.
+            parameters: its ROS parameters, by name, as YAML.
             environment: variables beside those of this process.
             arguments: further ROS arguments, as ``-r rgb/image:=/camera/image``.
         """
@@ -86,7 +86,7 @@ class NodeProcess:
         ]
         self._process = subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-m", "rgbd_glue_ros.node", "--ros-args", *settings, *arguments],
-            env={**os.environ, **environment},
+            env={**os.environ, **(environment or {})},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -1,0 +1,38 @@
+"""What tests of several modules share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rgbd_glue_ros.node_process import private_domain, ros_environment
+
+# Read when a message package is first imported: a field of a wrong type is an error then, and no
+# number out of nowhere.
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+
+@pytest.fixture
+def ros_domain() -> Iterator[int]:
+    """A ROS domain for one test alone."""
+    with private_domain() as domain:
+        yield domain
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _quiet_ros(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Keeps what this process does with ROS on this machine, and its logs out of the home."""
+    os.environ.update(ros_environment(domain=0))
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real sequences, which lies beside the checkout where there is one."""
+    folder = Path(__file__).resolve().parents[2] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip(f"there are no real sequences in {folder}")
+    return folder

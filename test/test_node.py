@@ -1,0 +1,317 @@
+"""The node as a process, over real DDS."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.config import Config, NodeConfig, parameters
+from rgbd_glue_ros.message_fields import camera_info, color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.node_process import NodeProcess, private_domain, ros_environment
+from rgbd_glue_ros.se3 import from_translation_quaternion
+from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from geometry_msgs.msg import Pose
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import ReliabilityPolicy
+from ros_rig import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
+from sensor_msgs.msg import CameraInfo, Image
+
+PERIOD_NS = NANOSECONDS // 30
+
+
+@dataclass
+class Running:
+    """A node with default parameters and a camera that many tests share; time only goes on."""
+
+    node: NodeProcess
+    rig: Rig
+    stamps: Iterator[int]
+
+    def frame(self) -> RgbdFrame:
+        return corner_frame(next(self.stamps))
+
+
+@contextmanager
+def node_in(domain: int, *arguments: str, **parameters: object) -> Iterator[NodeProcess]:
+    with NodeProcess(parameters, ros_environment(domain), arguments) as node:
+        try:
+            yield node
+        finally:
+            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Running]:
+    with private_domain() as domain, node_in(domain) as node, Rig(domain) as rig:
+        node.wait_for_line("Subscribed", PATIENCE_S)
+        rig.wait_until_matched()
+        yield Running(node, rig, itertools.count(1_700_000_000 * NANOSECONDS, PERIOD_NS))
+
+
+def transform(pose: Pose) -> Float64:
+    p, q = pose.position, pose.orientation
+    return from_translation_quaternion(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
+
+
+def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> None:
+    frame = running.frame()
+    pose = running.rig.pose_of(frame)
+    stamp = pose.header.stamp.sec * NANOSECONDS + pose.header.stamp.nanosec
+    assert (stamp, pose.header.frame_id) == (frame.stamp_ns, "odom")
+
+
+def test_without_a_robot_frame_a_level_camera_starts_upright_in_an_odom_frame_with_z_up(
+    running: Running,
+) -> None:
+    T_odom_camera = transform(running.rig.pose_of(running.frame()).pose)
+    ahead, up, here = [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]
+    np.testing.assert_allclose(T_odom_camera @ ahead, [1, 0, 0, 0], atol=2e-3)
+    np.testing.assert_allclose(T_odom_camera @ up, [0, 0, 1, 0], atol=2e-3)
+    np.testing.assert_allclose(T_odom_camera @ here, [0, 0, 0, 1], atol=2e-3)
+
+
+def test_a_camera_at_rest_has_no_velocity_in_its_own_frame_and_covariances_that_are_some(
+    running: Running,
+) -> None:
+    running.rig.pose_of(running.frame())
+    before = len(running.rig.odoms)
+    running.rig.pose_of(running.frame())
+    running.rig.wait(lambda: len(running.rig.odoms) > before, "the odometry message")
+    odom = running.rig.odoms[-1]
+    assert (odom.header.frame_id, odom.child_frame_id) == ("odom", OPTICAL_FRAME)
+    velocity = odom.twist.twist
+    for part in (velocity.linear, velocity.angular):
+        np.testing.assert_allclose([part.x, part.y, part.z], 0, atol=0.03)
+    for covariance in (odom.pose.covariance, odom.twist.covariance):
+        matrix = covariance.reshape(6, 6)
+        np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
+        assert np.linalg.eigvalsh(matrix).min() > -1e-12
+        assert 0 < np.trace(matrix) < 100
+
+
+def test_diagnostics_tell_state_rate_latency_and_drops(running: Running) -> None:
+    running.rig.pose_of(running.frame())
+    running.rig.diagnostics.clear()
+    running.rig.wait(lambda: running.rig.diagnostics, "diagnostics")
+    status = running.rig.diagnostics[-1].status[0]
+    values = {item.key: item.value for item in status.values}
+    assert (status.level, status.message) == (b"\0", "tracking")
+    assert float(values["rate_hz"]) > 0
+    assert 0 < float(values["latency_p50_ms"]) <= float(values["latency_p95_ms"])
+    assert int(values["color: received"]) >= int(values["frames"]) > 0
+
+
+def image(frame: RgbdFrame) -> Image:
+    head = header(frame.stamp_ns, frame.frame_id)
+    return copy_fields(color_image(frame.color, head), Image())
+
+
+def publish_with(running: Running, color: Image, info: CameraInfo | None = None) -> None:
+    """Publishes a frame with this colour image and camera info."""
+    frame = running.frame()
+    head = header(frame.stamp_ns, frame.frame_id)
+    info = info or copy_fields(camera_info(frame.intrinsics, head), CameraInfo())
+    for message, publisher in (
+        (color, running.rig.color),
+        (copy_fields(depth_image(frame.depth, head), Image()), running.rig.depth),
+        (info, running.rig.info),
+    ):
+        copy_fields(head, message.header)
+        publisher.publish(message)
+
+
+def test_a_truncated_image_is_logged_once_and_the_next_frame_gets_its_pose(
+    running: Running,
+) -> None:
+    color = image(running.frame())
+    color.data = color.data[:100]
+    for _ in range(3):
+        publish_with(running, color)
+        running.node.wait_for_line("data are cut off", PATIENCE_S)
+        before = len(running.rig.poses)
+        running.rig.pose_of(running.frame())
+        assert len(running.rig.poses) == before + 1
+    assert len([line for line in running.node.lines if "data are cut off" in line]) == 1
+
+
+def test_an_unknown_encoding_is_logged_with_its_topic(running: Running) -> None:
+    color = image(running.frame())
+    color.encoding = "bayer_rggb8"
+    publish_with(running, color)
+    assert "/rgb/image" in running.node.wait_for_line("bayer_rggb8", PATIENCE_S)
+
+
+def test_an_uncalibrated_camera_is_logged_with_the_topic_of_its_info(running: Running) -> None:
+    publish_with(running, image(running.frame()), CameraInfo(width=320, height=240))
+    assert "/rgb/camera_info" in running.node.wait_for_line("K is all zeros", PATIENCE_S)
+
+
+def test_bytes_that_are_no_message_are_survived(running: Running) -> None:
+    running.rig.color.publish(b"\x00\x01\x00\x00these bytes are no image")
+    running.rig.pose_of(running.frame())
+
+
+def test_a_backward_jump_of_time_starts_anew_and_is_logged(running: Running) -> None:
+    running.rig.pose_of(running.frame())
+    earlier = itertools.count(1_600_000_000 * NANOSECONDS, PERIOD_NS)
+    pose = running.rig.pose_of(corner_frame(next(earlier))).pose
+    np.testing.assert_array_equal(transform(pose)[:3, 3], 0)
+    running.node.wait_for_line("Time went back", PATIENCE_S)
+    running.rig.pose_of(corner_frame(next(earlier)))
+
+
+def test_every_parameter_is_declared_with_its_description_and_cannot_be_changed_later(
+    running: Running,
+) -> None:
+    declared = {p.name: p for part in (NodeConfig(), Config()) for p in parameters(part)}
+    client = AsyncParameterClient(running.rig.node, "rgbd_odometry")
+    running.rig.wait(client.services_are_ready, "the parameter services")
+    described = client.describe_parameters(list(declared))
+    running.rig.wait(described.done, "the descriptions")
+    for descriptor in described.result().descriptors:
+        parameter = declared[descriptor.name]
+        assert descriptor.description == parameter.description
+        assert descriptor.read_only
+        for bounds in (*descriptor.integer_range, *descriptor.floating_point_range):
+            assert parameter.minimum in (None, bounds.from_value)
+            assert parameter.maximum in (None, bounds.to_value)
+    change = client.set_parameters([Parameter("glue.k", value=4.0)])
+    running.rig.wait(change.done, "the answer")
+    (result,) = change.result().results
+    assert not result.successful
+    assert "read-only" in result.reason
+
+
+def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_domain: int) -> None:
+    given = {"preset": "paper", "glue.k": 3, "odom_frame_id": "map", "glue.kk": 7}
+    with node_in(ros_domain, **given) as node, Rig(ros_domain) as rig:
+        client = AsyncParameterClient(rig.node, "rgbd_odometry")
+        rig.wait(client.services_are_ready, "the parameter services")
+        answer = client.get_parameters(["glue.k", "odom_frame_id", "features.geometric"])
+        rig.wait(answer.done, "the values")
+        values = [parameter_value_to_python(value) for value in answer.result().values]
+        assert values == [3.0, "map", "fpfh"]
+        line = node.wait_for_line("glue.kk", PATIENCE_S)
+        assert "ERROR" in line
+        assert "did you mean glue.k?" in line
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"glue.k": 0.1}, "glue.k: 0.1 is out of range; give a number from 1 to 100"),
+        ({"features.visual": "surf"}, "features.visual: 'surf' is not known; give one of none,"),
+        ({"glue.k": "many"}, "glue.k: 'many' is no float"),
+        ({"frame_id": "base_link"}, "where the camera sits in 'base_link' is not known"),
+    ],
+)
+def test_a_bad_value_ends_the_node_with_exit_code_2_and_a_line_that_says_why(
+    ros_domain: int, given: dict[str, object], said: str
+) -> None:
+    with node_in(ros_domain, **given) as node:
+        node.wait_for_line(said, PATIENCE_S)
+        assert node.stop() == 2
+        assert not [line for line in node.lines if "Traceback" in line]
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
+    ros_domain: int, how: signal.Signals
+) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        for i in range(5):  # of which the first is in work and the last waits, or is in work too
+            rig.publish(corner_frame(i * PERIOD_NS, 640, 480))
+        rig.pose_at(0)
+        assert node.stop(how) == 0
+        assert not [line for line in node.lines if "Traceback" in line]
+        assert "frames" in node.lines[-1]  # the summary
+
+
+def test_a_robot_starts_at_the_origin_of_odom_wherever_its_camera_is(ros_domain: int) -> None:
+    given = {"frame_id": "base_link", "camera_pose": "'0.2 0 0.5 0 0.3 0'"}
+    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        for i in range(2):
+            pose = rig.pose_of(corner_frame(i * PERIOD_NS)).pose
+        np.testing.assert_allclose(transform(pose), np.eye(4), atol=2e-3)
+        rig.wait(lambda: rig.odoms, "the odometry message")
+        assert rig.odoms[0].child_frame_id == "base_link"
+
+
+def test_compressed_topics_are_those_below_the_remapped_base_topics(ros_domain: int) -> None:
+    given = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
+    remapped = ["rgb/image:=/camera/color", "depth/image:=/camera/depth"]
+    arguments = [word for rule in remapped for word in ("-r", rule)]
+    topics = ("/camera/color", "/camera/depth", "rgb/camera_info")
+    with (
+        node_in(ros_domain, *arguments, **given),
+        Rig(ros_domain, compressed=True, topics=topics) as rig,
+    ):
+        rig.wait_until_matched()
+        rig.pose_of(corner_frame(0))
+
+
+def test_a_publisher_that_comes_back_with_another_reliability_is_heard_again(
+    ros_domain: int,
+) -> None:
+    stamps = itertools.count(0, PERIOD_NS)
+    with node_in(ros_domain):
+        for reliability in (
+            ReliabilityPolicy.BEST_EFFORT,
+            ReliabilityPolicy.RELIABLE,
+            ReliabilityPolicy.BEST_EFFORT,
+        ):
+            with Rig(ros_domain, reliability=reliability) as rig:
+                rig.wait_until_matched()
+                rig.publish_until_posed(map(corner_frame, stamps))
+
+
+def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
+    ros_domain: int,
+) -> None:
+    with (
+        node_in(ros_domain, qos=1) as node,
+        Rig(ros_domain, reliability=ReliabilityPolicy.BEST_EFFORT),
+    ):
+        line = node.wait_for_line("is published with best effort", PATIENCE_S)
+        assert "qos" in line
+
+
+def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: int) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.pose_of(corner_frame(0))
+        for i in (1, 2):
+            seen = corner_frame(i * PERIOD_NS)
+            rig.publish(
+                replace(
+                    seen, color=np.zeros_like(seen.color), depth=np.full_like(seen.depth, np.nan)
+                )
+            )
+        node.wait_for_line("Lost at 0.033", PATIENCE_S)
+        pose = rig.pose_of(corner_frame(3 * PERIOD_NS)).pose
+        node.wait_for_line("Tracking again", PATIENCE_S)
+        np.testing.assert_allclose(transform(pose)[:3, 3], 0, atol=1e-2)
+        assert len(rig.poses) == 2
+        assert len([line for line in node.lines if "Lost at" in line]) == 1
+
+
+def test_silence_is_explained_with_the_topic_that_is_missing(ros_domain: int) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.node.destroy_publisher(rig.depth)
+        line = node.wait_for_line("No frame for 5 s", PATIENCE_S)
+        assert "/depth/image (depth) has no publisher" in line
+        assert "/rgb/image (color) by /rig (reliable): 0 messages" in line
