@@ -152,8 +152,7 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
 
 
 def _open(args: argparse.Namespace) -> Recording:
-    from rgbd_glue_ros.sequences import load_calibration, open_sequence
-    from rgbd_glue_ros.sequences.bag import Topics
+    from rgbd_glue_ros.sequences import Topics, load_calibration, open_sequence
 
     topics = Topics(args.color_topic, args.depth_topic, args.info_topic, args.truth_topic)
     calibration = load_calibration(args.calibration) if args.calibration else None

@@ -66,6 +66,9 @@ def replay(
                 if estimate.T_odom_camera is not None:
                     trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
                 on_frame(estimate)
+    except InputError as error:
+        done = f"{error.remedy}; the {len(run.frames)} frames before it are done"
+        raise InputError(error.where, error.cause, done) from error
     finally:
         if run.frames:
             write_results(run, folder)

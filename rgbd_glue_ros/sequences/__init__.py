@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.sequences import seven_scenes, tum
+from rgbd_glue_ros.sequences.bag import BagSequence, Topics
+from rgbd_glue_ros.sequences.bag_file import COMPRESSED_SUFFIX, METADATA, SUFFIXES
 from rgbd_glue_ros.sequences.base import Sequence
 from rgbd_glue_ros.sequences.calibration import load_calibration
 from rgbd_glue_ros.types import CameraIntrinsics
 
-if TYPE_CHECKING:
-    from rgbd_glue_ros.sequences.bag import Topics
-
-__all__ = ["FORMATS", "Format", "Sequence", "load_calibration", "open_sequence"]
+__all__ = [
+    "FORMATS",
+    "Format",
+    "Sequence",
+    "Topics",
+    "load_calibration",
+    "open_sequence",
+]
 
 
 @dataclass(frozen=True)
@@ -37,13 +42,11 @@ class Format:
 
 
 def _is_bag(path: Path) -> bool:
-    return path.suffix in (".mcap", ".db3", ".bag") or (path / "metadata.yaml").is_file()
-
-
-def _open_bag(path: Path, topics: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
-    from rgbd_glue_ros.sequences.bag import BagSequence  # noqa: PLC0415 (rosbags is slow to load)
-
-    return BagSequence(path, topics, camera)
+    files = [path] if path.is_file() else path.iterdir()
+    names = [file.name for file in files]
+    return METADATA in names or any(
+        name.removesuffix(COMPRESSED_SUFFIX).endswith(SUFFIXES) for name in names
+    )
 
 
 def _open_tum(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
@@ -57,7 +60,7 @@ def _open_seven(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -
 FORMATS = (
     Format("TUM RGB-D", "rgb.txt and depth.txt", tum.matches, _open_tum),
     Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
-    Format("rosbag", "metadata.yaml, *.mcap, *.db3 or *.bag", _is_bag, _open_bag),
+    Format("rosbag", f"{METADATA} or *{', *'.join(SUFFIXES)}", _is_bag, BagSequence),
 )
 
 

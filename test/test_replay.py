@@ -1,0 +1,231 @@
+"""A replay leaves its results behind, however it ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.config import Config, load_yaml, with_values
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.replay import KEYFRAMES, METRICS, PARAMETERS, REPORT, TRAJECTORY, replay
+from rgbd_glue_ros.report import render
+from rgbd_glue_ros.run import FrameRecord, Run, metrics
+from rgbd_glue_ros.trajectory import read_g2o, read_tum
+from rgbd_glue_ros.types import (
+    CameraIntrinsics,
+    Float32,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+    Trajectory,
+    UInt8,
+)
+
+WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
+PIXELS_PER_FRAME = 3
+# depth of the wall where a frame's step is of 1.5 cm
+WALL_M = 1.5
+CAMERA = CameraIntrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, 159.5, 119.5)
+
+
+@dataclass(frozen=True)
+class Pan:
+    """A camera that passes a poster on a wall, 1.5 cm a frame at 30 Hz."""
+
+    frame_count: int
+    name: str = "pan"
+    breaks_after: int | None = None
+
+    @property
+    def ground_truth(self) -> Trajectory:
+        poses = np.tile(np.eye(4), (self.frame_count, 1, 1))
+        poses[:, 0, 3] = np.arange(self.frame_count) * PIXELS_PER_FRAME * WALL_M / FOCAL
+        return Trajectory(self._stamps, poses)
+
+    @property
+    def _stamps(self) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+        return np.arange(1, self.frame_count + 1, dtype=np.int64) * 33_333_333
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        rng = np.random.default_rng(0)
+        size = HEIGHT, WIDTH + PIXELS_PER_FRAME * self.frame_count
+        noise = rng.integers(0, 256, (size[0] // 4, size[1] // 4), np.uint8)
+        poster = cv2.resize(noise, size[::-1], interpolation=cv2.INTER_CUBIC)
+        depth: Float32 = np.full((HEIGHT, WIDTH), WALL_M, np.float32)
+        for i, stamp in enumerate(self._stamps):
+            if i == self.breaks_after:
+                raise InputError("rgb/7.png", "is damaged", "restore it")
+            view = poster[:, PIXELS_PER_FRAME * i :][:, :WIDTH]
+            color: UInt8 = np.repeat(view[..., None], 3, axis=2)
+            yield RgbdFrame(int(stamp), color, depth, CAMERA)
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Pan:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
+    tmp_path: Path,
+) -> None:
+    config = with_values(Config(), {"seed": 7})
+    replay(Pan(40), config, tmp_path / "out" / "pan")
+    folder = tmp_path / "out" / "pan"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(
+        [TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES]
+    )
+    figures = json.loads((folder / METRICS).read_text())
+    assert set(figures) == {
+        *("sequence", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
+        *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe"),
+    }
+    assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}
+    assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
+    assert set(figures["rpe"]) == {"delta_s", "trans_rmse_m", "rot_rmse_deg"}
+    assert figures["rpe"]["delta_s"] == 1.0
+    assert figures["frames"] == figures["tracked"] == 40
+    assert figures["ape"]["rmse_m"] < 0.02
+    assert len(read_tum(folder / TRAJECTORY)) == 40
+    graph = read_g2o(folder / KEYFRAMES)
+    assert len(graph.keyframes) == figures["keyframes"]
+    assert len(graph.edges) == figures["keyframes"] - 1
+    assert load_yaml(folder / PARAMETERS, Config()) == config
+
+
+def test_the_truth_may_be_given_and_the_frames_limited(tmp_path: Path) -> None:
+    sequence = Pan(10)
+    truth = sequence.ground_truth
+    moved = Trajectory(truth.stamps_ns, truth.poses.copy())
+    moved.poses[:, 0, 3] *= 2
+    run = replay(sequence, Config(), tmp_path, ground_truth=moved, limit=6)
+    figures = json.loads((tmp_path / METRICS).read_text())
+    assert figures["frames"] == len(run.frames) == 6
+    # the truth is twice as long: errors are half the distances to the middle, at the ends 3.75 cm
+    assert figures["ape"]["max_m"] == pytest.approx(0.0375, abs=0.005)
+    assert figures["rpe"] is None
+
+
+def test_truth_of_another_time_is_said_and_the_rest_is_written(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    elsewhen = Trajectory(np.array([10**18]), np.eye(4)[None])
+    replay(Pan(3), Config(), tmp_path, ground_truth=elsewhen)
+    assert "only 0 poses" in caplog.text
+    assert "ape" not in json.loads((tmp_path / METRICS).read_text())
+
+
+def test_an_interrupted_replay_keeps_what_was_done(tmp_path: Path) -> None:
+    done: list[OdometryEstimate] = []
+
+    def interrupt(estimate: OdometryEstimate) -> None:
+        done.append(estimate)
+        if len(done) == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(Pan(20), Config(), tmp_path, on_frame=interrupt)
+    assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
+    assert len(read_tum(tmp_path / TRAJECTORY)) == 5
+    assert (tmp_path / REPORT).stat().st_size > 1000
+
+
+def test_frames_before_a_damaged_one_are_replayed_and_that_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"rgb/7\.png: is damaged; .* 7 frames before"):
+        replay(Pan(20, breaks_after=7), Config(), tmp_path)
+    assert json.loads((tmp_path / METRICS).read_text())["frames"] == 7
+
+
+def test_a_sequence_without_frames_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no frame"):
+        replay(Pan(0), Config(), tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        replay(Pan(3), Config(), tmp_path / "file" / "out")
+
+
+class _Page(HTMLParser):
+    """Checks that tags are closed in order, and collects text and what a browser would fetch."""
+
+    VOID = frozenset({"meta", "br"})
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.fetched: list[str | None] = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.fetched += [value for name, value in attrs if name in ("src", "href")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def page_of(run: Run) -> str:
+    return render(run, metrics(run, None), None)
+
+
+def record(i: int, state: TrackingState = TrackingState.TRACKING) -> FrameRecord:
+    T = np.eye(4)
+    T[:3, 3] = np.sin(i / 1000), 0, np.cos(i / 777)
+    pose = T if state is TrackingState.TRACKING else None
+    return FrameRecord(i * 33_333_333, state, pose, 20.0 + i % 7, stages_ms={"total": 20.0})
+
+
+def test_the_report_is_one_well_formed_page_that_fetches_nothing() -> None:
+    states = [TrackingState.INITIALIZING, TrackingState.TRACKING, TrackingState.LOST] * 3
+    frames = [record(i, state) for i, state in enumerate(states)]
+    run = Run("a <script> & more", Config(), frames=frames, wall_s=1.0)
+    source = page_of(run)
+    page = _Page(source)
+    assert page.open == []
+    assert "a <script> & more" in page.text
+    assert page.fetched == []
+    assert "://" not in source
+    assert "url(" not in source
+
+
+def test_the_report_names_the_parameters_that_differ_from_the_defaults() -> None:
+    config = with_values(Config(), {"glue.k": 3.0})
+    text = " ".join(_Page(page_of(Run("x", config, frames=[record(0)], wall_s=1.0))).text)
+    assert "glue.k" in text
+    assert "ransac.iterations" not in text
+
+
+@pytest.mark.parametrize("state", TrackingState)
+def test_a_single_frame_of_any_state_has_a_report(state: TrackingState) -> None:
+    assert _Page(page_of(Run("x", Config(), frames=[record(0, state)], wall_s=1.0))).open == []
+
+
+def test_the_report_of_an_hour_is_smaller_than_five_megabytes() -> None:
+    frames = [record(i) for i in range(3600 * 30)]
+    assert len(page_of(Run("hour", Config(), frames=frames, wall_s=1.0))) < 5_000_000
