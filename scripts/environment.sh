@@ -33,7 +33,7 @@ find_python() {
       return
     fi
   done
-  fail "${PYTHON:-python3} is not Python 3.10, 3.11 or 3.12; install one, or name it: PYTHON=python3.12 $0"
+  fail "found no Python 3.10, 3.11 or 3.12${PYTHON:+ as $PYTHON}; install one, or name it: PYTHON=python3.12 $0"
 }
 
 # Installs Debian packages where that can be done without asking, else says what to install.
@@ -53,33 +53,27 @@ version_of() {
   "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null
 }
 
+missing_system_packages() {
+  local entry
+  "$python" -c 'import ensurepip, venv' 2>/dev/null || echo "python$version-venv"
+  for entry in "${open3d_libraries[@]}"; do
+    "$python" -c "import ctypes; ctypes.CDLL('${entry%%:*}')" 2>/dev/null || echo "${entry#*:}"
+  done
+}
+
 make_environment() {
   # one that was moved here would run what it was made from
   if [ "$(version_of "$VENV/bin/python")" = "$version" ] &&
     grep -qF "$PWD/$VENV" "$VENV/bin/activate"; then
     return
   fi
-  if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
-    install_system_packages "python$version-venv"
-  fi
   echo "Making $VENV with Python $version"
   "$python" -m venv --clear "$VENV"
 }
 
-install_open3d_libraries() {
-  local entry missing=()
-  for entry in "${open3d_libraries[@]}"; do
-    "$python" -c "import ctypes; ctypes.CDLL('${entry%%:*}')" 2>/dev/null ||
-      missing+=("${entry#*:}")
-  done
-  if [ "${#missing[@]}" != 0 ]; then
-    install_system_packages "${missing[@]}"
-  fi
-}
-
 # install PIP_ARGUMENT...: into the environment; done already, it takes no time.
 install() {
-  local stamp
+  local stamp missing
   stamp=$VENV/installed-$(
     { echo "$PWD $version $*" && cat setup.py package.xml scripts/tools.txt "$CONSTRAINTS"; } |
       sha256sum | cut -c 1-16
@@ -87,8 +81,11 @@ install() {
   if [ -e "$stamp" ] && "$VENV/bin/python" -c ''; then
     return
   fi
+  mapfile -t missing < <(missing_system_packages)
+  if [ "${#missing[@]}" != 0 ]; then
+    install_system_packages "${missing[@]}"
+  fi
   make_environment
-  install_open3d_libraries
   "$VENV/bin/python" -m pip install --constraint "$CONSTRAINTS" "$@"
   touch "$stamp"
 }
