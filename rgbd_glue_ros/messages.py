@@ -288,7 +288,8 @@ def _pixels(msg: Image, dtype: np.dtype[Any], channels: int, where: str) -> NDAr
 
 def _metres(depth: NDArray[Any], units_per_metre: float) -> Float32:
     """float32 metres; NaN where the depth is not positive and finite."""
-    metres: Float32 = np.divide(depth, np.float32(units_per_metre), dtype=np.float32)
+    with np.errstate(invalid="ignore"):
+        metres: Float32 = np.divide(depth, np.float32(units_per_metre), dtype=np.float32)
     metres[~((metres > 0) & (metres < np.inf))] = np.nan
     return metres
 

@@ -54,9 +54,10 @@ def find_color(topics: Mapping[str, RecordedTopic], wanted: str | None, bag: Pat
         _best(
             [t for t in images if not _named(r"depth|infra|thermal|(^|[/_])ir([/_]|$)")(t)],
             _named(r"rgb|colou?r"),
-            _named(r"colou?r[^/]*(/compressed)?$|rgb[^/]*(/compressed)?$"),
             # K and D of the camera info describe the image that is not rectified
             lambda t: not _named("rect")(t),
+            # image_color, not image_mono beside it
+            lambda t: re.search(r"rgb|colou?r", base_name(t.name).rpartition("/")[2]) is not None,
             _is_raw,
         ),
         images,

@@ -10,6 +10,7 @@ import bz2
 import sqlite3
 import struct
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -210,6 +211,8 @@ def _salvage_ros1(path: Path) -> Iterator[RecordedMessage]:
 def _salvage_sqlite(path: Path) -> Iterator[RecordedMessage]:
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)
     try:
+        # else SQLite would read nothing of a file that is shorter than its header says
+        connection.execute("PRAGMA writable_schema = ON")
         topics = {
             number: (topic, message_type)
             for number, topic, message_type in connection.execute(
@@ -238,9 +241,12 @@ def _noticing_damage(messages: Iterator[RecordedMessage]) -> Iterator[RecordedMe
 def _plain(data: bytes) -> bytes:
     """A message's data, decompressed if rosbag2 compressed each message for itself.
 
-    Neither CDR nor any ROS 1 message that starts with a header begins like zstd.
+    CDR never begins like zstd.
     """
-    return zstd.decompress(data) if data.startswith(_ZSTD_MAGIC) else data
+    if data.startswith(_ZSTD_MAGIC):
+        with suppress(zstd.ZstdError):
+            return zstd.decompress(data)
+    return data
 
 
 _DECOMPRESS: Mapping[str, Callable[[bytes], bytes]] = {
