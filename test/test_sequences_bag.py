@@ -129,12 +129,12 @@ def test_every_iteration_gives_the_same_frames_from_the_beginning(bag: Path) -> 
     ("make", "cause"),
     [
         (lambda p: p / "nothing", "does not exist"),
-        (_empty_folder, "holds no bag file"),
+        (_empty_folder, "is no bag; looked for metadata.yaml or *.mcap, *.db3, *.bag"),
         (lambda p: write_rosbag2(p / "bag", []), "holds no message: it is empty"),
         (lambda p: _file(p / "x.mcap", b""), "holds no message: it does not begin like a bag"),
         (lambda p: _file(p / "x.db3", b"\0" * 999), "holds no message: it does not begin like"),
         (lambda p: _file(p / "x.bag", b"#ROSBAG V2.0\n"), "its recorder did not finish it"),
-        (lambda p: _file(p / "metadata.yaml", b"{}"), "is not the bag itself; give its folder"),
+        (lambda p: _file(p / "metadata.yaml", b"{}"), "is no bag"),
     ],
 )
 def test_what_is_no_bag_or_an_empty_one_is_refused(make: Any, cause: str, tmp_path: Path) -> None:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.sequences import seven_scenes, tum
+from rgbd_glue_ros.sequences import bag_layout, seven_scenes, tum
 from rgbd_glue_ros.sequences.bag import BagSequence, Topics
-from rgbd_glue_ros.sequences.bag_file import COMPRESSED_SUFFIX, METADATA, SUFFIXES
 from rgbd_glue_ros.sequences.base import Sequence
 from rgbd_glue_ros.sequences.calibration import load_calibration
 from rgbd_glue_ros.types import CameraIntrinsics
@@ -41,14 +40,6 @@ class Format:
     open: Callable[[Path, Topics | None, CameraIntrinsics | None], Sequence]
 
 
-def _is_bag(path: Path) -> bool:
-    files = [path] if path.is_file() else path.iterdir()
-    names = [file.name for file in files]
-    return METADATA in names or any(
-        name.removesuffix(COMPRESSED_SUFFIX).endswith(SUFFIXES) for name in names
-    )
-
-
 def _open_tum(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
     return tum.open_tum(path, camera)
 
@@ -60,7 +51,7 @@ def _open_seven(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -
 FORMATS = (
     Format("TUM RGB-D", "rgb.txt and depth.txt", tum.matches, _open_tum),
     Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
-    Format("rosbag", f"{METADATA} or *{', *'.join(SUFFIXES)}", _is_bag, BagSequence),
+    Format("rosbag", bag_layout.SIGNATURE, bag_layout.is_bag, BagSequence),
 )
 
 

@@ -20,13 +20,10 @@ from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.message_fields import CameraInfo
+from rgbd_glue_ros.sequences.bag_layout import METADATA, SIGNATURE, storage_files
 from rgbd_glue_ros.sequences.damaged import DamagedError, RecordedMessage, salvage
 
 logger = logging.getLogger(__name__)
-
-SUFFIXES = (".mcap", ".db3", ".bag")
-COMPRESSED_SUFFIX = ".zstd"
-METADATA = "metadata.yaml"
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,11 @@ class BagFile:
         self.path = path
         self.damage: str | None = None
         self._reader: AnyReader | None = None
-        self._files = _storage_files(path)
+        if not path.exists():
+            raise InputError(path, "does not exist", "give a bag")
+        self._files = storage_files(path)
+        if not self._files:
+            raise InputError(path, "is no bag", f"looked for {SIGNATURE}")
         self.is_ros1 = ".bag" in self._files[0].suffixes
         self._typestore = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_JAZZY)
         try:
@@ -180,21 +181,6 @@ def _ros2_camera_info(ros1: Any) -> CameraInfo:
         binning_y=ros1.binning_y,
         roi=ros1.roi,
     )
-
-
-def _storage_files(path: Path) -> list[Path]:
-    if not path.exists():
-        raise InputError(path, "does not exist", "give a bag")
-    if path.is_file():
-        if path.name == METADATA:
-            raise InputError(path, "is not the bag itself", "give its folder")
-        return [path]
-    files = sorted(
-        p for p in path.iterdir() if p.name.removesuffix(COMPRESSED_SUFFIX).endswith(SUFFIXES)
-    )
-    if not files:
-        raise InputError(path, "holds no bag file", f"looked for *{', *'.join(SUFFIXES)}")
-    return files
 
 
 def _indexed_topics(connections: Collection[Connection]) -> dict[str, RecordedTopic]:
