@@ -30,14 +30,13 @@ class Tables(NamedTuple):
         centre: [P, 3], metres in the world frame (z up).
         half: [P, 3], half extents along the primitive's own axes, metres.
         turn: [P, 2], cosine and sine of its rotation about z.
-        bounds: [B, 6], boxes of the hierarchy (see ``hierarchy``), as skip and leaf.
+        bounds: [B, 6], of the nodes of the hierarchy; these three are as ``hierarchy.build`` says.
         skip: [B].
         leaf: [B].
         material: [P, 6], of each face.
         tile: [M], metres after which the texture repeats; 0 stretches it over each face.
         tint: [M, 3], linear RGB factor of the texture.
-        emission: [M], light sent out beside the light reflected, as if this irradiance over pi
-            fell on the surface.
+        emission: [M], irradiance over pi that would make a surface as bright as a lamp is.
         infrared: [M], how much of a structured-light pattern comes back, 0 to 1.
         texture: [M].
         pyramid: [K, 3], first texel, width and height of each texture's finest level.

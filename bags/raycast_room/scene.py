@@ -32,7 +32,7 @@ class Material:
         texture: sRGB image [H, W, 3] with sides that are powers of two.
         tint: sRGB colour that the texture is multiplied with.
         tile: metres after which the texture repeats; 0 stretches it over each face.
-        emission: radiance of a lamp, in units of the image's white.
+        emission: light of the texture's colour that a lamp sends out, 1 for the image's white.
         infrared: how much of a structured-light pattern comes back, 0 to 1.
     """
 
