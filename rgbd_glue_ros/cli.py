@@ -122,7 +122,8 @@ class _Version(argparse.Action):
             version = metadata.version("rgbd_glue_ros")
         except metadata.PackageNotFoundError:
             version = "(not installed)"
-        parser.exit(OK, f"{PROGRAM} {version}\n")
+        sys.stdout.write(f"{PROGRAM} {version}\n")
+        parser.exit()
 
 
 def _add_recording(parser: argparse.ArgumentParser) -> None:
