@@ -292,6 +292,24 @@ def _table(evaluation: Evaluation) -> str:
     return "\n".join(rows) + "\n"
 
 
+def _add_convert(parser: argparse.ArgumentParser) -> None:
+    _add_recording(parser)
+    parser.add_argument("target", metavar="DST", type=Path, help="new folder to write to")
+    parser.add_argument(
+        "--compressed",
+        action="store_true",
+        help="write JPEG and compressedDepth to a bag in place of raw images, which lose nothing",
+    )
+
+
+def _convert(args: argparse.Namespace) -> str:
+    from rgbd_glue_ros.convert import convert
+
+    with _open(args) as recording:
+        convert(recording, args.target, args.compressed)
+    return f"written: {args.target}\n"
+
+
 def _add_params(parser: argparse.ArgumentParser) -> None:
     _add_config(parser)
     parser.add_argument("--markdown", action="store_true", help="print a table, not YAML")
@@ -307,5 +325,11 @@ def _params(args: argparse.Namespace) -> str:
 COMMANDS = (
     Command("replay", "run the odometry over a recording", _add_replay, _replay),
     Command("evaluate", "compare a trajectory with the truth", _add_evaluate, _evaluate),
+    Command(
+        "convert",
+        "turn a data set into a rosbag2, or a bag into a TUM RGB-D folder",
+        _add_convert,
+        _convert,
+    ),
     Command("params", "print all parameters with unit, range and meaning", _add_params, _params),
 )

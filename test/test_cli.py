@@ -201,6 +201,19 @@ def test_replay_prints_a_summary_and_where_the_report_is(tmp_path: Path) -> None
     assert json.loads((out / "metrics.json").read_text())["ape"]["rmse_m"] < 0.02
 
 
+def test_a_converted_data_set_replays_to_the_same_trajectory(tmp_path: Path) -> None:
+    calibration = write_data_set(tmp_path / "poster", 8)
+    bag = tmp_path / "bag"
+    done = run("convert", tmp_path / "poster", bag, "--calibration", calibration)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert str(bag) in done.stdout
+    run("replay", tmp_path / "poster", "-o", tmp_path / "a", "--calibration", calibration)
+    run("replay", bag, "-o", tmp_path / "b")
+    lines = (tmp_path / "a" / "trajectory.txt").read_text().splitlines()
+    assert len(lines) == 9
+    assert (tmp_path / "b" / "trajectory.txt").read_text().splitlines() == lines
+
+
 def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     calibration = write_data_set(tmp_path / "poster", 12)
     # a pipe in place of an image: who opens it for writing learns when the reader has come to it
