@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -50,6 +50,31 @@ class Summary:
     rate_hz: float
     latency_p50_ms: float
     latency_p95_ms: float
+
+    def values(self) -> dict[str, str]:
+        """Name and value of every count, as diagnostics want them; ``parse`` reads them back."""
+        return {
+            "state": self.state.value,
+            "frames": str(self.frames),
+            "tracked": str(self.tracked),
+            **{f"dropped_{drop.name.lower()}": str(n) for drop, n in self.drops.items()},
+            "rate_hz": f"{self.rate_hz:.3f}",
+            "latency_p50_ms": f"{self.latency_p50_ms:.3f}",
+            "latency_p95_ms": f"{self.latency_p95_ms:.3f}",
+        }
+
+    @staticmethod
+    def parse(values: Mapping[str, str]) -> Summary:
+        """The summary that has these ``values``, which may hold others as well."""
+        return Summary(
+            TrackingState(values["state"]),
+            int(values["frames"]),
+            int(values["tracked"]),
+            {drop: int(values[f"dropped_{drop.name.lower()}"]) for drop in Drop},
+            float(values["rate_hz"]),
+            float(values["latency_p50_ms"]),
+            float(values["latency_p95_ms"]),
+        )
 
     def __str__(self) -> str:
         drops = ", ".join(f"{n} because {drop.value}" for drop, n in self.drops.items() if n)

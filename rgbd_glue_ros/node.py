@@ -38,7 +38,8 @@ from rgbd_glue_ros import frames, message_fields, messages, monitor
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
-from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState
+from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, TrackingState
+from rgbd_glue_ros.warm_up import warm_up
 from rgbd_glue_ros.worker import NewestWorker
 
 logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
@@ -57,6 +58,7 @@ DIAGNOSTIC_LEVELS = {
 
 POSE_TOPIC = "pose"
 ODOM_TOPIC = "odom"
+KEYFRAME_TOPIC = "keyframe/pose"
 DIAGNOSTICS_TOPIC = "/diagnostics"
 
 SILENCE_S = 5.0
@@ -158,7 +160,7 @@ class OdometryNode(Node):  # type: ignore[misc]
     """RGB-D odometry as a node; a context manager, since it owns a thread."""
 
     def __init__(self) -> None:
-        """Declares the parameters, then subscribes.
+        """Declares the parameters; subscribes as soon as the first frame would not be slow.
 
         Raises:
             InputError: a parameter has a value that it cannot have.
@@ -173,6 +175,7 @@ class OdometryNode(Node):  # type: ignore[misc]
             self._node_config.camera_pose,
             self._node_config.camera_axes,
         )
+        self._config = odometry_config
         self._odometry = Odometry(odometry_config)
         self._monitor = monitor.Monitor()
         self._last_stamp_ns: int | None = None
@@ -183,20 +186,21 @@ class OdometryNode(Node):  # type: ignore[misc]
 
         self._pose_publisher = self.create_publisher(PoseStamped, POSE_TOPIC, 10)
         self._odom_publisher = self.create_publisher(OdometryMessage, ODOM_TOPIC, 10)
+        self._keyframe_publisher = self.create_publisher(PoseStamped, KEYFRAME_TOPIC, 10)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
         self._worker = NewestWorker(
             self._process, lambda _: self._monitor.dropped(monitor.Drop.SUPERSEDED)
         )
-        self._inputs = self._subscribe()
-        color, depth, info = (i.topic for i in self._inputs)
-        self._topics = messages.FrameTopics(color, depth, info)
+        self._inputs: list[_Input] = []
 
         # not the node's clock: simulated time may stand still just when silence is to be reported
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._counts_at_last_look = self._counts()
+        self._silence = ""
         self.create_timer(SILENCE_S, self._report_silence, clock=steady)
         self.create_timer(DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
-        self.get_logger().info(self._description())
+        # compiling for the first time takes long, and the process is to end when it is told to
+        threading.Thread(target=self._start, name="start", daemon=True).start()
 
     def __enter__(self) -> OdometryNode:
         return self
@@ -250,6 +254,14 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     # Input
 
+    def _start(self) -> None:
+        try:
+            warm_up(self._config)
+        except Exception:
+            logger.exception("Warming up failed, so the first frames will be slow")
+        self._inputs = self._subscribe()
+        self.get_logger().info(self._description())
+
     def _subscribe(self) -> list[_Input]:
         transports = {
             Channel.COLOR: self._node_config.image_transport,
@@ -267,6 +279,11 @@ class OdometryNode(Node):  # type: ignore[misc]
             )
         return inputs
 
+    def _frame(self, match: Match[Any]) -> RgbdFrame:
+        color, depth, info = (i.topic for i in self._inputs)
+        topics = messages.FrameTopics(color, depth, info)
+        return messages.frame_from_messages(match.color, match.depth, match.info, topics)
+
     def _receive(self, channel: Channel, message: Any) -> None:
         arrived_ns = time.monotonic_ns()
         stamp_ns = messages.stamp_ns(message.header.stamp)
@@ -281,9 +298,8 @@ class OdometryNode(Node):  # type: ignore[misc]
     # Work, on the worker's thread
 
     def _process(self, arrival: _Arrival) -> None:
-        match = arrival.match
         try:
-            frame = messages.frame_from_messages(match.color, match.depth, match.info, self._topics)
+            frame = self._frame(arrival.match)
         except InputError as fault:
             self._refuse(fault)
             return
@@ -317,6 +333,8 @@ class OdometryNode(Node):  # type: ignore[misc]
             PoseStamped(),
         )
         self._pose_publisher.publish(pose)
+        if estimate.is_keyframe:
+            self._keyframe_publisher.publish(pose)
         if (
             estimate.covariance is None
             or estimate.twist is None
@@ -357,7 +375,8 @@ class OdometryNode(Node):  # type: ignore[misc]
         matches, received = self._counts()
         matches_before, received_before = self._counts_at_last_look
         self._counts_at_last_look = matches, received
-        if matches > matches_before:
+        if matches > matches_before or not self._inputs:
+            self._silence = ""
             return
         inputs = [
             monitor.Input(
@@ -371,19 +390,13 @@ class OdometryNode(Node):  # type: ignore[misc]
         why = monitor.explain_silence(
             inputs, self._synchronizer.closest_miss_ns, self._max_interval_ns
         )
-        self.get_logger().warning(f"No frame for {SILENCE_S:.0f} s: {why}")
+        if why != self._silence:
+            self.get_logger().warning(f"No frame for {SILENCE_S:.0f} s: {why}")
+        self._silence = why
 
     def _publish_diagnostics(self) -> None:
         summary = self._monitor.summary(time.monotonic_ns())
-        values: dict[str, object] = {
-            "state": summary.state.value,
-            "frames": summary.frames,
-            "tracked": summary.tracked,
-            "rate_hz": f"{summary.rate_hz:.2f}",
-            "latency_p50_ms": f"{summary.latency_p50_ms:.2f}",
-            "latency_p95_ms": f"{summary.latency_p95_ms:.2f}",
-        }
-        values |= {f"dropped: {drop.value}": n for drop, n in summary.drops.items()}
+        values: dict[str, object] = {**summary.values()}
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
         status = DiagnosticStatus(

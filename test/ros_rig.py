@@ -116,7 +116,8 @@ class Rig:
                     return False
                 if publisher.get_subscription_count() != 1:
                     return False
-            return self.node.count_publishers("pose") == self.node.count_publishers("odom") == 1
+            published = self.node.count_publishers("pose"), self.node.count_publishers("odom")
+            return published == (1, 1)
 
         self.wait(is_matched, "the node's subscriptions")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.monitor import MAX_FAULTS, Drop, Input, Monitor, explain_silence
+from rgbd_glue_ros.monitor import MAX_FAULTS, Drop, Input, Monitor, Summary, explain_silence
 from rgbd_glue_ros.sync import Channel
 from rgbd_glue_ros.types import OdometryEstimate, TrackingState
 
@@ -42,6 +42,14 @@ def test_frames_without_a_pose_and_dropped_frames_are_told_apart() -> None:
     assert (summary.state, summary.frames, summary.tracked) == (TrackingState.LOST, 1, 0)
     assert summary.drops == {Drop.SUPERSEDED: 2, Drop.UNUSABLE: 1, Drop.FAILED: 0}
     assert "2 because a newer frame came" in str(summary)
+
+
+def test_a_summary_is_read_back_from_the_values_that_diagnostics_carry() -> None:
+    monitor = Monitor()
+    monitor.processed(POSE, 0, 12 * MS)
+    monitor.dropped(Drop.FAILED)
+    summary = monitor.summary(20 * MS)
+    assert Summary.parse({**summary.values(), "color: received": "7"}) == summary
 
 
 def test_a_summary_before_the_first_frame_can_be_printed() -> None:

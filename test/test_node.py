@@ -295,12 +295,9 @@ def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: i
         rig.pose_of(corner_frame(0))
         for i in (1, 2):
             seen = corner_frame(i * PERIOD_NS)
-            rig.publish(
-                replace(
-                    seen, color=np.zeros_like(seen.color), depth=np.full_like(seen.depth, np.nan)
-                )
-            )
-        node.wait_for_line("Lost at 0.033", PATIENCE_S)
+            blank = np.zeros_like(seen.color), np.full_like(seen.depth, np.nan)
+            rig.publish(replace(seen, color=blank[0], depth=blank[1]))
+            node.wait_for_line("Lost at 0.033", PATIENCE_S)
         pose = rig.pose_of(corner_frame(3 * PERIOD_NS)).pose
         node.wait_for_line("Tracking again", PATIENCE_S)
         np.testing.assert_allclose(transform(pose)[:3, 3], 0, atol=1e-2)

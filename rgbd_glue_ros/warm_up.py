@@ -1,0 +1,29 @@
+"""Gets over with what makes the first frames slow: libraries, compiled code, caches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.odometry import Odometry
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
+
+_WIDTH, _HEIGHT = 640, 480
+_PERIOD_NS = NANOSECONDS // 30
+
+
+def warm_up(config: Config) -> None:
+    """Runs an odometry of its own over made-up frames; takes long only where nothing is cached."""
+    odometry = Odometry(config)
+    for i in range(3):
+        odometry.process(_frame(i * _PERIOD_NS))
+
+
+def _frame(stamp_ns: int) -> RgbdFrame:
+    """A bumpy wall covered with noise, so that every stage has something to do."""
+    camera = CameraIntrinsics(_WIDTH, _HEIGHT, _WIDTH, _WIDTH, (_WIDTH - 1) / 2, (_HEIGHT - 1) / 2)
+    blocks = np.random.default_rng(0).integers(0, 255, (_HEIGHT // 8, _WIDTH // 8, 3), np.uint8)
+    color = np.kron(blocks, np.ones((8, 8, 1), np.uint8))
+    u, v = np.meshgrid(np.arange(_WIDTH), np.arange(_HEIGHT))
+    depth = 2 + 0.2 * np.sin(u / 50) * np.cos(v / 40)
+    return RgbdFrame(stamp_ns, color, depth.astype(np.float32), camera)
