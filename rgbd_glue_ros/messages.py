@@ -7,6 +7,7 @@ that names the topic, what is wrong and what to do.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -35,6 +36,9 @@ from rgbd_glue_ros.types import (
 )
 
 AnyImage = Image | CompressedImage
+
+# image_transport appends these to the name of the image's topic
+COLOR_SUFFIX, DEPTH_SUFFIX = "/compressed", "/compressedDepth"
 
 
 @dataclass(frozen=True)
@@ -120,36 +124,49 @@ def depth_from_message(msg: AnyImage, where: str) -> Float32:
     return _reader(_DEPTH_READERS, msg, where)(msg, where)
 
 
-def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
-    """The camera that took the image as it was published: after cropping and binning.
+def base_name(topic: str) -> str:
+    """The image's topic without what image_transport appended."""
+    return topic.removesuffix(DEPTH_SUFFIX).removesuffix(COLOR_SUFFIX)
 
-    K and D are taken, which describe the image that is not rectified.
+
+def is_rectified(topic: str) -> bool:
+    """Whether an image topic is named as image_proc names those of rectified images."""
+    return re.search(r"(^|[/_])rect[^/]*$", base_name(topic)) is not None
+
+
+def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
+    """The camera that took the image as it was published, by K and D: not rectified.
 
     Args:
         msg: sensor_msgs/msg/CameraInfo.
         where: its topic.
 
+    Returns:
+        The camera after cropping and binning.
+
     Raises:
         InputError: it is of another type, not calibrated, or of an unknown distortion model.
     """
-    if _type_name(msg) != "CameraInfo":
-        raise InputError(where, f"is of type {_type_name(msg)}", "give a topic of CameraInfo")
-    k = np.asarray(msg.k, np.float64)
-    if not k.any():
-        raise InputError(
-            where,
-            "K is all zeros: the camera is not calibrated",
-            "calibrate it and give the file to its driver (camera_info_url)",
-        )
-    fx, fy, cx, cy = (float(k[i]) for i in (0, 4, 2, 5))
-    is_pinhole = np.array_equal(k, [fx, 0, cx, 0, fy, cy, 0, 0, 1]) and min(fx, fy) > 0
-    if not (is_pinhole and np.isfinite(k).all()):
-        raise InputError(
-            where, f"K is no camera matrix: {k.tolist()}", "calibrate the camera again"
-        )
-    check_size(msg.width, msg.height, where)
-    camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy, _distortion(msg, where))
-    return _binned(_cropped(camera, msg, where), msg, where)
+    _check_info(msg, where)
+    camera = _pinhole(np.reshape(msg.k, (3, 3)), msg, "K", where)
+    return replace(camera, distortion=_distortion(msg, where))
+
+
+def rectified_intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
+    """The camera that would have taken the rectified image, by P.
+
+    Args:
+        msg: sensor_msgs/msg/CameraInfo.
+        where: its topic.
+
+    Returns:
+        The camera after cropping and binning.
+
+    Raises:
+        InputError: it is of another type, or not calibrated.
+    """
+    _check_info(msg, where)
+    return _pinhole(np.reshape(msg.p, (3, 4))[:, :3], msg, "P", where)
 
 
 def frame_from_messages(
@@ -159,6 +176,8 @@ def frame_from_messages(
 
     A depth image of another size than the colour image is brought to the colour image's, by
     nearest neighbours, and a camera info of another size is scaled, if the aspect is the same.
+    Whether the images are rectified is told by the name of the colour topic: a camera info
+    describes both.
 
     Args:
         color: sensor_msgs/msg/Image or CompressedImage.
@@ -171,7 +190,11 @@ def frame_from_messages(
     """
     color_pixels = color_from_message(color, topics.color)
     depth_pixels = depth_from_message(depth, topics.depth)
-    camera = intrinsics_from_message(info, topics.info)
+    camera = (
+        rectified_intrinsics_from_message(info, topics.info)
+        if is_rectified(topics.color)
+        else intrinsics_from_message(info, topics.info)
+    )
     height, width = color_pixels.shape[:2]
     if (camera.width, camera.height) != (width, height):
         _check_aspect(camera.width, camera.height, color_pixels, topics.info, topics.color)
@@ -186,6 +209,17 @@ def frame_from_messages(
         depth=depth_pixels,
         intrinsics=camera,
         frame_id=color.header.frame_id,
+    )
+
+
+def registration_doubt(color: AnyImage, depth: AnyImage, topics: FrameTopics) -> str | None:
+    """Why depth may not be registered to colour, None if nothing speaks against it."""
+    frames = color.header.frame_id, depth.header.frame_id
+    if frames[0] == frames[1] or not all(frames):
+        return None
+    return (
+        f"{topics.depth}: its frame is {frames[1]}, but that of {topics.color} is {frames[0]}; "
+        "if depth is not registered to colour, give a topic where it is"
     )
 
 
@@ -366,6 +400,31 @@ _DEPTH_READERS: Mapping[str, Callable[[Any, str], Float32]] = {
     "Image": _depth_from_image,
     "CompressedImage": _depth_from_compressed,
 }
+
+
+def _check_info(msg: CameraInfo, where: str) -> None:
+    if _type_name(msg) != "CameraInfo":
+        raise InputError(where, f"is of type {_type_name(msg)}", "give a topic of CameraInfo")
+    check_size(msg.width, msg.height, where)
+
+
+def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraIntrinsics:
+    """The camera of ``matrix`` [3, 3], cropped and binned, without distortion."""
+    if not matrix.any():
+        raise InputError(
+            where,
+            f"{name} is all zeros: the camera is not calibrated",
+            "calibrate it and give the file to its driver (camera_info_url)",
+        )
+    fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy)
+    if not (
+        np.array_equal(matrix, camera.matrix) and min(fx, fy) > 0 and np.isfinite(matrix).all()
+    ):
+        raise InputError(
+            where, f"{name} is no camera matrix: {matrix.tolist()}", "calibrate the camera again"
+        )
+    return _binned(_cropped(camera, msg, where), msg, where)
 
 
 def _distortion(msg: CameraInfo, where: str) -> tuple[float, ...]:

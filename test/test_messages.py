@@ -36,6 +36,7 @@ from rgbd_glue_ros.messages import (
     depth_from_message,
     frame_from_messages,
     intrinsics_from_message,
+    registration_doubt,
     resampled,
     stamp_ns,
 )
@@ -306,6 +307,32 @@ def test_a_camera_info_that_makes_no_sense_is_refused(changes: dict[str, Any], c
     with pytest.raises(InputError, match=r"^/info: ") as caught:
         intrinsics_from_message(info, "/info")
     assert cause in str(caught.value)
+
+
+def test_of_a_rectified_image_p_is_the_camera_and_distortion_is_gone() -> None:
+    info = camera_info(CAMERA, HEAD)
+    p = np.array([50.0, 0, 30, 0, 0, 50, 20, 0, 0, 0, 1, 0])
+    color, depth = color_image(RGB, HEAD), depth_image(DEPTH, HEAD)
+    for name in ("/camera/rgb/image_rect_color", "/left/image_rect/compressed"):
+        topics = replace(TOPICS, color=name)
+        frame = frame_from_messages(color, depth, replace(info, p=p), topics)
+        assert frame.intrinsics == CameraIntrinsics(64, 48, 50.0, 50.0, 30.0, 20.0)
+        with pytest.raises(InputError, match="P is all zeros"):
+            frame_from_messages(color, depth, replace(info, p=np.zeros(12)), topics)
+    raw_topics = replace(TOPICS, color="/camera_rect/image_direct")
+    frame = frame_from_messages(color, depth, replace(info, p=p), raw_topics)
+    assert frame.intrinsics == CAMERA
+
+
+def test_depth_in_another_frame_than_colour_is_doubted() -> None:
+    color = color_image(RGB, HEAD)
+    elsewhere = depth_image(DEPTH, replace(HEAD, frame_id="depth_optical"))
+    doubt = registration_doubt(color, elsewhere, TOPICS)
+    assert doubt is not None
+    assert "/depth: its frame is depth_optical, but that of /color is camera_optical" in doubt
+    for frame_id in ("", HEAD.frame_id):
+        depth = depth_image(DEPTH, replace(HEAD, frame_id=frame_id))
+        assert registration_doubt(color, depth, TOPICS) is None
 
 
 def test_an_unknown_model_without_distortion_is_no_matter() -> None:

@@ -259,6 +259,17 @@ def test_a_given_calibration_takes_the_place_of_the_camera_info(tmp_path: Path) 
         assert [frame.intrinsics for frame in sequence] == [given] * len(FRAMES)
 
 
+def test_depth_that_may_not_be_registered_is_warned_of_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    elsewhere = [replace(f, frame_id="depth_optical") for f in FRAMES]
+    messages = [m for m in recorded(FRAMES) if m.topic != DEPTH]
+    messages += [m for m in recorded(elsewhere) if m.topic == DEPTH]
+    with BagSequence(write_rosbag2(tmp_path / "bag", messages)) as sequence:
+        assert len(list(sequence)) == len(FRAMES)
+    assert caplog.text.count("if depth is not registered to colour") == 1
+
+
 def test_a_bag_of_a_looped_recording_gives_all_rounds(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -16,7 +16,7 @@ from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import NodeConfig
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.message_fields import camera_info, header
-from rgbd_glue_ros.messages import FrameTopics, frame_from_messages, stamp_ns
+from rgbd_glue_ros.messages import FrameTopics, frame_from_messages, registration_doubt, stamp_ns
 from rgbd_glue_ros.sequences.ahead import mapped_ahead
 from rgbd_glue_ros.sequences.bag_file import BagFile
 from rgbd_glue_ros.sequences.bag_topics import (
@@ -130,7 +130,7 @@ class BagSequence:
         sync: Synchronizer[Any] = Synchronizer(
             round(NodeConfig().approx_sync_max_interval * NANOSECONDS), QUEUE_SIZE
         )
-        for result in mapped_ahead(self._frame, self._matches(sync, faults)):
+        for result in mapped_ahead(self._frame, self._watched(self._matches(sync, faults))):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
@@ -176,11 +176,18 @@ class BagSequence:
                 faults.add(error)
                 continue
             stamp = stamp_ns(message.header.stamp)
-            for match in sync.add(channels[recorded.topic], stamp, message):
-                if match.restarted:
-                    logger.warning("%s: time goes backward at %d ns", self._bag.path, stamp)
-                yield match
+            yield from sync.add(channels[recorded.topic], stamp, message)
         yield from sync.flush()
+
+    def _watched(self, matches: Iterator[Match[Any]]) -> Iterator[Match[Any]]:
+        """The matches, with what is odd about them logged."""
+        for number, match in enumerate(matches):
+            doubt = registration_doubt(match.color, match.depth, self._topics)
+            if number == 0 and doubt is not None:
+                logger.warning("%s", doubt)
+            if match.restarted:
+                logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
+            yield match
 
     def _frame(self, match: Match[Any]) -> RgbdFrame | InputError:
         try:

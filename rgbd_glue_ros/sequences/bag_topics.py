@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages import base_name, is_rectified
 from rgbd_glue_ros.sequences.bag_file import RecordedTopic
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -17,9 +18,6 @@ POSE_TYPES = (
     "geometry_msgs/msg/TransformStamped",
     "nav_msgs/msg/Odometry",
 )
-
-# image_transport appends these to the name of the image's topic
-COLOR_SUFFIX, DEPTH_SUFFIX = "/compressed", "/compressedDepth"
 
 _Rule = Callable[[RecordedTopic], bool]
 
@@ -54,8 +52,8 @@ def find_color(topics: Mapping[str, RecordedTopic], wanted: str | None, bag: Pat
         _best(
             [t for t in images if not _named(r"depth|infra|thermal|(^|[/_])ir([/_]|$)")(t)],
             _named(r"rgb|colou?r"),
-            # K and D of the camera info describe the image that is not rectified
-            lambda t: not _named("rect")(t),
+            # what was computed from other images has lost some of them
+            lambda t: not is_rectified(t.name),
             # image_color, not image_mono beside it
             lambda t: re.search(r"rgb|colou?r", base_name(t.name).rpartition("/")[2]) is not None,
             _is_raw,
@@ -116,11 +114,6 @@ def find_ground_truth(
     if wanted is None and not named:
         return None
     return _chosen("ground truth", wanted, named, poses, topics, bag)
-
-
-def base_name(topic: str) -> str:
-    """The image's topic without what image_transport appended."""
-    return topic.removesuffix(DEPTH_SUFFIX).removesuffix(COLOR_SUFFIX)
 
 
 def _chosen(

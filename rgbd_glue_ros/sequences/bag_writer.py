@@ -32,7 +32,7 @@ from rgbd_glue_ros.message_fields import (
     header,
     pose_stamped,
 )
-from rgbd_glue_ros.sequences.bag_topics import COLOR_SUFFIX, DEPTH_SUFFIX
+from rgbd_glue_ros.messages import COLOR_SUFFIX, DEPTH_SUFFIX
 from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, UInt8
 
 COLOR_TOPIC = "/camera/color/image_raw"
