@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
+from types import MappingProxyType
+from typing import Any
 
 from rgbd_glue_ros.config import Config, to_yaml
 from rgbd_glue_ros.errors import InputError
@@ -50,8 +52,7 @@ def replay(
     Raises:
         InputError: the folder cannot be written, or a frame cannot be read.
     """
-    _create(folder)
-    (folder / PARAMETERS).write_text(to_yaml(config), encoding="utf-8")
+    start_results(config, folder)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
     odometry = Odometry(config)
     start = perf_counter()
@@ -77,13 +78,41 @@ def replay(
     return run
 
 
-def write_results(run: Run, folder: Path) -> None:
-    """Writes figures, report and pose graph of a run with one frame at least."""
+def start_results(config: Config, folder: Path) -> None:
+    """Creates the folder, with what is known before the first frame.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / TRAJECTORY).touch()
+        (folder / PARAMETERS).write_text(to_yaml(config), encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
+        ) from error
+
+
+def write_results(
+    run: Run, folder: Path, measured: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
+    """Writes figures, report and pose graph of a run with one frame at least.
+
+    Args:
+        run: what was done.
+        folder: where to.
+        measured: figures measured elsewhere, beside those of the run or in place of them.
+
+    Returns:
+        The figures written.
+    """
     evaluation = _evaluation(run)
-    figures = metrics(run, evaluation)
+    figures = {**metrics(run, evaluation), **measured}
     write_g2o(folder / KEYFRAMES, run.pose_graph)
     (folder / METRICS).write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     (folder / REPORT).write_text(render(run, figures, evaluation), encoding="utf-8")
+    return figures
 
 
 def _evaluation(run: Run) -> Evaluation | None:
@@ -94,13 +123,3 @@ def _evaluation(run: Run) -> Evaluation | None:
     except InputError as error:
         logger.warning("no error against ground truth: %s", error.cause)
         return None
-
-
-def _create(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / TRAJECTORY).touch()
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
-        ) from error

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import Config
 from rgbd_glue_ros.evaluation import Evaluation, path_length
 from rgbd_glue_ros.trajectory import PoseGraph, PoseGraphEdge
@@ -25,6 +26,9 @@ class FrameRecord:
         T_odom_camera: float64 [4, 4], None without a pose.
         latency_ms: wall time until the pose was known.
         is_keyframe: whether it became a keyframe.
+        parent: of a keyframe, the number of the keyframe that it was registered against; None if
+            there is none.
+        covariance: float64 [6, 6] of that registration; None where ``parent`` is.
         visual_inliers: |C_vis^in|, None where nothing was registered.
         credible: |C_geo^in|, None where nothing was registered.
         stages_ms: wall time of each stage.
@@ -35,9 +39,29 @@ class FrameRecord:
     T_odom_camera: Float64 | None
     latency_ms: float
     is_keyframe: bool = False
+    parent: int | None = None
+    covariance: Float64 | None = None
     visual_inliers: int | None = None
     credible: int | None = None
     stages_ms: dict[str, float] = field(default_factory=dict)
+
+    @staticmethod
+    def of(estimate: OdometryEstimate, latency_ms: float) -> FrameRecord:
+        """What is kept of an estimate: numbers, and no correspondences."""
+        result = estimate.registration
+        is_linked = estimate.is_keyframe and result is not None and result.covariance is not None
+        return FrameRecord(
+            stamp_ns=estimate.stamp_ns,
+            state=estimate.state,
+            T_odom_camera=estimate.T_odom_camera,
+            latency_ms=latency_ms,
+            is_keyframe=estimate.is_keyframe,
+            parent=estimate.keyframe_id if is_linked else None,
+            covariance=result.covariance if result and is_linked else None,
+            visual_inliers=len(result.visual_inliers) if result else None,
+            credible=len(result.credible) if result else None,
+            stages_ms=estimate.stages_ms,
+        )
 
 
 @dataclass
@@ -57,51 +81,37 @@ class Run:
     ground_truth: Trajectory | None = None
     frames: list[FrameRecord] = field(default_factory=list)
     wall_s: float = 0.0
-    _keyframes: list[tuple[int, Float64]] = field(default_factory=list)
-    _edges: list[PoseGraphEdge] = field(default_factory=list)
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
         """Keeps what ``estimate`` says of its frame."""
-        result = estimate.registration
-        self.frames.append(
-            FrameRecord(
-                estimate.stamp_ns,
-                estimate.state,
-                estimate.T_odom_camera,
-                latency_ms,
-                estimate.is_keyframe,
-                len(result.visual_inliers) if result else None,
-                len(result.credible) if result else None,
-                estimate.stages_ms,
-            )
-        )
-        if not estimate.is_keyframe or estimate.T_odom_camera is None:
-            return
-        if result and result.T_target_source is not None and result.covariance is not None:
-            self._edges.append(
-                PoseGraphEdge(
-                    estimate.keyframe_id,
-                    len(self._keyframes),
-                    result.T_target_source,
-                    result.covariance,
-                )
-            )
-        self._keyframes.append((estimate.stamp_ns, estimate.T_odom_camera))
+        self.frames.append(FrameRecord.of(estimate, latency_ms))
 
     @property
     def trajectory(self) -> Trajectory:
         """The poses of all frames that have one."""
-        return _trajectory(
-            [(f.stamp_ns, f.T_odom_camera) for f in self.frames if f.T_odom_camera is not None]
-        )
+        return _trajectory(self.frames)
 
     @property
     def pose_graph(self) -> PoseGraph:
         """The keyframes, and the registrations between them."""
-        return PoseGraph(_trajectory(self._keyframes), tuple(self._edges))
+        keyframes = [frame for frame in self.frames if frame.is_keyframe]
+        vertices = _trajectory(keyframes)
+        # by the poses and not by the registration, which knows nothing of what refined them
+        edges = tuple(
+            PoseGraphEdge(
+                frame.parent,
+                row,
+                se3.inverse(vertices.poses[frame.parent]) @ vertices.poses[row],
+                frame.covariance,
+            )
+            for row, frame in enumerate(keyframes)
+            if frame.parent is not None and frame.covariance is not None
+        )
+        return PoseGraph(vertices, edges)
 
 
-def _trajectory(poses: list[tuple[int, Float64]]) -> Trajectory:
+def _trajectory(frames: list[FrameRecord]) -> Trajectory:
+    poses = [(f.stamp_ns, f.T_odom_camera) for f in frames if f.T_odom_camera is not None]
     return Trajectory(
         np.array([stamp for stamp, _ in poses], np.int64),
         np.array([T for _, T in poses], np.float64).reshape(-1, 4, 4),
