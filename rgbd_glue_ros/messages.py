@@ -11,12 +11,13 @@ import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rgbd_glue_ros import se3
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.image_files import PNG_SIGNATURE, check_size, decode
 from rgbd_glue_ros.message_fields import (
@@ -24,6 +25,7 @@ from rgbd_glue_ros.message_fields import (
     CameraInfo,
     CompressedImage,
     Image,
+    PoseStamped,
     Time,
 )
 from rgbd_glue_ros.types import (
@@ -34,6 +36,8 @@ from rgbd_glue_ros.types import (
     RgbdFrame,
     UInt8,
 )
+
+Reader = TypeVar("Reader")
 
 AnyImage = Image | CompressedImage
 
@@ -169,6 +173,24 @@ def rectified_intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntr
     return _pinhole(np.reshape(msg.p, (3, 4))[:, :3], msg, "P", where)
 
 
+def pose_from_message(msg: PoseStamped, where: str) -> Float64:
+    """The pose [4, 4] of the body in the header's frame.
+
+    Args:
+        msg: of one of POSE_TYPES.
+        where: its topic.
+
+    Raises:
+        InputError: it is of another type, or its numbers are no pose.
+    """
+    position, orientation = _reader(_POSE_READERS, msg, where)(msg)
+    t = np.array([position.x, position.y, position.z])
+    q = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
+    if not (np.isfinite(t).all() and np.isfinite(q).all() and q.any()):
+        raise InputError(where, "a pose is not finite, or without direction", "correct its source")
+    return se3.from_translation_quaternion(t, q)
+
+
 def frame_from_messages(
     color: AnyImage, depth: AnyImage, info: CameraInfo, topics: FrameTopics
 ) -> RgbdFrame:
@@ -256,9 +278,7 @@ def _type_name(msg: object) -> str:
     return type(msg).__name__.rpartition("__")[2]
 
 
-def _reader(
-    readers: Mapping[str, Callable[[Any, str], NDArray[Any]]], msg: object, where: str
-) -> Callable[[Any, str], NDArray[Any]]:
+def _reader(readers: Mapping[str, Reader], msg: object, where: str) -> Reader:
     name = _type_name(msg)
     if name not in readers:
         raise InputError(where, f"is of type {name}", f"give a topic of {' or '.join(readers)}")
@@ -400,11 +420,23 @@ _DEPTH_READERS: Mapping[str, Callable[[Any, str], Float32]] = {
     "Image": _depth_from_image,
     "CompressedImage": _depth_from_compressed,
 }
+_INFO_READERS: Mapping[str, Callable[[Any, str], CameraIntrinsics]] = {
+    "CameraInfo": intrinsics_from_message
+}
+_POSE_READERS: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
+    "PoseStamped": lambda m: (m.pose.position, m.pose.orientation),
+    "TransformStamped": lambda m: (m.transform.translation, m.transform.rotation),
+    "Odometry": lambda m: (m.pose.pose.position, m.pose.pose.orientation),
+}
+
+IMAGE_TYPES, INFO_TYPES, POSE_TYPES = (
+    tuple(readers) for readers in (_COLOR_READERS, _INFO_READERS, _POSE_READERS)
+)
+"""Names of the types of messages read here, without their package."""
 
 
 def _check_info(msg: CameraInfo, where: str) -> None:
-    if _type_name(msg) != "CameraInfo":
-        raise InputError(where, f"is of type {_type_name(msg)}", "give a topic of CameraInfo")
+    _reader(_INFO_READERS, msg, where)
     check_size(msg.width, msg.height, where)
 
 

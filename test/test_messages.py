@@ -36,6 +36,7 @@ from rgbd_glue_ros.messages import (
     depth_from_message,
     frame_from_messages,
     intrinsics_from_message,
+    pose_from_message,
     registration_doubt,
     resampled,
     stamp_ns,
@@ -397,11 +398,16 @@ def test_sizes_of_another_aspect_are_refused() -> None:
 
 def test_a_pose_message_holds_the_transform() -> None:
     T = se3.exp(np.array([1.0, 2.0, 3.0, 0.3, -0.2, 0.1]))
-    pose = pose_stamped(T, HEAD).pose
-    t = np.array([pose.position.x, pose.position.y, pose.position.z])
-    o = pose.orientation
-    back = se3.from_translation_quaternion(t, np.array([o.x, o.y, o.z, o.w]))
-    assert back == pytest.approx(T, abs=1e-12)
+    message = pose_stamped(T, HEAD)
+    assert pose_from_message(message, "/pose") == pytest.approx(T, abs=1e-12)
+
+
+@pytest.mark.parametrize("position", [np.nan, np.inf])
+def test_a_pose_that_is_not_finite_is_refused(position: float) -> None:
+    T = np.eye(4)
+    T[0, 3] = position
+    with pytest.raises(InputError, match=r"^/pose: a pose is not finite"):
+        pose_from_message(pose_stamped(T, HEAD), "/pose")
 
 
 def test_rclpy_messages_are_filled_and_read_like_plain_ones() -> None:

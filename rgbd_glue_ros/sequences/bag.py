@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -12,11 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import NodeConfig
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.message_fields import camera_info, header
-from rgbd_glue_ros.messages import FrameTopics, frame_from_messages, registration_doubt, stamp_ns
+from rgbd_glue_ros.messages import (
+    FrameTopics,
+    frame_from_messages,
+    pose_from_message,
+    registration_doubt,
+    stamp_ns,
+)
 from rgbd_glue_ros.sequences.ahead import mapped_ahead
 from rgbd_glue_ros.sequences.bag_file import BagFile
 from rgbd_glue_ros.sequences.bag_topics import (
@@ -26,9 +31,8 @@ from rgbd_glue_ros.sequences.bag_topics import (
     find_ground_truth,
     find_info,
 )
-from rgbd_glue_ros.sequences.damaged import RecordedMessage
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
-from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, RgbdFrame, Trajectory
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame, Trajectory
 
 __all__ = ["BagSequence", "Topics"]
 
@@ -85,7 +89,8 @@ class BagSequence:
     @property
     def name(self) -> str:
         """The bag's name."""
-        return self._bag.path.resolve().stem
+        path = self._bag.path.resolve()
+        return path.name if path.is_dir() else path.stem
 
     @property
     def topics(self) -> Topics:
@@ -109,11 +114,12 @@ class BagSequence:
         stamps, poses = [], []
         for message in self._bag.messages([self._ground_truth]):
             try:
-                stamp, pose = _pose(self._bag.deserialize(message), message)
+                fields = self._bag.deserialize(message)
+                pose = pose_from_message(fields, message.topic)
             except InputError as error:
                 faults.add(error)
                 continue
-            stamps.append(stamp)
+            stamps.append(stamp_ns(fields.header.stamp))
             poses.append(pose)
         if not poses:
             return None
@@ -223,22 +229,3 @@ def _nothing_paired(path: Path, topics: FrameTopics, sync: Synchronizer[Any]) ->
         f"{sync.closest_miss_ns / 1e6:.1f} ms apart",
         "record with synchronised streams",
     )
-
-
-def _pose(message: Any, recorded: RecordedMessage) -> tuple[int, Float64]:
-    """Stamp and pose [4, 4] of a message of one of POSE_TYPES."""
-    position, orientation = _POSE_FIELDS[recorded.type](message)
-    t = np.array([position.x, position.y, position.z])
-    q = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
-    if not (np.isfinite(t).all() and np.isfinite(q).all() and q.any()):
-        raise InputError(
-            recorded.topic, "a pose is not finite, or without direction", "leave it out"
-        )
-    return stamp_ns(message.header.stamp), se3.from_translation_quaternion(t, q)
-
-
-_POSE_FIELDS: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
-    "geometry_msgs/msg/PoseStamped": lambda m: (m.pose.position, m.pose.orientation),
-    "geometry_msgs/msg/TransformStamped": lambda m: (m.transform.translation, m.transform.rotation),
-    "nav_msgs/msg/Odometry": lambda m: (m.pose.pose.position, m.pose.pose.orientation),
-}

@@ -8,16 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages import base_name, is_rectified
+from rgbd_glue_ros.messages import IMAGE_TYPES, INFO_TYPES, POSE_TYPES, base_name, is_rectified
 from rgbd_glue_ros.sequences.bag_file import RecordedTopic
-
-IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-INFO_TYPES = ("sensor_msgs/msg/CameraInfo",)
-POSE_TYPES = (
-    "geometry_msgs/msg/PoseStamped",
-    "geometry_msgs/msg/TransformStamped",
-    "nav_msgs/msg/Odometry",
-)
 
 _Rule = Callable[[RecordedTopic], bool]
 
@@ -155,4 +147,4 @@ def _is_raw(topic: RecordedTopic) -> bool:
 
 
 def _of_types(topics: Mapping[str, RecordedTopic], types: Iterable[str]) -> list[RecordedTopic]:
-    return [topic for topic in topics.values() if topic.type in types]
+    return [topic for topic in topics.values() if topic.type.rpartition("/")[2] in types]
