@@ -1,0 +1,83 @@
+"""The report is one page that needs nothing else, whatever the run was like."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.config import Config, with_values
+from rgbd_glue_ros.report import render
+from rgbd_glue_ros.run import FrameRecord, Run, metrics
+from rgbd_glue_ros.types import TrackingState
+
+
+class Page(HTMLParser):
+    """Checks that tags are closed in order, and collects text and what a browser would fetch."""
+
+    VOID = frozenset({"meta", "br"})
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.fetched: list[str | None] = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.fetched += [value for name, value in attrs if name in ("src", "href")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def page_of(run: Run) -> str:
+    return render(run, metrics(run, None), None)
+
+
+def record(i: int, state: TrackingState = TrackingState.TRACKING) -> FrameRecord:
+    T = np.eye(4)
+    T[:3, 3] = np.sin(i / 1000), 0, np.cos(i / 777)
+    pose = T if state is TrackingState.TRACKING else None
+    return FrameRecord(i * 33_333_333, state, pose, 20.0 + i % 7, stages_ms={"total": 20.0})
+
+
+def test_the_report_is_one_well_formed_page_that_fetches_nothing() -> None:
+    states = [TrackingState.INITIALIZING, TrackingState.TRACKING, TrackingState.LOST] * 3
+    frames = [record(i, state) for i, state in enumerate(states)]
+    run = Run("a <script> & more", Config(), frames=frames, wall_s=1.0)
+    source = page_of(run)
+    page = Page(source)
+    assert page.open == []
+    assert "a <script> & more" in page.text
+    assert page.fetched == []
+    assert "://" not in source
+    assert "url(" not in source
+
+
+def test_the_report_names_the_parameters_that_differ_from_the_defaults() -> None:
+    config = with_values(Config(), {"glue.k": 3.0})
+    text = " ".join(Page(page_of(Run("x", config, frames=[record(0)], wall_s=1.0))).text)
+    assert "glue.k" in text
+    assert "ransac.iterations" not in text
+
+
+@pytest.mark.parametrize("state", TrackingState)
+def test_a_single_frame_of_any_state_has_a_report(state: TrackingState) -> None:
+    assert Page(page_of(Run("x", Config(), frames=[record(0, state)], wall_s=1.0))).open == []
+
+
+def test_the_report_of_an_hour_is_smaller_than_five_megabytes() -> None:
+    frames = [record(i) for i in range(3600 * 30)]
+    assert len(page_of(Run("hour", Config(), frames=frames, wall_s=1.0))) < 5_000_000
