@@ -185,6 +185,52 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _positive_number(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no number above zero")
+    return number
+
+
+def _add_demo(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=Path,
+        default=Path("out/demo"),
+        help="where the results go (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--rate",
+        type=_positive_number,
+        default=1.0,
+        help="speed of the recording (default: %(default)s)",
+    )
+
+
+def _demo(args: argparse.Namespace) -> str:
+    from tqdm import tqdm
+
+    from rgbd_glue_ros.demo import Progress, bundled_bag, demo
+    from rgbd_glue_ros.replay import REPORT
+
+    with tqdm(unit=" frames", disable=None, dynamic_ncols=True, desc="waiting for the node") as bar:
+
+        def show(progress: Progress) -> None:
+            bar.total = progress.frames
+            bar.set_description("playing", refresh=False)
+            bar.set_postfix_str(f"{progress.poses} poses", refresh=False)
+            bar.update(progress.played - bar.n)
+
+        result = demo(bundled_bag(), args.output, args.rate, show)
+    said = f"node     {result.summary}\n" if result.summary else ""
+    return f"{_summary(result.figures)}{said}report   {args.output / REPORT}\n"
+
+
 def _add_replay(parser: argparse.ArgumentParser) -> None:
     _add_recording(parser)
     _add_config(parser)
@@ -323,6 +369,7 @@ def _params(args: argparse.Namespace) -> str:
 
 
 COMMANDS = (
+    Command("demo", "play the bundled bag to the node over DDS", _add_demo, _demo),
     Command("replay", "run the odometry over a recording", _add_replay, _replay),
     Command("evaluate", "compare a trajectory with the truth", _add_evaluate, _evaluate),
     Command(

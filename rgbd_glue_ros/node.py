@@ -56,6 +56,7 @@ DIAGNOSTIC_LEVELS = {
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
 
+RAW = "raw"
 POSE_TOPIC = "pose"
 ODOM_TOPIC = "odom"
 KEYFRAME_TOPIC = "keyframe/pose"
@@ -266,14 +267,16 @@ class OdometryNode(Node):  # type: ignore[misc]
         transports = {
             Channel.COLOR: self._node_config.image_transport,
             Channel.DEPTH: self._node_config.depth_transport,
+            Channel.INFO: RAW,
         }
         inputs = []
-        for channel, name in TOPICS.items():
-            # as image_transport does it: the base topic is what users remap
-            topic = self.resolve_topic_name(name)
-            message_type: type = CameraInfo if channel is Channel.INFO else Image
-            if transports.get(channel, "raw") != "raw":
-                topic, message_type = f"{topic}/{transports[channel]}", CompressedImage
+        for channel, transport in transports.items():
+            if channel is Channel.INFO:
+                message_type: type = CameraInfo
+            else:
+                message_type = Image if transport == RAW else CompressedImage
+            # as image_transport does it: what users remap is the base topic
+            topic = transported(self.resolve_topic_name(TOPICS[channel]), transport)
             inputs.append(
                 _Input(self, channel, message_type, topic, self._receive, self._node_config)
             )
@@ -438,6 +441,11 @@ class _RosLogHandler(logging.Handler):
             self._logger.warning(text)
         else:
             self._logger.info(text)
+
+
+def transported(topic: str, transport: str) -> str:
+    """The name of a topic's messages in a transport, as image_transport has it."""
+    return topic if transport == RAW else f"{topic}/{transport}"
 
 
 def _descriptor(parameter: cfg.Parameter) -> ParameterDescriptor:

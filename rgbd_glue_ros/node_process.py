@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -128,6 +129,23 @@ class NodeProcess:
     def is_running(self) -> bool:
         """Whether it has not ended yet."""
         return self._process.poll() is None
+
+    @property
+    def peak_rss_mb(self) -> float:
+        """The most memory that it held, in MB; NaN after it has ended."""
+        try:
+            status = Path(f"/proc/{self.pid}/status").read_text(encoding="ascii")
+        except OSError:
+            return float("nan")
+        peak = re.search(r"VmHWM:\s*(\d+) kB", status)
+        return int(peak[1]) / 1024 if peak else float("nan")
+
+    @property
+    def last_words(self) -> str:
+        """Its exit code, if it has ended, and the last line that it logged."""
+        code = self._process.poll()
+        ended = "" if code is None else f"exit code {code}, "
+        return f"{ended}last line: {self.lines[-1] if self.lines else 'none'}"
 
     def wait_for_line(self, text: str, timeout_s: float) -> str:
         """The first line that holds ``text``, waiting for it if need be.
