@@ -17,12 +17,12 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 # A module imports only what stands above it; a folder's modules may also import one another.
 ORDER = """
     errors types config se3
-    camera matching estimation features refinement glue odometry
+    camera matching estimation features refinement glue odometry warm_up
     sync worker image_files message_fields messages frames monitor
     trajectory sequences evaluation charts run report replay convert pairs bench
-    node node_process cli __main__
+    node_process node player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer
-ROS_MODULES = {"node"}
+ROS_MODULES = {"node", "player"}
 OPTIONAL_LIBRARIES = {"open3d", "torch", "onnxruntime", "pyorbslam3", "small_gicp", "evo"}
 ROSDEP_KEYS = {
     "backports": "python3-rosbags-pip",  # comes with rosbags, as lz4

@@ -1,0 +1,93 @@
+"""The demonstration, whole."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rgbd_glue_ros import demo as module
+from rgbd_glue_ros.demo import Progress, bundled_bag, demo
+from rgbd_glue_ros.trajectory import read_tum
+
+
+def ignore(_: Progress) -> None:
+    """Nobody watches."""
+
+
+@pytest.fixture
+def _ros() -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+
+
+@pytest.mark.usefixtures("_ros")
+def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
+    tmp_path: Path,
+) -> None:
+    seen: list[Progress] = []
+    result = demo(bundled_bag(), tmp_path, 1.0, seen.append)
+    names = {path.name for path in tmp_path.iterdir()}
+    replays = {"trajectory.txt", "metrics.json", "params.yaml", "report.html", "keyframes.g2o"}
+    assert names == replays | {"node.log"}
+    figures = json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8"))
+    assert figures == result.figures
+    assert figures["ape"]["rmse_m"] < 0.02
+    assert figures["tracked"] == len(read_tum(tmp_path / "trajectory.txt")) > 0
+    assert figures["frames"] + sum(figures["dropped"].values()) == result.frames
+    assert 50 < figures["peak_rss_mb"] < 2000
+    assert 0 < figures["node_latency_ms"]["p50"] < figures["latency_ms"]["p95"]
+    assert seen[-1].played == seen[-1].frames == result.frames
+
+
+@pytest.mark.usefixtures("_ros")
+def test_a_node_that_does_not_start_is_said_with_its_last_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_parameters", lambda _: {"glue.k": "many"})
+    with pytest.raises(RuntimeError, match=r"exit code 2, last line: .*glue.k: 'many'"):
+        demo(bundled_bag(), tmp_path, 1.0, ignore)
+
+
+def children() -> list[int]:
+    words = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
+    return [int(word) for word in words]
+
+
+@pytest.mark.usefixtures("_ros")
+def test_a_node_that_dies_is_said_and_what_it_did_is_kept(tmp_path: Path) -> None:
+    def kill(progress: Progress) -> None:
+        if progress.poses >= 2:
+            (node,) = children()
+            os.kill(node, signal.SIGKILL)
+
+    with pytest.raises(RuntimeError, match="the node ended: exit code -9"):
+        demo(bundled_bag(), tmp_path, 1.0, kill)
+    assert len(read_tum(tmp_path / "trajectory.txt")) >= 2
+    assert (tmp_path / "metrics.json").is_file()
+
+
+def test_without_ros_the_demonstration_names_the_extra_that_brings_it(tmp_path: Path) -> None:
+    program = f"""
+import sys
+
+class Absent:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == "rclpy":
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, Absent)
+from rgbd_glue_ros.cli import main
+sys.exit(main(["demo", "-o", {str(tmp_path)!r}]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "pip install 'rgbd_glue_ros[ros]'" in done.stderr
+    assert done.stderr.count("\n") == 1
