@@ -34,7 +34,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from rgbd_glue_ros import config as cfg
-from rgbd_glue_ros import frames, message_fields, messages, monitor
+from rgbd_glue_ros import frames, message_fields, messages, monitor, topics
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
@@ -45,22 +45,11 @@ from rgbd_glue_ros.worker import NewestWorker
 logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
 
 NODE_NAME = "rgbd_odometry"
-TOPICS = {
-    Channel.COLOR: "rgb/image",
-    Channel.DEPTH: "depth/image",
-    Channel.INFO: "rgb/camera_info",
-}
 DIAGNOSTIC_LEVELS = {
     TrackingState.INITIALIZING: DiagnosticStatus.WARN,
     TrackingState.TRACKING: DiagnosticStatus.OK,
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
-
-RAW = "raw"
-POSE_TOPIC = "pose"
-ODOM_TOPIC = "odom"
-KEYFRAME_TOPIC = "keyframe/pose"
-DIAGNOSTICS_TOPIC = "/diagnostics"
 
 SILENCE_S = 5.0
 DIAGNOSTICS_S = 1.0
@@ -185,10 +174,10 @@ class OdometryNode(Node):  # type: ignore[misc]
             self._max_interval_ns, self._node_config.sync_queue_size
         )
 
-        self._pose_publisher = self.create_publisher(PoseStamped, POSE_TOPIC, 10)
-        self._odom_publisher = self.create_publisher(OdometryMessage, ODOM_TOPIC, 10)
-        self._keyframe_publisher = self.create_publisher(PoseStamped, KEYFRAME_TOPIC, 10)
-        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
+        self._pose_publisher = self.create_publisher(PoseStamped, topics.POSE, 10)
+        self._odom_publisher = self.create_publisher(OdometryMessage, topics.ODOM, 10)
+        self._keyframe_publisher = self.create_publisher(PoseStamped, topics.KEYFRAME_POSE, 10)
+        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         self._worker = NewestWorker(
             self._process, lambda _: self._monitor.dropped(monitor.Drop.SUPERSEDED)
         )
@@ -267,16 +256,18 @@ class OdometryNode(Node):  # type: ignore[misc]
         transports = {
             Channel.COLOR: self._node_config.image_transport,
             Channel.DEPTH: self._node_config.depth_transport,
-            Channel.INFO: RAW,
+            Channel.INFO: topics.RAW,
         }
         inputs = []
         for channel, transport in transports.items():
             if channel is Channel.INFO:
                 message_type: type = CameraInfo
             else:
-                message_type = Image if transport == RAW else CompressedImage
+                message_type = Image if transport == topics.RAW else CompressedImage
             # as image_transport does it: what users remap is the base topic
-            topic = transported(self.resolve_topic_name(TOPICS[channel]), transport)
+            topic = topics.transported(
+                self.resolve_topic_name(topics.SUBSCRIBED[channel]), transport
+            )
             inputs.append(
                 _Input(self, channel, message_type, topic, self._receive, self._node_config)
             )
@@ -284,8 +275,8 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)
-        topics = messages.FrameTopics(color, depth, info)
-        return messages.frame_from_messages(match.color, match.depth, match.info, topics)
+        names = messages.FrameTopics(color, depth, info)
+        return messages.frame_from_messages(match.color, match.depth, match.info, names)
 
     def _receive(self, channel: Channel, message: Any) -> None:
         arrived_ns = time.monotonic_ns()
@@ -413,12 +404,12 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _description(self) -> str:
         """What is subscribed and published, in the frames as the user would check them."""
-        topics = ", ".join(i.topic for i in self._inputs)
+        subscribed = ", ".join(i.topic for i in self._inputs)
         child = self._node_config.frame_id or "the camera's optical frame"
         x, y, z = self._framing.T_odom_c0[:3, 3]
         ahead, up = self._framing.T_odom_c0[:3, 2], -self._framing.T_odom_c0[:3, 1]
         return (
-            f"Subscribed to {topics}; publishing {self._node_config.odom_frame_id} -> {child}. "
+            f"Subscribed to {subscribed}; publishing {self._node_config.odom_frame_id} -> {child}. "
             f"At the start the camera is at ({x:.3f} {y:.3f} {z:.3f}) in "
             f"{self._node_config.odom_frame_id}, looks along ({_vector(ahead)}), "
             f"and its image's top is towards ({_vector(up)})"
@@ -441,11 +432,6 @@ class _RosLogHandler(logging.Handler):
             self._logger.warning(text)
         else:
             self._logger.info(text)
-
-
-def transported(topic: str, transport: str) -> str:
-    """The name of a topic's messages in a transport, as image_transport has it."""
-    return topic if transport == RAW else f"{topic}/{transport}"
 
 
 def _descriptor(parameter: cfg.Parameter) -> ParameterDescriptor:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
@@ -18,18 +17,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from rgbd_glue_ros import topics
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages import stamp_ns
+from rgbd_glue_ros.messages import pose_from_message, stamp_ns
 from rgbd_glue_ros.monitor import Summary
-from rgbd_glue_ros.node import (
-    DIAGNOSTICS_TOPIC,
-    KEYFRAME_TOPIC,
-    POSE_TOPIC,
-    RAW,
-    TOPICS,
-    transported,
-)
-from rgbd_glue_ros.se3 import from_translation_quaternion
 from rgbd_glue_ros.sequences.bag import BagSequence
 from rgbd_glue_ros.sequences.bag_file import BagFile
 from rgbd_glue_ros.sync import Channel
@@ -80,11 +71,11 @@ class Recording:
             InputError: it cannot be read, holds no RGB-D sequence, or is of ROS 1.
         """
         with BagSequence(path) as sequence:
-            name, topics, truth = sequence.name, sequence.topics, sequence.ground_truth
+            name, found, truth = sequence.name, sequence.topics, sequence.ground_truth
         channels = {
-            topics.color: Channel.COLOR,
-            topics.depth: Channel.DEPTH,
-            topics.info: Channel.INFO,
+            found.color: Channel.COLOR,
+            found.depth: Channel.DEPTH,
+            found.info: Channel.INFO,
         }
         with BagFile(path) as bag:
             if bag.is_ros1:
@@ -109,7 +100,7 @@ class Recording:
     def transport(self, channel: Channel) -> str:
         """The value of ``image_transport`` or ``depth_transport`` to receive this channel with."""
         if self.types[channel] != "sensor_msgs/msg/CompressedImage":
-            return RAW
+            return topics.RAW
         return "compressedDepth" if channel is Channel.DEPTH else "compressed"
 
 
@@ -145,15 +136,15 @@ class Player:
         self._publishers = {
             channel: self._node.create_publisher(
                 MESSAGE_TYPES[message_type],
-                transported(TOPICS[channel], recording.transport(channel)),
+                topics.transported(topics.SUBSCRIBED[channel], recording.transport(channel)),
                 QOS,
             )
             for channel, message_type in recording.types.items()
         }
         for kind, name, receive in (
-            (PoseStamped, POSE_TOPIC, self._receive_pose),
-            (PoseStamped, KEYFRAME_TOPIC, self._receive_keyframe),
-            (DiagnosticArray, DIAGNOSTICS_TOPIC, self._receive_diagnostics),
+            (PoseStamped, topics.POSE, self._receive_pose),
+            (PoseStamped, topics.KEYFRAME_POSE, self._receive_keyframe),
+            (DiagnosticArray, topics.DIAGNOSTICS, self._receive_diagnostics),
         ):
             self._node.create_subscription(kind, name, receive, 10)
 
@@ -189,7 +180,7 @@ class Player:
                 return False
             if publisher.get_subscription_count() != 1:
                 return False
-        return all(self._node.count_publishers(t) == 1 for t in (POSE_TOPIC, KEYFRAME_TOPIC))
+        return all(self._node.count_publishers(t) == 1 for t in (topics.POSE, topics.KEYFRAME_POSE))
 
     def publish(self, message: PlayedMessage) -> None:
         """Publishes a message as it was recorded, byte for byte."""
@@ -210,10 +201,7 @@ class Player:
     def _receive_pose(self, message: PoseStamped) -> None:
         now_ns = time.monotonic_ns()
         stamp = stamp_ns(message.header.stamp)
-        p, q = message.pose.position, message.pose.orientation
-        self.poses[stamp] = from_translation_quaternion(
-            np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w])
-        )
+        self.poses[stamp] = pose_from_message(message, topics.POSE)
         self.arrived_ns[stamp] = now_ns
 
     def _receive_keyframe(self, message: PoseStamped) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from types import TracebackType
 from typing import Any
 
@@ -21,6 +21,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from rgbd_glue_ros import message_fields
 from rgbd_glue_ros.message_fields import copy_fields
+from rgbd_glue_ros.sync import Channel
+from rgbd_glue_ros.topics import DIAGNOSTICS, ODOM, POSE, SUBSCRIBED, transported
 from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame
 
 PATIENCE_S = 30.0
@@ -52,7 +54,7 @@ class Rig:
         *,
         compressed: bool = False,
         reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
-        topics: tuple[str, str, str] = ("rgb/image", "depth/image", "rgb/camera_info"),
+        remapped: Mapping[Channel, str] = SUBSCRIBED,
     ) -> None:
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
@@ -62,17 +64,21 @@ class Rig:
         self._compressed = compressed
         self._qos = QoSProfile(depth=10, reliability=reliability)
         image = CompressedImage if compressed else Image
-        color, depth, info = topics
-        self.color = self.publisher(image, color + "/compressed" * compressed)
-        self.depth = self.publisher(image, depth + "/compressedDepth" * compressed)
-        self.info = self.publisher(CameraInfo, info)
+        color, depth = remapped[Channel.COLOR], remapped[Channel.DEPTH]
+        self.color = self.publisher(
+            image, transported(color, "compressed") if compressed else color
+        )
+        self.depth = self.publisher(
+            image, transported(depth, "compressedDepth") if compressed else depth
+        )
+        self.info = self.publisher(CameraInfo, remapped[Channel.INFO])
         self.poses: list[PoseStamped] = []
         self.odoms: list[OdometryMessage] = []
         self.diagnostics: list[DiagnosticArray] = []
         for kind, topic, received in (
-            (PoseStamped, "pose", self.poses),
-            (OdometryMessage, "odom", self.odoms),
-            (DiagnosticArray, "/diagnostics", self.diagnostics),
+            (PoseStamped, POSE, self.poses),
+            (OdometryMessage, ODOM, self.odoms),
+            (DiagnosticArray, DIAGNOSTICS, self.diagnostics),
         ):
             self.node.create_subscription(kind, topic, received.append, 10)
 
@@ -116,7 +122,7 @@ class Rig:
                     return False
                 if publisher.get_subscription_count() != 1:
                     return False
-            published = self.node.count_publishers("pose"), self.node.count_publishers("odom")
+            published = self.node.count_publishers(POSE), self.node.count_publishers(ODOM)
             return published == (1, 1)
 
         self.wait(is_matched, "the node's subscriptions")

@@ -18,7 +18,7 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 ORDER = """
     errors types config se3
     camera matching estimation features refinement glue odometry warm_up
-    sync worker image_files message_fields messages frames monitor
+    sync topics worker image_files message_fields messages frames monitor
     trajectory sequences evaluation charts run report replay convert pairs bench
     node_process node player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer

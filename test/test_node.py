@@ -14,13 +14,14 @@ import pytest
 
 from rgbd_glue_ros.config import Config, NodeConfig, parameters
 from rgbd_glue_ros.message_fields import camera_info, color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.messages import pose_from_message
 from rgbd_glue_ros.node_process import NodeProcess, private_domain, ros_environment
-from rgbd_glue_ros.se3 import from_translation_quaternion
-from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
+from rgbd_glue_ros.sync import Channel
+from rgbd_glue_ros.topics import SUBSCRIBED
+from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from geometry_msgs.msg import Pose
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import ReliabilityPolicy
@@ -59,11 +60,6 @@ def running() -> Iterator[Running]:
         yield Running(node, rig, itertools.count(1_700_000_000 * NANOSECONDS, PERIOD_NS))
 
 
-def transform(pose: Pose) -> Float64:
-    p, q = pose.position, pose.orientation
-    return from_translation_quaternion(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
-
-
 def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> None:
     frame = running.frame()
     pose = running.rig.pose_of(frame)
@@ -74,7 +70,7 @@ def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> Non
 def test_without_a_robot_frame_a_level_camera_starts_upright_in_an_odom_frame_with_z_up(
     running: Running,
 ) -> None:
-    T_odom_camera = transform(running.rig.pose_of(running.frame()).pose)
+    T_odom_camera = pose_from_message(running.rig.pose_of(running.frame()), "pose")
     ahead, up, here = [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]
     np.testing.assert_allclose(T_odom_camera @ ahead, [1, 0, 0, 0], atol=2e-3)
     np.testing.assert_allclose(T_odom_camera @ up, [0, 0, 1, 0], atol=2e-3)
@@ -165,8 +161,8 @@ def test_bytes_that_are_no_message_are_survived(running: Running) -> None:
 def test_a_backward_jump_of_time_starts_anew_and_is_logged(running: Running) -> None:
     running.rig.pose_of(running.frame())
     earlier = itertools.count(1_600_000_000 * NANOSECONDS, PERIOD_NS)
-    pose = running.rig.pose_of(corner_frame(next(earlier))).pose
-    np.testing.assert_array_equal(transform(pose)[:3, 3], 0)
+    pose = running.rig.pose_of(corner_frame(next(earlier)))
+    np.testing.assert_array_equal(pose_from_message(pose, "pose")[:3, 3], 0)
     running.node.wait_for_line("Time went back", PATIENCE_S)
     running.rig.pose_of(corner_frame(next(earlier)))
 
@@ -244,20 +240,21 @@ def test_a_robot_starts_at_the_origin_of_odom_wherever_its_camera_is(ros_domain:
     with node_in(ros_domain, **given), Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(2):
-            pose = rig.pose_of(corner_frame(i * PERIOD_NS)).pose
-        np.testing.assert_allclose(transform(pose), np.eye(4), atol=2e-3)
+            pose = rig.pose_of(corner_frame(i * PERIOD_NS))
+        np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
         rig.wait(lambda: rig.odoms, "the odometry message")
         assert rig.odoms[0].child_frame_id == "base_link"
 
 
 def test_compressed_topics_are_those_below_the_remapped_base_topics(ros_domain: int) -> None:
     given = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
-    remapped = ["rgb/image:=/camera/color", "depth/image:=/camera/depth"]
-    arguments = [word for rule in remapped for word in ("-r", rule)]
-    topics = ("/camera/color", "/camera/depth", "rgb/camera_info")
+    remapped = {**SUBSCRIBED, Channel.COLOR: "/camera/color", Channel.DEPTH: "/camera/depth"}
+    arguments = [
+        word for c, name in remapped.items() for word in ("-r", f"{SUBSCRIBED[c]}:={name}")
+    ]
     with (
         node_in(ros_domain, *arguments, **given),
-        Rig(ros_domain, compressed=True, topics=topics) as rig,
+        Rig(ros_domain, compressed=True, remapped=remapped) as rig,
     ):
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0))
@@ -298,9 +295,9 @@ def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: i
             blank = np.zeros_like(seen.color), np.full_like(seen.depth, np.nan)
             rig.publish(replace(seen, color=blank[0], depth=blank[1]))
             node.wait_for_line("Lost at 0.033", PATIENCE_S)
-        pose = rig.pose_of(corner_frame(3 * PERIOD_NS)).pose
+        pose = rig.pose_of(corner_frame(3 * PERIOD_NS))
         node.wait_for_line("Tracking again", PATIENCE_S)
-        np.testing.assert_allclose(transform(pose)[:3, 3], 0, atol=1e-2)
+        np.testing.assert_allclose(pose_from_message(pose, "pose")[:3, 3], 0, atol=1e-2)
         assert len(rig.poses) == 2
         assert len([line for line in node.lines if "Lost at" in line]) == 1
 

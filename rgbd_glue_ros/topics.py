@@ -1,0 +1,23 @@
+"""Names of the node's topics, as they are before remapping."""
+
+from __future__ import annotations
+
+from rgbd_glue_ros.sync import Channel
+
+SUBSCRIBED = {
+    Channel.COLOR: "rgb/image",
+    Channel.DEPTH: "depth/image",
+    Channel.INFO: "rgb/camera_info",
+}
+POSE = "pose"
+ODOM = "odom"
+KEYFRAME_POSE = "keyframe/pose"
+DIAGNOSTICS = "/diagnostics"
+
+RAW = "raw"
+"""The transport of images that are not compressed."""
+
+
+def transported(topic: str, transport: str) -> str:
+    """The topic of an image in some transport; ``topic`` is that of the raw image."""
+    return topic if transport == RAW else f"{topic}/{transport}"
