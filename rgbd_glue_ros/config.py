@@ -107,7 +107,7 @@ def _parameter(
     )
 
 
-VISUAL_FEATURES = ("none", "flow", "orb", "sift", "brisk")
+VISUAL_FEATURES = ("none", "orb", "sift", "brisk")
 GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid")
 
 
@@ -214,27 +214,35 @@ class RefineConfig:
     """The joint refinement after the fit, beyond the paper."""
 
     iterations: int = _parameter(
-        10, "Gauss-Newton steps, at most; 0 leaves the fit as it is.", minimum=0, maximum=100
+        6,
+        "Gauss-Newton steps at each level of the image pyramid, at most; 0 leaves the fit of the "
+        "paper as it is.",
+        minimum=0,
+        maximum=100,
     )
     grid_step: int = _parameter(
         8, "Spacing of the planes in a keyframe.", unit="pixel", minimum=1, maximum=64
-    )
-    keypoints: int = _parameter(
-        500, "Corners of a keyframe that are tracked, at most.", minimum=0, maximum=20000
-    )
-    track_weight: float = _parameter(
-        50.0,
-        "Weight of a reprojection residual beside a plane's, whose weight is 1 per squared sigma.",
-        unit="1/pixel²",
-        minimum=0.0,
-    )
-    track_cauchy: float = _parameter(
-        1.0, "Reprojection error at which a track's weight is halved.", unit="pixel", minimum=0.01
     )
     plane_cauchy: float = _parameter(
         2.0,
         "Plane distance, in its standard deviations, at which a plane's weight is halved.",
         minimum=0.01,
+    )
+    pixel_weight: float = _parameter(
+        4.0,
+        "Weight of a photometric residual beside a plane's, both by their standard deviations; 0 "
+        "refines on planes alone.",
+        minimum=0.0,
+    )
+    pixel_cauchy: float = _parameter(
+        2.0,
+        "Photometric residual, in its standard deviations, at which a pixel's weight is halved.",
+        minimum=0.01,
+    )
+    correlation: float = _parameter(
+        30.0,
+        "Neighbouring residuals err alike: as many of them as this count as one in the covariance.",
+        minimum=1.0,
     )
 
 
@@ -254,18 +262,50 @@ class OdometryConfig:
     keyframe_rotation: float = _parameter(
         0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.0
     )
-    keyframe_overlap: float = _parameter(
-        0.7,
-        "A frame that shares less than this part of its keyframe's planes becomes one.",
-        minimum=0.0,
-        maximum=1.0,
-    )
     prior_radius: float = _parameter(
         0.1,
         "Radius of the search around the motion prior where visual matches give no transform; "
         "0 registers without a prior.",
         unit="m",
         minimum=0.0,
+    )
+    surprise_translation: float = _parameter(
+        0.03,
+        "A pose this far from the motion prior competes with one refined from the prior.",
+        unit="m",
+        minimum=0.0,
+    )
+    surprise_rotation: float = _parameter(
+        0.03,
+        "A pose turned this much from the motion prior competes with one refined from the prior.",
+        unit="rad",
+        minimum=0.0,
+    )
+    min_planes: int = _parameter(
+        200, "Planes that must be seen for their agreement to count.", minimum=1
+    )
+    min_pixels: int = _parameter(
+        200, "Textured pixels that must be seen for their correlation to count.", minimum=1
+    )
+    plane_agreement: float = _parameter(
+        0.3,
+        "A pose is believed when at least this part of the planes seen agrees with it; it is "
+        "refused, whatever the pixels say, below half of this.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    pixel_correlation: float = _parameter(
+        0.6,
+        "A pose is believed when the brightness of model and image correlates at least this much "
+        "and no plane contradicts.",
+        minimum=-1.0,
+        maximum=1.0,
+    )
+    recovery_attempts: int = _parameter(
+        3, "Keyframes tried per frame when tracking fails.", minimum=0, maximum=100
+    )
+    recovery_inliers: int = _parameter(
+        25, "Visual inliers that recovery needs: a wrong one is worse than none.", minimum=3
     )
     reset_countdown: int = _parameter(
         30,
