@@ -73,8 +73,8 @@ def sample_depth(depth: Float32, u: float, v: float) -> float:
     a, b = u - u0, v - v0
     z00, z01 = depth[v0, u0], depth[v0, u0 + 1]
     z10, z11 = depth[v0 + 1, u0], depth[v0 + 1, u0 + 1]
-    nearest = min(min(z00, z01), min(z10, z11))
-    farthest = max(max(z00, z01), max(z10, z11))
+    nearest = min(z00, z01, z10, z11)
+    farthest = max(z00, z01, z10, z11)
     # a comparison with NaN is false, so that an unknown neighbour is refused here too
     if not farthest - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest):
         return np.nan
@@ -89,6 +89,44 @@ def depth_at(depth: Float32, uv: Float32) -> Float64:
     for i in range(len(uv)):
         z[i] = sample_depth(depth, uv[i, 0], uv[i, 1])
     return z
+
+
+def moved_depth(depth: Float32, T: Float64, intrinsics: CameraIntrinsics) -> Float32:
+    """The depth image that a camera sees from where T moves the points.
+
+    Args:
+        depth: float32 [H, W], metres, NaN where unknown.
+        T: T_new_old, float64 [4, 4], a small motion.
+        intrinsics: of both images.
+
+    Returns:
+        float32 [H, W]; the nearest surface where several fall on a pixel, NaN where none does.
+    """
+    K = intrinsics
+    return _moved_depth(depth, T, K.fx, K.fy, K.cx, K.cy)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _moved_depth(depth: Float32, T: Float64, fx: float, fy: float, cx: float, cy: float) -> Float32:
+    height, width = depth.shape
+    moved = np.full((height, width), np.nan, np.float32)
+    for v in range(height):
+        for u in range(width):
+            z = depth[v, u]
+            if not z > 0.0:
+                continue
+            x, y = (u - cx) / fx, (v - cy) / fy
+            new_z = z * (T[2, 0] * x + T[2, 1] * y + T[2, 2]) + T[2, 3]
+            if new_z <= 0.0:
+                continue
+            new_x = z * (T[0, 0] * x + T[0, 1] * y + T[0, 2]) + T[0, 3]
+            new_y = z * (T[1, 0] * x + T[1, 1] * y + T[1, 2]) + T[1, 3]
+            column = round(fx * new_x / new_z + cx)
+            row = round(fy * new_y / new_z + cy)
+            # a comparison with NaN is false: an empty pixel takes any depth
+            if 0 <= column < width and 0 <= row < height and not moved[row, column] <= new_z:
+                moved[row, column] = new_z
+    return moved
 
 
 def rectified(frame: RgbdFrame) -> RgbdFrame:

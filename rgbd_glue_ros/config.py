@@ -8,7 +8,7 @@ dataclasses; a parameter's dotted name (``glue.k``) is its path in that tree.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -414,11 +414,16 @@ def with_values(config: C, changes: Mapping[str, object]) -> C:
     converted = {}
     for name, value in changes.items():
         if name not in declared:
-            near = difflib.get_close_matches(name, declared, n=1, cutoff=0.4)
-            hint = f"did you mean {near[0]}?" if near else "see `rgbd-glue params`"
-            raise InputError(name, "no such parameter", hint)
+            raise unknown_parameter(name, declared)
         converted[name] = declared[name].convert(value)
     return _replaced(config, converted)
+
+
+def unknown_parameter(name: str, declared: Iterable[str]) -> InputError:
+    """The error of a name that is not declared; its remedy is the nearest name that is."""
+    near = difflib.get_close_matches(name, declared, n=1, cutoff=0.4)
+    hint = f"did you mean {near[0]}?" if near else "see `rgbd-glue params`"
+    return InputError(name, "no such parameter", hint)
 
 
 def _replaced(config: C, changes: Mapping[str, Value]) -> C:

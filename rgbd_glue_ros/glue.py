@@ -23,12 +23,13 @@ from rgbd_glue_ros.estimation import (
 )
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.geometric import Rough
-from rgbd_glue_ros.features.visual import View, lift
+from rgbd_glue_ros.features.visual import lift
 from rgbd_glue_ros.types import (
     Correspondences,
     Float64,
     RegistrationResult,
     RegistrationStatus,
+    View,
 )
 
 R = TypeVar("R")
@@ -98,8 +99,8 @@ class Glue:
         Args:
             source: frame whose points are p.
             target: frame whose points are q.
-            prior: a transform to fall back on when visual matches give none, and to start
-                tracking from; None for the paper's method.
+            prior: a transform to search around when visual matches give none; None for the
+                paper's method, which then skips the filter.
 
         Returns:
             The result; its status says why where there is no transform.
@@ -108,9 +109,8 @@ class Glue:
         rng = np.random.default_rng(self._config.seed)
         clock = _Stopwatch()
 
-        guess = prior.T_target_source if prior else None
-        pixels = self._visual.match(source.visual, target.visual, guess)
-        C_vis, _ = lift(pixels, source.view, target.view)
+        pixels = self._visual.match(source.visual, target.visual)
+        C_vis = lift(pixels, source.view, target.view)
         clock.lap("visual_matching")
 
         T, agreeing = ransac(C_vis, glue.inlier_threshold, self._config.ransac.iterations, rng)

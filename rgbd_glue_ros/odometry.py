@@ -2,77 +2,66 @@
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
 from rgbd_glue_ros import se3
-from rgbd_glue_ros.camera import grey, limit_depth, rectified
+from rgbd_glue_ros.camera import grey, limit_depth, moved_depth, rectified
 from rgbd_glue_ros.config import Config
-from rgbd_glue_ros.features.flow import TrackedView, track
-from rgbd_glue_ros.features.fpfh import grid_points_and_normals
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.geometric import Rough
-from rgbd_glue_ros.features.visual import View
 from rgbd_glue_ros.glue import FrameFeatures, Glue
-from rgbd_glue_ros.refinement import Planes, Refinement, Tracks, refine
+from rgbd_glue_ros.keyframes import Keyframe, Keyframes
+from rgbd_glue_ros.refinement import Model, Refinement, model_of, refine, union
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
     OdometryEstimate,
     RegistrationResult,
-    RegistrationStatus,
     RgbdFrame,
     TrackingState,
+    View,
 )
 
-
-@dataclass(frozen=True)
-class Keyframe:
-    """A frame that others are registered against.
-
-    Attributes:
-        number: counted from 0.
-        stamp_ns: of the frame.
-        T_odom_camera: float64 [4, 4].
-        covariance: float64 [6, 6] of the pose, perturbation on the left, odom frame.
-        features: of the frame.
-        planes: of the frame, in the odom frame.
-        tracked: its keypoints.
-    """
-
-    number: int
-    stamp_ns: int
-    T_odom_camera: Float64
-    covariance: Float64
-    features: FrameFeatures
-    planes: Planes
-    tracked: TrackedView
+# A velocity is worth something for this long; after it the camera is expected where it was.
+_MEMORY_S = 0.25
+# Depth is moved to the time of colour when the motion between them is more than this.
+_NEGLIGIBLE_PX = 0.3
+# A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
+_LOST_SPREAD = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
+# The first pose is exact by definition; filters need a covariance that is not singular.
+_ORIGIN_COVARIANCE = np.eye(6) * 1e-8
 
 
 @dataclass(frozen=True)
 class _Fix:
-    """A pose found for a frame, and the evidence for it."""
+    """A pose found for a frame, and the evidence for it.
+
+    ``covariance`` is that of the pose relative to the keyframe ``reference``, perturbation on the
+    left, odom frame.
+    """
 
     T_odom_camera: Float64
     covariance: Float64
     reference: Keyframe
     registration: RegistrationResult
-    refinement: Refinement | None
+    refinement: Refinement
 
 
 @dataclass(frozen=True)
 class _Motion:
-    """The last two poses with their stamps: what a constant velocity is read from."""
+    """The last pose, its covariance relative to its keyframe, and the velocity there."""
 
     stamp_ns: int
     T_odom_camera: Float64
+    covariance: Float64
     velocity: Float64
 
     def predict(self, stamp_ns: int) -> Float64:
-        """T_odom_camera at a later stamp."""
-        seconds = (stamp_ns - self.stamp_ns) / NANOSECONDS
+        """T_odom_camera at a later stamp, at constant velocity."""
+        seconds = min((stamp_ns - self.stamp_ns) / NANOSECONDS, _MEMORY_S)
         return self.T_odom_camera @ se3.exp(self.velocity * seconds)
 
 
@@ -91,119 +80,224 @@ class Odometry:
     def reset(self) -> None:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
         self.state = TrackingState.INITIALIZING
-        self.keyframes: deque[Keyframe] = deque(maxlen=self._config.odometry.keyframes)
-        self._next_number = 0
+        self._keyframes = Keyframes(self._config.odometry.keyframes)
         self._motion: _Motion | None = None
+        self._missed = 0
 
     def process(self, frame: RgbdFrame) -> OdometryEstimate:
-        """Registers ``frame`` and returns what is known after it; never raises on image content."""
+        """Registers a frame and returns what is known after it.
+
+        Raises:
+            InputError: the frame is not later than the one before. Nothing else raises: an image
+                that shows nothing gives an estimate without a pose.
+        """
         start = perf_counter()
+        if self._motion is not None and frame.stamp_ns <= self._motion.stamp_ns:
+            raise InputError(
+                f"frame at {frame.stamp_ns} ns",
+                f"not later than the frame before, at {self._motion.stamp_ns} ns",
+                "leave it out, or call reset() when time starts again",
+            )
+        view = self._view(frame)
+        prepared = perf_counter()
+        features = self._glue.extract(view)
+        stages = {"preparation": (prepared - start) * 1e3, **features.stages_ms}
+        if self._motion is None:
+            return self._begin(frame.stamp_ns, features, stages)
+        predicted = self._motion.predict(frame.stamp_ns)
+        fix = self._track(features, predicted) or self._recover(features)
+        if fix is None:
+            return self._miss(self._motion, frame.stamp_ns, features, stages)
+        return self._accept(self._motion, frame.stamp_ns, features, fix, stages)
+
+    def _view(self, frame: RgbdFrame) -> View:
+        """The frame without distortion, its depth in range and at the time of the colour image."""
         frame = rectified(frame)
         depth = limit_depth(frame.depth, self._config.camera)
-        view = View(grey(frame.color), depth, frame.intrinsics)
-        features = self._glue.extract(view)
-        if self._motion is None:
-            keyframe = self._add_keyframe(frame.stamp_ns, np.eye(4), np.zeros((6, 6)), features)
-            self.state = TrackingState.TRACKING
-            self._motion = _Motion(frame.stamp_ns, keyframe.T_odom_camera, np.zeros(6))
-            return OdometryEstimate(
-                frame.stamp_ns, self.state, np.eye(4), np.zeros((6, 6)), is_keyframe=True
-            )
-        predicted = self._motion.predict(frame.stamp_ns)
-        fix = self._locate(features, predicted)
-        if fix is None:
-            self.state = TrackingState.LOST
-            return OdometryEstimate(frame.stamp_ns, self.state)
-        seconds = (frame.stamp_ns - self._motion.stamp_ns) / NANOSECONDS
-        velocity = se3.log(se3.inverse(self._motion.T_odom_camera) @ fix.T_odom_camera) / seconds
-        self._motion = _Motion(frame.stamp_ns, fix.T_odom_camera, velocity)
+        if self._motion is not None:
+            # what the camera does between the two images is what it did lately
+            motion = self._motion.velocity * (frame.depth_delay_ns / NANOSECONDS)
+            K = frame.intrinsics
+            if np.abs(motion).max() * max(K.fx, K.fy) > _NEGLIGIBLE_PX:
+                depth = moved_depth(depth, se3.exp(motion), K)
+        return View(grey(frame.color), depth, frame.intrinsics)
+
+    def _track(self, features: FrameFeatures, predicted: Float64) -> _Fix | None:
+        """Registers against the nearest keyframe and refines against the nearest few."""
+        odometry = self._config.odometry
+        references = self._keyframes.nearest(predicted)[: odometry.references]
+        reference = references[0]
+        prior = None
+        if odometry.prior_radius > 0:
+            T_reference_predicted = se3.inverse(reference.T_odom_camera) @ predicted
+            prior = Rough(T_reference_predicted, odometry.prior_radius)
+        result = self._glue.register(features, reference.features, prior)
+        start = perf_counter()
+        model = union([k.model for k in references])
+        best = None
+        if result.T_target_source is not None:
+            T = reference.T_odom_camera @ result.T_target_source
+            best = refine(T, model, features.view, self._config.refine)
+        if prior is not None and (best is None or self._surprising(predicted, best)):
+            rival = refine(predicted, model, features.view, self._config.refine)
+            if best is None or _support(rival) > _support(best):
+                best = rival
+        result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
+        if best is None or not self._believable(best):
+            return None
+        return self._fix(reference, result, best)
+
+    def _recover(self, features: FrameFeatures) -> _Fix | None:
+        """Looks for the frame near the latest keyframes, without a prior and more sceptically."""
+        odometry = self._config.odometry
+        latest = list(self._keyframes)[::-1][: odometry.recovery_attempts]
+        for keyframe in latest:
+            result = self._glue.register(features, keyframe.features)
+            if (
+                result.T_target_source is None
+                or len(result.visual_inliers) < odometry.recovery_inliers
+            ):
+                continue
+            T = keyframe.T_odom_camera @ result.T_target_source
+            refined = refine(T, keyframe.model, features.view, self._config.refine)
+            if self._believable(refined) and refined.correlation >= odometry.pixel_correlation:
+                return self._fix(keyframe, result, refined)
+        return None
+
+    def _fix(self, reference: Keyframe, result: RegistrationResult, refined: Refinement) -> _Fix:
+        information = refined.information / self._config.refine.correlation
+        covariance = np.linalg.inv(information + np.diag(1.0 / np.diag(_LOST_SPREAD)))
+        return _Fix(refined.T_model_source, covariance, reference, result, refined)
+
+    def _surprising(self, predicted: Float64, found: Refinement) -> bool:
+        odometry = self._config.odometry
+        T = se3.inverse(predicted) @ found.T_model_source
+        return bool(
+            np.linalg.norm(T[:3, 3]) > odometry.surprise_translation
+            or se3.rotation_angle(T) > odometry.surprise_rotation
+        )
+
+    def _believable(self, found: Refinement) -> bool:
+        """Whether planes or pixels speak for the pose and the planes do not speak against it."""
+        odometry = self._config.odometry
+        planes_count = found.planes_seen >= odometry.min_planes
+        if planes_count and found.plane_agreement < odometry.plane_agreement / 2:
+            return False
+        return (planes_count and found.plane_agreement >= odometry.plane_agreement) or (
+            found.pixels_seen >= odometry.min_pixels
+            and found.correlation >= odometry.pixel_correlation
+        )
+
+    def _begin(
+        self, stamp_ns: int, features: FrameFeatures, stages: dict[str, float]
+    ) -> OdometryEstimate:
+        """The first frame that shows enough becomes the origin of the odom frame."""
+        model = model_of(features.view, self._config.refine.grid_step)
+        if len(model.planes.points) < self._config.odometry.min_planes:
+            return OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
+        keyframe = self._keyframes.add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
+        self._motion = _Motion(stamp_ns, np.eye(4), np.zeros((6, 6)), np.zeros(6))
         self.state = TrackingState.TRACKING
-        is_keyframe = self._wants_keyframe(fix)
-        if is_keyframe:
-            self._add_keyframe(frame.stamp_ns, fix.T_odom_camera, fix.covariance, features)
         return OdometryEstimate(
-            frame.stamp_ns,
+            stamp_ns,
             self.state,
-            fix.T_odom_camera,
-            fix.covariance,
+            keyframe.T_odom_camera,
+            keyframe.covariance,
+            is_keyframe=True,
+            keyframe_id=keyframe.number,
+            stages_ms=stages,
+        )
+
+    def _miss(
+        self, motion: _Motion, stamp_ns: int, features: FrameFeatures, stages: dict[str, float]
+    ) -> OdometryEstimate:
+        """No pose for this frame; after enough of them, a new start at the last one."""
+        self.state = TrackingState.LOST
+        self._missed += 1
+        nothing = OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
+        countdown = self._config.odometry.reset_countdown
+        if countdown == 0 or self._missed < countdown:
+            return nothing
+        model = model_of(features.view, self._config.refine.grid_step)
+        if len(model.planes.points) < self._config.odometry.min_planes:
+            return nothing
+        seconds = (stamp_ns - motion.stamp_ns) / NANOSECONDS
+        last = self._keyframes.nearest(motion.T_odom_camera)[0]
+        adjoint = se3.adjoint(motion.T_odom_camera)
+        covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
+        self._keyframes.forget()
+        keyframe = self._keyframes.add(stamp_ns, motion.T_odom_camera, covariance, features, model)
+        self._motion = _Motion(stamp_ns, motion.T_odom_camera, np.zeros((6, 6)), np.zeros(6))
+        self.state = TrackingState.TRACKING
+        self._missed = 0
+        return OdometryEstimate(
+            stamp_ns,
+            self.state,
+            keyframe.T_odom_camera,
+            se3.pose_covariance(keyframe.T_odom_camera, covariance),
+            is_keyframe=True,
+            keyframe_id=keyframe.number,
+            stages_ms=stages,
+        )
+
+    def _accept(
+        self,
+        before: _Motion,
+        stamp_ns: int,
+        features: FrameFeatures,
+        fix: _Fix,
+        stages: dict[str, float],
+    ) -> OdometryEstimate:
+        """Takes the pose over, reads the velocity from it, and makes a keyframe where it is time."""
+        T = fix.T_odom_camera
+        seconds = (stamp_ns - before.stamp_ns) / NANOSECONDS
+        velocity = se3.log(se3.inverse(before.T_odom_camera) @ T) / seconds
+        to_body = se3.adjoint(se3.inverse(T))
+        twist_covariance = to_body @ (before.covariance + fix.covariance) @ to_body.T / seconds**2
+        self._motion = _Motion(stamp_ns, T, fix.covariance, velocity)
+        self._missed = 0
+        self.state = TrackingState.TRACKING
+        covariance = fix.reference.covariance + fix.covariance
+        start = perf_counter()
+        model = self._keyframe_model(features, fix)
+        if model is not None:
+            self._keyframes.add(stamp_ns, T, covariance, features, model)
+        stages = {
+            **stages,
+            **fix.registration.stages_ms,
+            "keyframe": (perf_counter() - start) * 1e3,
+        }
+        return OdometryEstimate(
+            stamp_ns,
+            self.state,
+            T,
+            se3.pose_covariance(T, covariance),
             velocity,
-            np.eye(6),
-            is_keyframe,
+            twist_covariance,
+            model is not None,
             fix.reference.number,
             fix.registration,
-            {
-                **features.stages_ms,
-                **fix.registration.stages_ms,
-                "total": (perf_counter() - start) * 1e3,
-            },
+            stages,
         )
 
-    def _locate(self, features: FrameFeatures, predicted: Float64) -> _Fix | None:
-        nearest = sorted(self.keyframes, key=lambda k: _distance(k.T_odom_camera, predicted))
-        reference = nearest[0]
-        T_reference_predicted = se3.inverse(reference.T_odom_camera) @ predicted
-        prior = Rough(T_reference_predicted, self._config.odometry.prior_radius)
-        result = self._glue.register(features, reference.features, prior)
-        T = (
-            predicted
-            if result.T_target_source is None
-            else reference.T_odom_camera @ result.T_target_source
-        )
-        t0 = perf_counter()
-        references = nearest[: self._config.odometry.references]
-        landmarks, uv = [], []
-        for k in references:
-            tracked = track(k.tracked, features.view, se3.inverse(k.T_odom_camera) @ T)
-            _, points = k.tracked.keypoints
-            landmarks.append(se3.transform(k.T_odom_camera, points[tracked.rows]))
-            uv.append(tracked.uv)
-        t1 = perf_counter()
-        tracks = Tracks(np.concatenate(landmarks), np.concatenate(uv).astype(np.float64))
-        planes = Planes(
-            np.concatenate([k.planes.points for k in references]),
-            np.concatenate([k.planes.normals for k in references]),
-        )
-        refined = refine(
-            T, planes, tracks, features.view.depth, features.view.intrinsics, self._config.refine
-        )
-        result.stages_ms["tracks"] = (t1 - t0) * 1e3
-        result.stages_ms["refine"] = (perf_counter() - t1) * 1e3
-        return _Fix(
-            refined.T_model_source, np.linalg.inv(refined.information), reference, result, refined
-        )
-
-    def _wants_keyframe(self, fix: _Fix) -> bool:
-        config = self._config.odometry
+    def _keyframe_model(self, features: FrameFeatures, fix: _Fix) -> Model | None:
+        """The model of a frame that should become a keyframe; None if it should not."""
+        odometry = self._config.odometry
         T = se3.inverse(fix.reference.T_odom_camera) @ fix.T_odom_camera
-        return bool(
-            np.linalg.norm(T[:3, 3]) > config.keyframe_translation
-            or se3.rotation_angle(T) > config.keyframe_rotation
+        way = max(
+            float(np.linalg.norm(T[:3, 3])) / odometry.keyframe_translation,
+            se3.rotation_angle(T) / odometry.keyframe_rotation,
         )
-
-    def _add_keyframe(
-        self, stamp_ns: int, T: Float64, covariance: Float64, features: FrameFeatures
-    ) -> Keyframe:
-        view = features.view
-        points, normals = grid_points_and_normals(
-            view.depth, view.intrinsics, self._config.refine.grid_step
-        )
-        known = np.isfinite(points[..., 2])
-        planes = Planes(se3.transform(T, points[known]), normals[known] @ T[:3, :3].T)
-        keyframe = Keyframe(
-            self._next_number,
-            stamp_ns,
-            T,
-            covariance,
-            features,
-            planes,
-            TrackedView(view, self._config.refine.keypoints),
-        )
-        self._next_number += 1
-        self.keyframes.append(keyframe)
-        return keyframe
+        if way < 1 or fix.refinement.plane_agreement < odometry.plane_agreement:
+            return None
+        model = model_of(features.view, self._config.refine.grid_step)
+        if len(model.planes.points) < odometry.min_planes:
+            return None
+        # a blurred image is a poor keyframe: a sharper one is probably on its way
+        blurred = 2 * len(model.pixels[0].points) < len(fix.reference.model.pixels[0].points)
+        return None if blurred and way < 2 else model
 
 
-def _distance(a: Float64, b: Float64) -> float:
-    """How differently two cameras see a room: metres plus radians, as a room is metres wide."""
-    T = se3.inverse(a) @ b
-    return float(np.linalg.norm(T[:3, 3])) + se3.rotation_angle(T)
+def _support(found: Refinement) -> float:
+    """How well planes and pixels agree, for choosing between two poses of one frame."""
+    return found.plane_agreement + max(found.correlation, 0.0)

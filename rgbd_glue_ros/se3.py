@@ -87,6 +87,23 @@ def adjoint(T: Float64) -> Float64:
     return A
 
 
+def pose_covariance(T: Float64, covariance: Float64) -> Float64:
+    """Covariance of T's position and of its rotation about the fixed axes, as in nav_msgs.
+
+    Args:
+        T: float64 [4, 4].
+        covariance: float64 [6, 6] of a perturbation exp(xi) T on the left, which turns T about
+            the origin of the fixed frame.
+
+    Returns:
+        float64 [6, 6], order x y z rx ry rz, where rotations turn about T's own position.
+    """
+    A = np.eye(6)
+    A[:3, 3:] = -skew(T[:3, 3])
+    moved: Float64 = A @ covariance @ A.T
+    return moved
+
+
 def rotation_angle(T: Float64) -> float:
     """The angle of T's rotation, radians in [0, pi]."""
     return float(np.linalg.norm(Rotation.from_matrix(T[:3, :3]).as_rotvec()))

@@ -73,6 +73,7 @@ class RgbdFrame:
         depth: float32 [H, W], metres along the optical axis, NaN where unknown.
         intrinsics: of both images.
         frame_id: the optical frame of the camera, from the message header; "" if unknown.
+        depth_delay_ns: stamp of the depth image less ``stamp_ns``, nanoseconds.
     """
 
     stamp_ns: int
@@ -80,6 +81,22 @@ class RgbdFrame:
     depth: Float32
     intrinsics: CameraIntrinsics
     frame_id: str = ""
+    depth_delay_ns: int = 0
+
+
+@dataclass(frozen=True)
+class View:
+    """A frame prepared for registration: no distortion, no depth out of range.
+
+    Attributes:
+        grey: uint8 [H, W].
+        depth: float32 [H, W], metres, NaN where unknown.
+        intrinsics: of both.
+    """
+
+    grey: UInt8
+    depth: Float32
+    intrinsics: CameraIntrinsics
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rgbd_glue_ros.config import FeaturesConfig
-from rgbd_glue_ros.features.flow import FlowFeature
 from rgbd_glue_ros.features.geometric import (
     GeometricFeature,
     GridFpfh,
@@ -16,7 +15,6 @@ from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk,
 
 VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "none": lambda _: NoVisualFeature(),
-    "flow": FlowFeature,
     "orb": orb,
     "sift": sift,
     "brisk": brisk,

@@ -10,10 +10,10 @@ import numpy as np
 from rgbd_glue_ros.camera import cloud
 from rgbd_glue_ros.config import FeaturesConfig
 from rgbd_glue_ros.errors import MissingExtraError
-from rgbd_glue_ros.features.fpfh import grid_fpfh, grid_points_and_normals, guided_search
-from rgbd_glue_ros.features.visual import View
+from rgbd_glue_ros.features.fpfh import grid_fpfh, guided_search
 from rgbd_glue_ros.matching import distance_ratio, nearest_two
-from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64
+from rgbd_glue_ros.normals import grid_points_and_normals
+from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
 
 # Neighbourhoods in voxels, as Open3D's and FCGF's registration examples take them.
 _NORMAL_RADIUS_VOXELS, _NORMAL_NEIGHBOURS = 2.0, 30

@@ -11,30 +11,15 @@ import numpy as np
 
 from rgbd_glue_ros.camera import back_project, depth_at
 from rgbd_glue_ros.config import FeaturesConfig
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.matching import distance_ratio, nearest_two, one_to_one
 from rgbd_glue_ros.types import (
-    CameraIntrinsics,
     Correspondences,
     Float32,
     Float64,
-    Int64,
     UInt8,
+    View,
 )
-
-
-@dataclass(frozen=True)
-class View:
-    """One frame as the features see it.
-
-    Attributes:
-        grey: uint8 [H, W].
-        depth: float32 [H, W], metres, NaN where unknown.
-        intrinsics: of both.
-    """
-
-    grey: UInt8
-    depth: Float32
-    intrinsics: CameraIntrinsics
 
 
 @dataclass(frozen=True)
@@ -71,22 +56,20 @@ class VisualFeature(Protocol):
     def extract(self, view: View) -> Any:
         """The visual features of a frame."""
 
-    def match(self, source: Any, target: Any, prior: Float64 | None) -> VisualMatches:
-        """C_vis in pixels; ``prior`` is a guess of T_target_source [4, 4], where there is one."""
+    def match(self, source: Any, target: Any) -> VisualMatches:
+        """C_vis in pixels."""
 
 
-def lift(matches: VisualMatches, source: View, target: View) -> tuple[Correspondences, Int64]:
-    """Maps visual matches to 3D with the camera intrinsics (section 3.2).
-
-    Returns:
-        The matches whose depth is known on both sides, and their rows in ``matches``.
-    """
+def lift(matches: VisualMatches, source: View, target: View) -> Correspondences:
+    """Maps visual matches to 3D with the camera intrinsics (section 3.2), where depth is known."""
     z_source = depth_at(source.depth, matches.source_uv)
     z_target = depth_at(target.depth, matches.target_uv)
-    rows = np.flatnonzero(np.isfinite(z_source) & np.isfinite(z_target))
-    p = back_project(matches.source_uv[rows], z_source[rows], source.intrinsics)
-    q = back_project(matches.target_uv[rows], z_target[rows], target.intrinsics)
-    return Correspondences(p, q, matches.weights[rows]), rows
+    known = np.isfinite(z_source) & np.isfinite(z_target)
+    return Correspondences(
+        back_project(matches.source_uv[known], z_source[known], source.intrinsics),
+        back_project(matches.target_uv[known], z_target[known], target.intrinsics),
+        matches.weights[known],
+    )
 
 
 @dataclass(frozen=True)
@@ -114,17 +97,12 @@ class OpenCvFeature:
         keypoints, descriptors = self._detector.detectAndCompute(view.grey, None)
         if descriptors is None:
             return DescribedKeypoints(np.empty((0, 2), np.float32), np.empty((0, 1), np.float32))
-        uv = cv2.KeyPoint.convert(keypoints)
+        uv = np.asarray(cv2.KeyPoint.convert(keypoints), np.float32)
         response = np.array([k.response for k in keypoints])
         strongest = np.argsort(-response, kind="stable")[: self._config.keypoints]
         return DescribedKeypoints(uv[strongest], descriptors[strongest])
 
-    def match(
-        self,
-        source: DescribedKeypoints,
-        target: DescribedKeypoints,
-        prior: Float64 | None,  # noqa: ARG002 - descriptors are compared wherever they are
-    ) -> VisualMatches:
+    def match(self, source: DescribedKeypoints, target: DescribedKeypoints) -> VisualMatches:
         """Equation 1: nearest neighbours whose ratio is below the threshold, one to one."""
         if len(source.uv) == 0 or len(target.uv) < 2:
             return VisualMatches.empty()
@@ -135,20 +113,32 @@ class OpenCvFeature:
         return VisualMatches(source.uv[kept], target.uv[index[kept]], 1.0 - ratio[kept])
 
 
+def _create(name: str, **options: int) -> Any:
+    """A detector of OpenCV; version 5 moved some out of its main package."""
+    try:
+        create: Callable[..., Any] = getattr(cv2, f"{name}_create")
+    except AttributeError as error:
+        raise InputError(
+            f"features.visual: {name.lower()}",
+            f"OpenCV {cv2.__version__} has it not",
+            "install opencv-python-headless<5",
+        ) from error
+    return create(**options)
+
+
 def sift(config: FeaturesConfig) -> OpenCvFeature:
     """SIFT (Lowe 2004)."""
-    return OpenCvFeature(cv2.SIFT_create(nfeatures=config.keypoints), config)
+    return OpenCvFeature(_create("SIFT", nfeatures=config.keypoints), config)
 
 
 def orb(config: FeaturesConfig) -> OpenCvFeature:
     """ORB (Rublee et al. 2011)."""
-    return OpenCvFeature(cv2.ORB_create(nfeatures=config.keypoints, fastThreshold=10), config)
+    return OpenCvFeature(_create("ORB", nfeatures=config.keypoints, fastThreshold=10), config)
 
 
 def brisk(config: FeaturesConfig) -> OpenCvFeature:
     """BRISK (Leutenegger, Chli and Siegwart 2011)."""
-    create: Callable[..., Any] = cv2.BRISK_create
-    return OpenCvFeature(create(thresh=20), config)
+    return OpenCvFeature(_create("BRISK", thresh=20), config)
 
 
 class NoVisualFeature:
@@ -161,7 +151,6 @@ class NoVisualFeature:
         self,
         source: None,  # noqa: ARG002
         target: None,  # noqa: ARG002
-        prior: Float64 | None,  # noqa: ARG002
     ) -> VisualMatches:
         """No matches."""
         return VisualMatches.empty()
