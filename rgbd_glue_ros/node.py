@@ -7,7 +7,7 @@ comes meanwhile is dropped and counted, but for the newest.
 
 from __future__ import annotations
 
-import difflib
+import contextlib
 import logging
 import signal
 import sys
@@ -25,6 +25,7 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -189,8 +190,9 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._silence = ""
         self.create_timer(SILENCE_S, self._report_silence, clock=steady)
         self.create_timer(DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
+        self._is_warm = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
-        threading.Thread(target=self._start, name="start", daemon=True).start()
+        threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
 
     def __enter__(self) -> OdometryNode:
         return self
@@ -237,28 +239,26 @@ class OdometryNode(Node):  # type: ignore[misc]
         for name in given:
             # rclpy declares some by itself, as use_sim_time
             if not self.has_parameter(name):
-                near = difflib.get_close_matches(name, resolved, n=1, cutoff=0.4)
-                hint = f"did you mean {near[0]}?" if near else "see `rgbd-glue params`"
-                self.get_logger().error(f"{name}: no such parameter, it has no effect; {hint}")
+                self.get_logger().error(str(cfg.unknown_parameter(name, resolved)))
         return node_config, odometry_config
 
     # Input
 
-    def _start(self) -> None:
+    def _warm_up(self) -> None:
+        self.get_logger().info("Warming up; where nothing is compiled yet, it takes some seconds")
         try:
             warm_up(self._config)
         except Exception:
             logger.exception("Warming up failed, so the first frames will be slow")
-        self._inputs = self._subscribe()
-        self.get_logger().info(self._description())
+        with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
+            self._is_warm.trigger()
 
-    def _subscribe(self) -> list[_Input]:
+    def _subscribe(self) -> None:
         transports = {
             Channel.COLOR: self._node_config.image_transport,
             Channel.DEPTH: self._node_config.depth_transport,
             Channel.INFO: topics.RAW,
         }
-        inputs = []
         for channel, transport in transports.items():
             if channel is Channel.INFO:
                 message_type: type = CameraInfo
@@ -268,10 +268,10 @@ class OdometryNode(Node):  # type: ignore[misc]
             topic = topics.transported(
                 self.resolve_topic_name(topics.SUBSCRIBED[channel]), transport
             )
-            inputs.append(
+            self._inputs.append(
                 _Input(self, channel, message_type, topic, self._receive, self._node_config)
             )
-        return inputs
+        self.get_logger().info(self._description())
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)
