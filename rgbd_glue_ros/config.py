@@ -229,7 +229,7 @@ class RefineConfig:
         minimum=0.01,
     )
     pixel_weight: float = _parameter(
-        4.0,
+        10.0,
         "Weight of a photometric residual beside a plane's, both by their standard deviations; 0 "
         "refines on planes alone.",
         minimum=0.0,
