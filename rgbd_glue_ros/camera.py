@@ -34,11 +34,9 @@ def grey(color: UInt8) -> UInt8:
 
 def limit_depth(depth: Float32, limits: CameraConfig) -> Float32:
     """A copy of ``depth`` with values outside [depth_min, depth_max] unknown (NaN)."""
-    limited = depth.copy()
     with np.errstate(invalid="ignore"):
         known = (depth >= limits.depth_min) & (depth <= limits.depth_max)
-    limited[~known] = np.nan
-    return limited
+    return np.where(known, depth, np.float32(np.nan))
 
 
 def back_project(uv: Float32 | Float64, z: Float64, intrinsics: CameraIntrinsics) -> Float64:
@@ -103,7 +101,7 @@ def moved_depth(depth: Float32, T: Float64, intrinsics: CameraIntrinsics) -> Flo
         float32 [H, W]; the nearest surface where several fall on a pixel, NaN where none does.
     """
     K = intrinsics
-    return _moved_depth(depth, T, K.fx, K.fy, K.cx, K.cy)  # type: ignore[no-any-return]
+    return np.asarray(_moved_depth(depth, T, K.fx, K.fy, K.cx, K.cy), np.float32)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -151,6 +149,6 @@ def rectified(frame: RgbdFrame) -> RgbdFrame:
 def _undistortion_maps(intrinsics: CameraIntrinsics) -> tuple[Float32, Float32]:
     K = intrinsics.matrix
     size = (intrinsics.width, intrinsics.height)
-    return cv2.initUndistortRectifyMap(  # type: ignore[no-any-return]
-        K, np.array(intrinsics.distortion), np.eye(3), K, size, cv2.CV_32FC1
-    )
+    distortion = np.array(intrinsics.distortion)
+    maps = cv2.initUndistortRectifyMap(K, distortion, np.eye(3), K, size, cv2.CV_32FC1)
+    return np.asarray(maps[0], np.float32), np.asarray(maps[1], np.float32)

@@ -78,7 +78,8 @@ def randomised_procrustes(
 
 def distances(T: Float64, matches: Correspondences) -> Float64:
     """Equation 2: d_T = |T p - q| of each match, float64 [N], metres."""
-    return np.linalg.norm(transform(T, matches.source) - matches.target, axis=1)
+    d_T: Float64 = np.linalg.norm(transform(T, matches.source) - matches.target, axis=1)
+    return d_T
 
 
 def ransac(

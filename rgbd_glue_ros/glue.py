@@ -172,7 +172,8 @@ def fit_covariance(T: Float64, matches: Correspondences) -> Float64 | None:
     squared = Correspondences(matches.source, matches.target, w**2)
     inverse = np.linalg.inv(H)
     covariance: Float64 = inverse @ (procrustes_information(T, squared) * variance) @ inverse
-    return (covariance + covariance.T) / 2
+    symmetric: Float64 = (covariance + covariance.T) / 2
+    return symmetric
 
 
 def _timed(function: Callable[[View], R], view: View) -> tuple[R, float]:

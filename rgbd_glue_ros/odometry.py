@@ -166,7 +166,9 @@ class Odometry:
 
     def _fix(self, reference: Keyframe, result: RegistrationResult, refined: Refinement) -> _Fix:
         information = refined.information / self._config.refine.correlation
-        covariance = np.linalg.inv(information + np.diag(1.0 / np.diag(_LOST_SPREAD)))
+        covariance = np.asarray(
+            np.linalg.inv(information + np.linalg.inv(_LOST_SPREAD)), np.float64
+        )
         return _Fix(refined.T_model_source, covariance, reference, result, refined)
 
     def _surprising(self, predicted: Float64, found: Refinement) -> bool:
@@ -248,7 +250,7 @@ class Odometry:
         fix: _Fix,
         stages: dict[str, float],
     ) -> OdometryEstimate:
-        """Takes the pose over, reads the velocity from it, and makes a keyframe where it is time."""
+        """Takes the pose over, reads the velocity from it, makes a keyframe where it is time."""
         T = fix.T_odom_camera
         seconds = (stamp_ns - before.stamp_ns) / NANOSECONDS
         velocity = se3.log(se3.inverse(before.T_odom_camera) @ T) / seconds

@@ -160,7 +160,7 @@ def refine(T_model_source: Float64, model: Model, source: View, config: RefineCo
     for level in reversed(range(LEVELS)):
         for _ in range(config.iterations):
             H, g, _, _ = _linearise(T, model, images[level], level, source, config, light)
-            step = np.linalg.solve(H + _DAMPING * np.eye(6), -g)
+            step = np.asarray(np.linalg.solve(H + _DAMPING * np.eye(6), -g), np.float64)
             T = se3.exp(step) @ T
             if np.abs(step).max() < _CONVERGED[level]:
                 break

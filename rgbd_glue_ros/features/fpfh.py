@@ -101,7 +101,7 @@ def _pair_bins(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _bin(fraction: float) -> int:
-    return min(max(int(math.floor(BINS * fraction)), 0), BINS - 1)
+    return min(max(math.floor(BINS * fraction), 0), BINS - 1)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -182,9 +182,9 @@ def guided_search(
             x, y, z = x + T[0, 3], y + T[1, 3], z + T[2, 3]
             if z <= 0.05:
                 continue
-            column = int(round((fx * x / z + cx - offset) / step))
-            row = int(round((fy * y / z + cy - offset) / step))
-            reach = min(half_window, int(math.ceil(radius * fx / (z * step))))
+            column = round((fx * x / z + cx - offset) / step)
+            row = round((fy * y / z + cy - offset) / step)
+            reach = min(half_window, math.ceil(radius * fx / (z * step)))
             best, best_row, best_column = np.inf, -1, -1
             for i in range(max(0, row - reach), min(rows, row + reach + 1)):
                 for j in range(max(0, column - reach), min(columns, column + reach + 1)):
