@@ -62,19 +62,20 @@ class Framing:
         return T_odom_child
 
     def pose_covariance(self, T_c0_camera: Float64, covariance: Float64) -> Float64:
-        """The covariance [6, 6] of T_odom_child as ``nav_msgs/Odometry`` has it.
+        """The covariance [6, 6] of T_odom_child.
 
-        That is of the error of the child's origin and of its rotation vector, both along the axes
-        of odom (x y z rx ry rz; m, rad).
+        Both covariances are as in ``nav_msgs/Odometry``: of the errors of the position and of the
+        rotation vector along the axes of the fixed frame, x y z rx ry rz, in m and rad.
 
         Args:
             T_c0_camera: float64 [4, 4], the camera's pose.
-            covariance: float64 [6, 6] of that pose as a perturbation on the left: of xi in
-                ``exp(xi) T_c0_camera``, a twist about the origin of c0.
+            covariance: float64 [6, 6] of that pose.
         """
-        about_child = np.eye(6)
-        about_child[:3, 3:] = -se3.skew(self.pose(T_c0_camera)[:3, 3])
-        J = about_child @ se3.adjoint(self.T_odom_c0)
+        # a rotation error of the camera swings the child around it
+        lever = T_c0_camera[:3, :3] @ self.T_camera_child[:3, 3]
+        J = np.eye(6)
+        J[:3, 3:] = -se3.skew(lever)
+        J = np.kron(np.eye(2), self.T_odom_c0[:3, :3]) @ J
         mapped: Float64 = J @ covariance @ J.T
         return mapped
 

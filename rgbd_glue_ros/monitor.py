@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
@@ -113,11 +114,15 @@ class Monitor:
             self._drops[reason] += 1
 
     def is_news(self, where: str, cause: str) -> bool:
-        """Whether this fault is seen for the first time, so that it deserves a line in the log."""
+        """Whether a fault is seen for the first time, so that it deserves a line in the log.
+
+        Faults that differ in numbers alone are the same.
+        """
+        kind = re.sub(r"\d+", "#", where), re.sub(r"\d+", "#", cause)
         with self._lock:
-            if (where, cause) in self._faults or len(self._faults) >= MAX_FAULTS:
+            if kind in self._faults or len(self._faults) >= MAX_FAULTS:
                 return False
-            self._faults.add((where, cause))
+            self._faults.add(kind)
             return True
 
     def summary(self, now_ns: int) -> Summary:

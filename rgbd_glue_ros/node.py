@@ -284,38 +284,37 @@ class OdometryNode(Node):  # type: ignore[misc]
         for match in self._synchronizer.add(channel, stamp_ns, message):
             self._worker.submit(_Arrival(match, arrived_ns))
 
-    def _refuse(self, fault: InputError) -> None:
-        self._monitor.dropped(monitor.Drop.UNUSABLE)
-        if self._monitor.is_news(fault.where, fault.cause):
-            self.get_logger().error(f"{fault} (said once, counted from now on)")
-
     # Work, on the worker's thread
 
     def _process(self, arrival: _Arrival) -> None:
+        state_before = self._odometry.state
         try:
             frame = self._frame(arrival.match)
-        except InputError as fault:
-            self._refuse(fault)
-            return
-        try:
-            if self._last_stamp_ns is not None and frame.stamp_ns < self._last_stamp_ns:
-                # not Match.restarted: the match that says so may have been superseded
-                back_s = (self._last_stamp_ns - frame.stamp_ns) / NANOSECONDS
-                self.get_logger().warning(
-                    f"Time went back by {back_s:.3f} s (a bag in a loop?): starting anew"
-                )
-                self._odometry.reset()
-            self._last_stamp_ns = frame.stamp_ns
-            state_before = self._odometry.state
+            self._reset_if_earlier(frame)
             estimate = self._odometry.process(frame)
             self._publish(estimate, frame.frame_id)
+        except InputError as fault:
+            self._monitor.dropped(monitor.Drop.UNUSABLE)
+            if self._monitor.is_news(fault.where, fault.cause):
+                self.get_logger().error(f"{fault} (said once, counted from now on)")
+            return
         except Exception as error:
             self._monitor.dropped(monitor.Drop.FAILED)
             if self._monitor.is_news("a frame", repr(error)):
-                logger.exception("The frame at %d ns failed; going on", frame.stamp_ns)
+                logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
             return
         self._monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
         self._announce(state_before, estimate)
+
+    def _reset_if_earlier(self, frame: RgbdFrame) -> None:
+        """Starts anew when time went back; ``Match.restarted`` may have been superseded."""
+        if self._last_stamp_ns is not None and frame.stamp_ns < self._last_stamp_ns:
+            back_s = (self._last_stamp_ns - frame.stamp_ns) / NANOSECONDS
+            self.get_logger().warning(
+                f"Time went back by {back_s:.3f} s (a bag in a loop?): starting anew"
+            )
+            self._odometry.reset()
+        self._last_stamp_ns = frame.stamp_ns
 
     def _publish(self, estimate: OdometryEstimate, frame_id: str) -> None:
         """Publishes what the estimate knows, and nothing that it does not."""
@@ -350,9 +349,9 @@ class OdometryNode(Node):  # type: ignore[misc]
             return
         if estimate.state is TrackingState.LOST:
             result = estimate.registration
-            reason = result.status.value if result else "no reason known"
+            reason = f" ({result.status.value})" if result else ""
             self.get_logger().warning(
-                f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f} ({reason}): no pose is published "
+                f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f}{reason}: no pose is published "
                 "until the camera is found again"
             )
         elif before is TrackingState.LOST:

@@ -81,7 +81,10 @@ def test_the_pose_covariance_is_that_of_perturbed_poses_drawn_at_random() -> Non
     nominal = framed.pose(T)
     published = np.empty_like(errors)
     for row, error in zip(published, errors, strict=True):
-        moved = framed.pose(se3.exp(error) @ T)
+        perturbed = T.copy()
+        perturbed[:3, 3] += error[:3]
+        perturbed[:3, :3] = se3.exp(np.r_[0, 0, 0, error[3:]])[:3, :3] @ T[:3, :3]
+        moved = framed.pose(perturbed)
         row[:3] = moved[:3, 3] - nominal[:3, 3]
         turned = se3.from_rotation_translation(moved[:3, :3] @ nominal[:3, :3].T, np.zeros(3))
         row[3:] = se3.log(turned)[3:]
