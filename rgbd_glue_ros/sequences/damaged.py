@@ -208,7 +208,42 @@ def _salvage_ros1(path: Path) -> Iterator[RecordedMessage]:
             raise DamagedError("its recorder did not finish it")
 
 
+# SQLite: pages; the header says their size (1 for 65536) and how many there are
+_SQLITE_SIZES = struct.Struct(">16xH10xI")
+
+
 def _salvage_sqlite(path: Path) -> Iterator[RecordedMessage]:
+    with path.open("rb") as file:
+        page_size, pages = _SQLITE_SIZES.unpack(file.read(_SQLITE_SIZES.size))
+    page_size = 65536 if page_size == 1 else page_size
+    messages = _sqlite_messages(path)
+    if path.stat().st_size >= page_size * pages:
+        yield from messages
+        return
+    yield from _without_the_last_larger_than(page_size, messages)
+    raise DamagedError("it is cut off")
+
+
+def _without_the_last_larger_than(
+    page_size: int, messages: Iterator[RecordedMessage]
+) -> Iterator[RecordedMessage]:
+    """The messages up to the last one that needs more than a page.
+
+    SQLite takes what is missing of the last page for zeros, so that the last message that goes on
+    in further pages may end in zeros. Pages are filled in order: those before it are whole.
+    """
+    held: list[RecordedMessage] = []
+    for message in messages:
+        if len(message.data) > page_size:
+            yield from held
+            held = [message]
+        elif held:
+            held.append(message)
+        else:
+            yield message
+
+
+def _sqlite_messages(path: Path) -> Iterator[RecordedMessage]:
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)
     try:
         # else SQLite would read nothing of a file that is shorter than its header says
