@@ -240,7 +240,7 @@ class RefineConfig:
         minimum=0.01,
     )
     correlation: float = _parameter(
-        30.0,
+        300.0,
         "Neighbouring residuals err alike: as many of them as this count as one in the covariance.",
         minimum=1.0,
     )
@@ -299,6 +299,21 @@ class OdometryConfig:
         "A pose is believed when the brightness of model and image correlates at least this much "
         "and no plane contradicts.",
         minimum=-1.0,
+        maximum=1.0,
+    )
+    timing_error: float = _parameter(
+        0.02,
+        "What rolling shutter, exposure and stamps leave unknown about the time of an image; the "
+        "covariance grows by the way travelled in it.",
+        unit="s",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    scale_error: float = _parameter(
+        0.01,
+        "Relative error of the camera's scale; the covariance grows by this part of the distance "
+        "from the keyframe.",
+        minimum=0.0,
         maximum=1.0,
     )
     recovery_attempts: int = _parameter(

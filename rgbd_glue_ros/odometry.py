@@ -259,7 +259,7 @@ class Odometry:
         self._motion = _Motion(stamp_ns, T, fix.covariance, velocity)
         self._missed = 0
         self.state = TrackingState.TRACKING
-        covariance = fix.reference.covariance + fix.covariance
+        covariance = fix.reference.covariance + fix.covariance + self._systematic(fix, velocity)
         start = perf_counter()
         model = self._keyframe_model(features, fix)
         if model is not None:
@@ -281,6 +281,20 @@ class Odometry:
             fix.registration,
             stages,
         )
+
+    def _systematic(self, fix: _Fix, velocity: Float64) -> Float64:
+        """Covariance [6, 6] of what no residual shows: errors of time and of scale.
+
+        Perturbation on the left, odom frame.
+        """
+        odometry = self._config.odometry
+        T = fix.T_odom_camera
+        distance = float(np.linalg.norm(T[:3, 3] - fix.reference.T_odom_camera[:3, 3]))
+        late = odometry.timing_error * np.linalg.norm(velocity.reshape(2, 3), axis=1)
+        translation = late[0] ** 2 + (odometry.scale_error * distance) ** 2
+        adjoint = se3.adjoint(T)
+        covariance: Float64 = adjoint @ np.diag([translation] * 3 + [late[1] ** 2] * 3) @ adjoint.T
+        return covariance
 
     def _keyframe_model(self, features: FrameFeatures, fix: _Fix) -> Model | None:
         """The model of a frame that should become a keyframe; None if it should not."""
