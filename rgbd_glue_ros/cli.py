@@ -9,6 +9,7 @@ import argparse
 import json
 import logging
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -70,6 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     args = _parser(words).parse_args(words)
     logging.basicConfig(format=f"{PROGRAM}: %(levelname)s: %(message)s")
+    # what Ctrl-C leaves in order (results written, the demonstration's node ended), a kill does too
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         sys.stdout.write(args.command.run(args))
         sys.stdout.flush()

@@ -176,9 +176,11 @@ def _measured(player: Player, node: NodeProcess) -> dict[str, Any]:
     said = player.summary
     if said is None:
         return {}
+    lost = said.frames - said.tracked
     return {
-        "frames": said.frames,
-        "lost": said.frames - said.tracked,
+        # poses come at once, the summary once a second
+        "frames": len(player.poses) + lost,
+        "lost": lost,
         "dropped": {drop.name.lower(): n for drop, n in said.drops.items()},
         "node_latency_ms": {"p50": said.latency_p50_ms, "p95": said.latency_p95_ms},
         "peak_rss_mb": node.peak_rss_mb,

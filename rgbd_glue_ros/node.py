@@ -393,9 +393,9 @@ class OdometryNode(Node):  # type: ignore[misc]
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
         status = DiagnosticStatus(
-            level=DIAGNOSTIC_LEVELS[summary.state],
+            level=DiagnosticStatus.STALE if self._silence else DIAGNOSTIC_LEVELS[summary.state],
             name=f"{self.get_fully_qualified_name()}: odometry",
-            message=summary.state.value,
+            message=self._silence or summary.state.value,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
         header = Header(stamp=self.get_clock().now().to_msg())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import os
 import re
@@ -62,6 +63,15 @@ def ros_environment(domain: int) -> dict[str, str]:
     }
 
 
+_libc = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
+
+
+def _end_with_parent() -> None:
+    """Lets a new process be told to end when the one that started it dies, however that does."""
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 class NodeProcess:
     """A running node; a context manager that ends it.
 
@@ -95,6 +105,7 @@ class NodeProcess:
             errors="replace",
             # else Ctrl-C in a terminal reaches the node as well, before its results are collected
             start_new_session=True,
+            preexec_fn=_end_with_parent,  # noqa: PLW1509 - it calls the kernel and nothing else
         )
         self.lines: list[str] = []
         self._news = threading.Condition()

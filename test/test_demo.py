@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -53,8 +54,8 @@ def test_a_node_that_does_not_start_is_said_with_its_last_words(
         demo(bundled_bag(), tmp_path, 1.0, ignore)
 
 
-def children() -> list[int]:
-    words = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
+def children(pid: int) -> list[int]:
+    words = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
     return [int(word) for word in words]
 
 
@@ -62,13 +63,46 @@ def children() -> list[int]:
 def test_a_node_that_dies_is_said_and_what_it_did_is_kept(tmp_path: Path) -> None:
     def kill(progress: Progress) -> None:
         if progress.poses >= 2:
-            (node,) = children()
+            (node,) = children(os.getpid())
             os.kill(node, signal.SIGKILL)
 
     with pytest.raises(RuntimeError, match="the node ended: exit code -9"):
         demo(bundled_bag(), tmp_path, 1.0, kill)
     assert len(read_tum(tmp_path / "trajectory.txt")) >= 2
     assert (tmp_path / "metrics.json").is_file()
+
+
+def thread_count(pid: int) -> int:
+    """Of a process; 0 after its end."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
+    return 0 if "State:\tZ" in status else int(status.partition("Threads:")[2].split()[0])
+
+
+@pytest.mark.usefixtures("_ros")
+@pytest.mark.parametrize(
+    ("how", "code"), [(signal.SIGTERM, 130), (signal.SIGINT, 130), (signal.SIGKILL, -9)]
+)
+def test_a_demonstration_that_is_ended_leaves_no_node_behind(
+    tmp_path: Path, how: signal.Signals, code: int
+) -> None:
+    program = "import sys; from rgbd_glue_ros.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", program, "demo", "-o", str(tmp_path)]
+    deadline = time.monotonic() + 60
+    # nothing tells of what a process does that is no child of this one: look now and then
+    with subprocess.Popen(command) as process:
+        nodes: list[int] = []
+        while not any(thread_count(node) > 4 for node in nodes):  # DDS has several
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+            nodes = children(process.pid)
+        process.send_signal(how)
+        assert process.wait() == code
+    while any(map(thread_count, nodes)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def test_without_ros_the_demonstration_names_the_extra_that_brings_it(tmp_path: Path) -> None:
