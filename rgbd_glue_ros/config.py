@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -58,9 +59,13 @@ class Parameter:
         """
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
+        if self.type is float and isinstance(value, str):
+            # YAML 1.1 takes 1e-3 for a text, as it has no dot
+            with suppress(ValueError):
+                value = float(value)
         if self.type is str and isinstance(value, bool):
             # YAML 1.1 reads none of our texts as a bool, but a user's "no" or "off" it does
-            raise InputError(self.name, f"{value} is not a text", self.allowed)
+            raise InputError(self.name, f"{value} is not a text", f"give {self.allowed}")
         if not isinstance(value, self.type) or (self.type is int and isinstance(value, bool)):
             raise InputError(
                 self.name, f"{value!r} is no {self.type.__name__}", f"give {self.allowed}"
