@@ -23,6 +23,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry as OdometryMessage
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
@@ -35,8 +36,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from rgbd_glue_ros import config as cfg
-from rgbd_glue_ros import frames, message_fields, messages, monitor, topics
+from rgbd_glue_ros import frames, message_fields, messages, topics
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.monitor import Drop, Input, Monitor, explain_silence
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, TrackingState
@@ -66,7 +68,7 @@ class _Arrival:
     arrived_ns: int
 
 
-class _Input:
+class _Subscribed:
     """A subscription that takes the reliability its publishers offer, unless one is set.
 
     A reliable subscription gets nothing from a best-effort publisher, and a best-effort one may
@@ -148,7 +150,11 @@ def _words(reliability: ReliabilityPolicy) -> str:
 
 
 class OdometryNode(Node):  # type: ignore[misc]
-    """RGB-D odometry as a node; a context manager, since it owns a thread."""
+    """RGB-D odometry as a node; a context manager, since it owns a thread.
+
+    Attributes:
+        monitor: counts what becomes of frames.
+    """
 
     def __init__(self) -> None:
         """Declares the parameters; subscribes as soon as the first frame would not be slow.
@@ -168,7 +174,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         )
         self._config = odometry_config
         self._odometry = Odometry(odometry_config)
-        self._monitor = monitor.Monitor()
+        self.monitor = Monitor()
         self._last_stamp_ns: int | None = None
         self._max_interval_ns = round(self._node_config.approx_sync_max_interval * NANOSECONDS)
         self._synchronizer: Synchronizer[Any] = Synchronizer(
@@ -179,10 +185,8 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._odom_publisher = self.create_publisher(OdometryMessage, topics.ODOM, 10)
         self._keyframe_publisher = self.create_publisher(PoseStamped, topics.KEYFRAME_POSE, 10)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
-        self._worker = NewestWorker(
-            self._process, lambda _: self._monitor.dropped(monitor.Drop.SUPERSEDED)
-        )
-        self._inputs: list[_Input] = []
+        self._worker = NewestWorker(self._process, lambda _: self.monitor.dropped(Drop.SUPERSEDED))
+        self._inputs: list[_Subscribed] = []
 
         # not the node's clock: simulated time may stand still just when silence is to be reported
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -190,7 +194,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._silence = ""
         self.create_timer(SILENCE_S, self._report_silence, clock=steady)
         self.create_timer(DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
-        self._is_warm = self.create_guard_condition(self._subscribe)
+        self._warmed_up = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
         threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
 
@@ -205,7 +209,7 @@ class OdometryNode(Node):  # type: ignore[misc]
     ) -> None:
         """Finishes the frame in work and ends the thread."""
         ended = self._worker.close(CLOSE_S)
-        self.get_logger().info(str(self._monitor.summary(time.monotonic_ns())))
+        self.get_logger().info(str(self.monitor.summary(time.monotonic_ns())))
         logging.getLogger(cfg.PACKAGE).removeHandler(self._log_handler)
         if ended:
             self.destroy_node()
@@ -251,7 +255,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         except Exception:
             logger.exception("Warming up failed, so the first frames will be slow")
         with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
-            self._is_warm.trigger()
+            self._warmed_up.trigger()
 
     def _subscribe(self) -> None:
         transports = {
@@ -269,7 +273,7 @@ class OdometryNode(Node):  # type: ignore[misc]
                 self.resolve_topic_name(topics.SUBSCRIBED[channel]), transport
             )
             self._inputs.append(
-                _Input(self, channel, message_type, topic, self._receive, self._node_config)
+                _Subscribed(self, channel, message_type, topic, self._receive, self._node_config)
             )
         self.get_logger().info(self._description())
 
@@ -294,16 +298,16 @@ class OdometryNode(Node):  # type: ignore[misc]
             estimate = self._odometry.process(frame)
             self._publish(estimate, frame.frame_id)
         except InputError as fault:
-            self._monitor.dropped(monitor.Drop.UNUSABLE)
-            if self._monitor.is_news(fault.where, fault.cause):
+            self.monitor.dropped(Drop.UNUSABLE)
+            if self.monitor.is_news(fault.where, fault.cause):
                 self.get_logger().error(f"{fault} (said once, counted from now on)")
             return
         except Exception as error:
-            self._monitor.dropped(monitor.Drop.FAILED)
-            if self._monitor.is_news("a frame", repr(error)):
+            self.monitor.dropped(Drop.FAILED)
+            if self.monitor.is_news("a frame", repr(error)):
                 logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
             return
-        self._monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
+        self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
         self._announce(state_before, estimate)
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
@@ -372,7 +376,7 @@ class OdometryNode(Node):  # type: ignore[misc]
             self._silence = ""
             return
         inputs = [
-            monitor.Input(
+            Input(
                 i.channel,
                 i.topic,
                 i.publishers,
@@ -380,15 +384,13 @@ class OdometryNode(Node):  # type: ignore[misc]
             )
             for i in self._inputs
         ]
-        why = monitor.explain_silence(
-            inputs, self._synchronizer.closest_miss_ns, self._max_interval_ns
-        )
+        why = explain_silence(inputs, self._synchronizer.closest_miss_ns, self._max_interval_ns)
         if why != self._silence:
             self.get_logger().warning(f"No frame for {SILENCE_S:.0f} s: {why}")
         self._silence = why
 
     def _publish_diagnostics(self) -> None:
-        summary = self._monitor.summary(time.monotonic_ns())
+        summary = self.monitor.summary(time.monotonic_ns())
         values: dict[str, object] = {**summary.values()}
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
@@ -473,29 +475,43 @@ def _vector(v: Float64) -> str:
 class _Executor(SingleThreadedExecutor):  # type: ignore[misc]
     """Goes on after an exception, as of a message that cannot be deserialised."""
 
+    def __init__(self, node: OdometryNode) -> None:
+        super().__init__()
+        self.add_node(node)
+        self._is_news = node.monitor.is_news
+
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Runs one callback."""
         try:
             super().spin_once(timeout_sec)
-        except Exception:
-            logger.exception("A callback failed; going on")
+        except Exception as error:
+            if self._is_news("a callback", repr(error)):
+                logger.exception("A callback failed; going on")
+
+
+def _init(args: list[str] | None) -> None:
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except (RCLError, UnknownROSArgsError) as error:
+        # what follows are places in rcl's source
+        cause = str(error).partition(", at /")[0]
+        raise InputError("ROS arguments", cause, "give --ros-args -p name:=value") from error
 
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until SIGINT or SIGTERM.
 
     Returns:
-        The exit code: 0, or 2 when a parameter has a value that it cannot have.
+        The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
     """
     # not rclpy's handlers, which take the context away from a frame that is still in work
     told_to_end = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: told_to_end.set())
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        _init(args)
         with OdometryNode() as node:
-            executor = _Executor()
-            executor.add_node(node)
+            executor = _Executor(node)
             spinning = threading.Thread(target=executor.spin, daemon=True)
             spinning.start()
             told_to_end.wait()
@@ -505,7 +521,7 @@ def main(args: list[str] | None = None) -> int:
         rclpy.logging.get_logger(NODE_NAME).fatal(str(error))
         return 2
     finally:
-        rclpy.shutdown()
+        rclpy.try_shutdown()
     return 0
 
 

@@ -221,6 +221,15 @@ def test_a_bad_value_ends_the_node_with_exit_code_2_and_a_line_that_says_why(
         assert not [line for line in node.lines if "Traceback" in line]
 
 
+def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_line(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain, "--params-file", "/nowhere.yaml") as node:
+        node.wait_for_line("Couldn't parse params file: '--params-file /nowhere.yaml'", PATIENCE_S)
+        assert node.stop() == 2
+        assert not [line for line in node.lines if "Traceback" in line]
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
     ros_domain: int, how: signal.Signals
