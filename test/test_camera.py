@@ -1,0 +1,238 @@
+"""From pixels to points and back: the pinhole, depth between pixels, depth at another time."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from geometry_rig import SEEDS
+from hypothesis import given
+from hypothesis import strategies as st
+from room_rig import CAMERA, room_frame, true_depth, true_pose
+from scipy.ndimage import map_coordinates
+
+from rgbd_glue_ros import se3
+from rgbd_glue_ros.camera import (
+    DEPTH_EDGE_SIGMAS,
+    back_project,
+    cloud,
+    depth_at,
+    depth_sigma,
+    grey,
+    limit_depth,
+    moved_depth,
+    project,
+    rectified,
+    sample_depth,
+)
+from rgbd_glue_ros.config import CameraConfig
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame
+
+NAN = float("nan")
+DISTORTED = replace(CAMERA, distortion=(0.2, -0.4, 0.002, -0.001, 0.3))
+
+
+def sloped(height: int = 20, width: int = 30) -> Float32:
+    """Depth that is linear in the pixel, as bilinear sampling is exact for it."""
+    v, u = np.mgrid[:height, :width]
+    depth: Float32 = (2.0 + 0.001 * u - 0.0005 * v).astype(np.float32)
+    return depth
+
+
+@given(SEEDS)
+def test_projecting_undoes_back_projecting(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    uv, z = rng.uniform(-50, 400, (10, 2)), rng.uniform(0.1, 8, 10)
+    points = back_project(uv, z, CAMERA)
+    np.testing.assert_allclose(project(points, CAMERA), uv, atol=1e-9)
+    np.testing.assert_allclose(points @ CAMERA.matrix.T / z[:, None], np.c_[uv, np.ones(10)])
+
+
+def test_a_pixel_right_of_and_below_the_principal_point_is_a_point_to_the_right_and_down() -> None:
+    uv = np.array([[CAMERA.cx, CAMERA.cy], [CAMERA.cx + CAMERA.fx, CAMERA.cy + CAMERA.fy]])
+    points = back_project(uv, np.array([2.0, 3.0]), CAMERA)
+    np.testing.assert_allclose(points, [[0, 0, 2], [3, 3, 3]])
+
+
+def test_points_that_are_not_in_front_have_no_pixel() -> None:
+    points = np.array([[0.0, 0, 1], [0, 0, 0], [0, 0, -1]])
+    known = np.isfinite(project(points, CAMERA))
+    np.testing.assert_array_equal(known, [[True] * 2, [False] * 2, [False] * 2])
+
+
+def test_the_cloud_has_a_point_for_every_known_depth() -> None:
+    depth = sloped()
+    depth[3, 4] = depth[0, 0] = NAN
+    points = cloud(depth, CAMERA)
+    assert len(points) == depth.size - 2
+    uv = np.rint(project(points, CAMERA)).astype(int)
+    np.testing.assert_allclose(depth[uv[:, 1], uv[:, 0]], points[:, 2])
+
+
+def test_in_a_smaller_image_a_pixel_sees_what_the_pixels_it_covers_see() -> None:
+    # pixel i of the half image covers pixels 2 i and 2 i + 1, whose middle is 2 i + 0.5
+    half = CAMERA.scaled(CAMERA.width // 2, CAMERA.height // 2)
+    small = back_project(np.array([[10.0, 20.0]]), np.ones(1), half)
+    large = back_project(np.array([[20.5, 40.5]]), np.ones(1), CAMERA)
+    np.testing.assert_allclose(small, large)
+    assert half.scaled(CAMERA.width, CAMERA.height) == CAMERA
+
+
+def test_grey_is_the_luminance_of_red_green_blue_in_that_order() -> None:
+    color = np.eye(3, dtype=np.uint8)[None] * 255
+    assert list(grey(color)[0]) == [76, 150, 29]  # ITU-R BT.601: 0.299, 0.587, 0.114
+
+
+def test_a_grey_image_stays_as_it_is() -> None:
+    image = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    np.testing.assert_array_equal(grey(image), image)
+    assert grey(image.T).flags.c_contiguous
+
+
+def test_depth_out_of_range_is_unknown_and_nothing_warns() -> None:
+    depth = np.array([[NAN, math.inf, -math.inf, -1, 0, 0.4, 0.5, 3, 4, 4.1]], np.float32)
+    original = depth.copy()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        limited = limit_depth(depth, CameraConfig(depth_min=0.5, depth_max=4.0))
+    np.testing.assert_array_equal(limited, [[*[NAN] * 6, 0.5, 3, 4, NAN]])
+    assert limited.dtype == np.float32
+    np.testing.assert_array_equal(depth, original)
+
+
+def test_depth_noise_grows_with_the_square_of_the_distance() -> None:
+    assert depth_sigma(0.4) == pytest.approx(0.0012)
+    assert depth_sigma(2.4) == pytest.approx(0.0012 + 0.0019 * 2**2)
+    assert depth_sigma(4.4) - depth_sigma(0.4) == pytest.approx(
+        4 * (depth_sigma(2.4) - depth_sigma(0.4))
+    )
+
+
+@given(st.floats(0, 29), st.floats(0, 19))
+def test_depth_between_pixels_is_bilinear(u: float, v: float) -> None:
+    depth = sloped() + np.float32(0.003) * np.sin(np.arange(30, dtype=np.float32))
+    expected = map_coordinates(depth.astype(np.float64), [[v], [u]], order=1)[0]
+    assert sample_depth(depth, u, v) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("u", "v"), [(-0.01, 5), (5, -0.01), (29.01, 5), (5, 19.01), (NAN, 5), (5, math.inf)]
+)
+def test_there_is_no_depth_outside_the_image(u: float, v: float) -> None:
+    assert math.isnan(sample_depth(sloped(), u, v))
+
+
+@pytest.mark.parametrize(("dv", "du"), [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_there_is_no_depth_beside_an_unknown_one(dv: int, du: int) -> None:
+    depth = sloped()
+    depth[7 + dv, 9 + du] = NAN
+    assert math.isnan(sample_depth(depth, 9.5, 7.5))
+    assert not math.isnan(sample_depth(depth, 12.5, 7.5))
+
+
+def test_there_is_no_depth_between_two_surfaces_but_on_a_slope_there_is() -> None:
+    step = DEPTH_EDGE_SIGMAS * depth_sigma(2.0)
+    for height, is_edge in ((1.05 * step, True), (0.95 * step, False)):
+        depth = np.full((4, 4), 2.0, np.float32)
+        depth[:, 2:] += np.float32(height)
+        assert math.isnan(sample_depth(depth, 1.5, 1.5)) is is_edge
+
+
+def test_depth_at_many_pixels_is_that_at_each() -> None:
+    depth = sloped()
+    depth[5] = NAN
+    uv = np.random.default_rng(0).uniform(-2, 32, (200, 2)).astype(np.float32)
+    np.testing.assert_array_equal(depth_at(depth, uv), [sample_depth(depth, u, v) for u, v in uv])
+
+
+def test_depth_that_is_not_moved_stays_as_it_is() -> None:
+    depth = room_frame(0.0).depth
+    depth[50:60] = NAN
+    np.testing.assert_array_equal(moved_depth(depth, np.eye(4), CAMERA), depth)
+
+
+def test_moved_depth_is_what_a_camera_sees_from_there() -> None:
+    """Over the 20 ms that depth may be late in a fast motion, against a rendered truth."""
+    old, new = (
+        true_pose(0.0),
+        true_pose(0.0) @ se3.exp(np.array([0.01, 0.005, 0.01, 0.01, 0.02, 0])),
+    )
+    seen = true_depth(new)
+    moved = moved_depth(true_depth(old), se3.inverse(new) @ old, CAMERA)
+    assert np.isfinite(moved).mean() > 0.9
+    error = np.abs(moved - seen)[np.isfinite(moved)]
+    unmoved = np.abs(true_depth(old) - seen)
+    assert np.median(error) < 0.002
+    assert np.median(unmoved) > 5 * np.median(error)
+    # what is left: a depth lands up to half a pixel from where it belongs, over an edge at worst
+    assert (error < 0.02).mean() > 0.95
+
+
+def test_of_two_moved_surfaces_the_nearer_one_is_seen() -> None:
+    K = CameraIntrinsics(30, 20, 100.0, 100.0, 14.5, 9.5)
+    depth = np.full((20, 30), 2.0, np.float32)
+    depth[:, :15] = 1.0
+    # 4 cm to the left: the near half moves by 4 pixels to the right, the far half by 2
+    T = np.eye(4)
+    T[0, 3] = 0.04
+    moved = moved_depth(depth, T, K)
+    np.testing.assert_array_equal(moved[:, :4], NAN)
+    np.testing.assert_array_equal(moved[:, 4:19], 1.0)
+    np.testing.assert_array_equal(moved[:, 19:], 2.0)
+
+
+def test_what_moves_behind_the_camera_is_not_seen() -> None:
+    T = np.eye(4)
+    T[2, 3] = -3.0
+    assert np.isnan(moved_depth(sloped(), T, CAMERA)).all()
+
+
+def test_a_frame_without_distortion_is_passed_on_as_it_is() -> None:
+    for camera in (CAMERA, replace(CAMERA, distortion=(0.0,) * 5)):
+        frame = replace(room_frame(0.0), intrinsics=camera)
+        assert rectified(frame) is frame
+
+
+def test_a_rectified_image_is_the_one_that_opencv_undistorts() -> None:
+    frame = replace(room_frame(0.0), intrinsics=DISTORTED)
+    straight = rectified(frame)
+    expected = cv2.undistort(frame.color, CAMERA.matrix, np.array(DISTORTED.distortion))
+    # OpenCV works it out in strips of rows, so that rounding may differ
+    assert np.abs(straight.color.astype(int) - expected).max() <= 1
+    assert straight.intrinsics == CAMERA
+    assert (straight.stamp_ns, straight.frame_id) == (frame.stamp_ns, frame.frame_id)
+
+
+def test_rectified_depth_lies_on_the_plane_that_a_distorted_camera_looked_at() -> None:
+    def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return 2.0 / (1.0 + 0.3 * x - 0.2 * y)
+
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width].astype(np.float64)
+    pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+    rays = cv2.undistortPoints(pixels, CAMERA.matrix, np.array(DISTORTED.distortion))
+    rays = rays.reshape(CAMERA.height, CAMERA.width, 2)
+    depth = plane(rays[..., 0], rays[..., 1]).astype(np.float32)
+    frame = RgbdFrame(0, room_frame(0.0).color, depth, DISTORTED)
+    expected = plane((u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy)
+    error = np.abs(rectified(frame).depth - expected)
+    known = np.isfinite(error)
+    assert known.mean() > 0.9
+    # the nearest pixel is half a pixel away, across and down, at most
+    across, down = np.abs(np.gradient(depth.astype(np.float64)))
+    half_a_pixel = 0.5 * (across + down).max()
+    assert error[known].max() <= 1.01 * half_a_pixel
+    assert np.abs(depth - expected).max() > 5 * half_a_pixel
+
+
+def test_rectified_depth_is_unknown_where_the_distorted_image_ends_and_is_never_mixed() -> None:
+    pincushion = replace(CAMERA, distortion=(0.5, 0.0, 0.0, 0.0, 0.0))
+    depth = np.full((CAMERA.height, CAMERA.width), 1.0, np.float32)
+    depth[:, CAMERA.width // 2 :] = 3.0
+    depth[100:110] = NAN
+    straight = rectified(RgbdFrame(0, room_frame(0.0).color, depth, pincushion)).depth
+    assert np.isnan(straight[0, 0])
+    assert {*np.unique(straight[np.isfinite(straight)])} == {1.0, 3.0}
