@@ -14,7 +14,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.glue import FrameFeatures, Glue
 from rgbd_glue_ros.keyframes import Keyframe, Keyframes
-from rgbd_glue_ros.refinement import Model, Refinement, model_of, refine, union
+from rgbd_glue_ros.refinement import Model, Refinement, judge, model_of, refine, union
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
@@ -27,6 +27,8 @@ from rgbd_glue_ros.types import (
 
 # A velocity is worth something for this long; after it the camera is expected where it was.
 _MEMORY_S = 0.25
+# How much of a new velocity is believed: single poses jitter, a camera hardly does.
+_VELOCITY_GAIN = 0.7
 # Depth is moved to the time of colour when the motion between them is more than this.
 _NEGLIGIBLE_PX = 0.3
 # A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
@@ -134,18 +136,27 @@ class Odometry:
         result = self._glue.register(features, reference.features, prior)
         start = perf_counter()
         model = union([k.model for k in references])
-        best = None
+        starts = [] if prior is None else [predicted]
         if result.T_target_source is not None:
-            T = reference.T_odom_camera @ result.T_target_source
-            best = refine(T, model, features.view, self._config.refine)
-        if prior is not None and (best is None or self._surprising(predicted, best)):
-            rival = refine(predicted, model, features.view, self._config.refine)
-            if best is None or _support(rival) > _support(best):
-                best = rival
+            starts.append(reference.T_odom_camera @ result.T_target_source)
+        best = self._best_refinement(starts, model, features.view)
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         if best is None or not self._believable(best):
             return None
         return self._fix(reference, result, best)
+
+    def _best_refinement(
+        self, starts: list[Float64], model: Model, view: View
+    ) -> Refinement | None:
+        """Refines from the start that fits best, and from any other that it ends far from."""
+        config = self._config.refine
+        judged = [judge(T, model, view, config) for T in starts]
+        best: Refinement | None = None
+        for start in sorted(judged, key=_support, reverse=True):
+            if best is None or self._far(best, start):
+                found = refine(start.T_model_source, model, view, config)
+                best = max((found, best), key=_support) if best else found
+        return best
 
     def _recover(self, features: FrameFeatures) -> _Fix | None:
         """Looks for the frame near the latest keyframes, without a prior and more sceptically."""
@@ -171,9 +182,9 @@ class Odometry:
         )
         return _Fix(refined.T_model_source, covariance, reference, result, refined)
 
-    def _surprising(self, predicted: Float64, found: Refinement) -> bool:
+    def _far(self, a: Refinement, b: Refinement) -> bool:
         odometry = self._config.odometry
-        T = se3.inverse(predicted) @ found.T_model_source
+        T = se3.inverse(a.T_model_source) @ b.T_model_source
         return bool(
             np.linalg.norm(T[:3, 3]) > odometry.surprise_translation
             or se3.rotation_angle(T) > odometry.surprise_rotation
@@ -253,7 +264,8 @@ class Odometry:
         """Takes the pose over, reads the velocity from it, makes a keyframe where it is time."""
         T = fix.T_odom_camera
         seconds = (stamp_ns - before.stamp_ns) / NANOSECONDS
-        velocity = se3.log(se3.inverse(before.T_odom_camera) @ T) / seconds
+        measured = se3.log(se3.inverse(before.T_odom_camera) @ T) / seconds
+        velocity = before.velocity + _VELOCITY_GAIN * (measured - before.velocity)
         to_body = se3.adjoint(se3.inverse(T))
         twist_covariance = to_body @ (before.covariance + fix.covariance) @ to_body.T / seconds**2
         self._motion = _Motion(stamp_ns, T, fix.covariance, velocity)

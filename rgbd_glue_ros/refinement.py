@@ -164,8 +164,18 @@ def refine(T_model_source: Float64, model: Model, source: View, config: RefineCo
             T = se3.exp(step) @ T
             if np.abs(step).max() < _CONVERGED[level]:
                 break
-    H, _, planes, pixels = _linearise(T, model, images[0], 0, source, config, light)
-    return Refinement(T, H, *planes, *pixels)
+    return judge(T, model, source, config)
+
+
+def judge(T_model_source: Float64, model: Model, source: View, config: RefineConfig) -> Refinement:
+    """How well a model and a frame agree on a pose, at full resolution."""
+    light = np.array(_START_LIGHT)
+    # brightness is compared under the gain and bias that the first look finds
+    for _ in range(2):
+        H, _, planes, pixels = _linearise(
+            T_model_source, model, source.grey, 0, source, config, light
+        )
+    return Refinement(T_model_source, H, *planes, *pixels)
 
 
 def _linearise(
