@@ -7,12 +7,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from rgbd_glue_ros.node_process import private_domain, ros_environment
 
 # Read when a message package is first imported: a field of a wrong type is an error then, and no
 # number out of nowhere.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+
+# The first example may have to wait for a compiler, and any for a busy machine.
+settings.register_profile("patient", deadline=None)
+settings.load_profile("patient")
 
 
 @pytest.fixture
