@@ -154,7 +154,7 @@ class FeaturesConfig:
         0.025, "Edge of the voxels that thin the cloud for fpfh.", unit="m", minimum=0.001
     )
     grid_step: int = _parameter(
-        8, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
+        10, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
     )
 
 
@@ -256,10 +256,10 @@ class OdometryConfig:
     """Keyframes and tracking state."""
 
     keyframes: int = _parameter(
-        10, "Keyframes kept to register and recover against.", minimum=1, maximum=1000
+        20, "Keyframes kept to register and recover against.", minimum=1, maximum=1000
     )
     references: int = _parameter(
-        2, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
+        3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
     )
     keyframe_translation: float = _parameter(
         0.25, "A frame this far from its keyframe becomes one.", unit="m", minimum=0.0

@@ -50,10 +50,10 @@ def randomised_procrustes(
     """The randomised optimisation of section 3.3 (El Banani, Gao and Johnson, CVPR 2021).
 
     Fits weighted Procrustes to random subsets and keeps the transform with the least weighted
-    residual over all matches.
+    residual over all matches; where no subset has three matches with weight, the fit to all.
 
     Args:
-        matches: the set C, at least 3.
+        matches: the set C, at least 3, some of positive weight.
         subsets: number of random subsets; 0 fits all matches at once.
         fraction: part of the matches in each subset.
         rng: source of the choices.
@@ -61,16 +61,15 @@ def randomised_procrustes(
     Returns:
         T_target_source, float64 [4, 4].
     """
-    if subsets == 0:
-        return np.asarray(procrustes(matches.source, matches.target, matches.weights))
+    best = np.asarray(procrustes(matches.source, matches.target, matches.weights), np.float64)
+    least = np.inf
     size = min(len(matches), max(3, round(fraction * len(matches))))
-    best, least = np.eye(4), np.inf
     for _ in range(subsets):
-        rows = rng.choice(len(matches), size, replace=False)
-        if matches.weights[rows].sum() <= 0:
+        rows = rng.permutation(len(matches))[:size]
+        if np.count_nonzero(matches.weights[rows]) < 3:
             continue
         T = procrustes(matches.source[rows], matches.target[rows], matches.weights[rows])
-        residual = float(matches.weights @ distances(T, matches))
+        residual = float(matches.weights @ distances(T, matches) ** 2)
         if residual < least:
             best, least = T, residual
     return best
@@ -78,7 +77,20 @@ def randomised_procrustes(
 
 def distances(T: Float64, matches: Correspondences) -> Float64:
     """Equation 2: d_T = |T p - q| of each match, float64 [N], metres."""
-    d_T: Float64 = np.linalg.norm(transform(T, matches.source) - matches.target, axis=1)
+    return _distances(T, matches.source, matches.target)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _distances(T: Float64, source: Float64, target: Float64) -> Float64:
+    d_T = np.empty(len(source))
+    for i in range(len(source)):
+        squared = 0.0
+        for a in range(3):
+            d = T[a, 3] - target[i, a]
+            for b in range(3):
+                d += T[a, b] * source[i, b]
+            squared += d * d
+        d_T[i] = np.sqrt(squared)
     return d_T
 
 

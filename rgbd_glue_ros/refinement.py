@@ -214,6 +214,8 @@ def _linearise(
         H,
         g,
     )
+    upper = np.triu_indices(6, 1)
+    H[upper[::-1]] = H[upper]
     return H, g, planes, pixels
 
 
@@ -267,7 +269,10 @@ def _add_planes(
     H: Float64,
     g: Float64,
 ) -> tuple[int, int]:
-    """Adds the point-to-plane terms at T to H and g; returns planes seen and planes agreeing."""
+    """Adds the point-to-plane terms at T to g and to the upper half of H.
+
+    Returns the planes seen and those of them that agree.
+    """
     R, t = T[:3, :3], T[:3, 3]
     agreeing, seen = 0, 0
     J = np.empty(6)
@@ -306,7 +311,7 @@ def _add_planes(
         J[3], J[4], J[5] = q1 * n2 - q2 * n1, q2 * n0 - q0 * n2, q0 * n1 - q1 * n0
         for a in range(6):
             g[a] += w * r * J[a]
-            for b in range(6):
+            for b in range(a, 6):
                 H[a, b] += w * J[a] * J[b]
     return seen, agreeing
 
@@ -333,7 +338,7 @@ def _add_pixels(
     H: Float64,
     g: Float64,
 ) -> tuple[int, float]:
-    """Adds the photometric terms at T to H and g; returns pixels seen and their correlation.
+    """Adds the photometric terms at T to g and H's upper half; returns pixels seen, correlation.
 
     ``light`` holds gain and bias from the image's brightness to the model's and the spread of
     the residuals; it is estimated anew for the next call, as exposure changes between frames.
@@ -379,7 +384,7 @@ def _add_pixels(
         J[5] = X0 * J[1] - X1 * J[0]
         for a in range(6):
             g[a] += w * r * J[a]
-            for b in range(6):
+            for b in range(a, 6):
                 H[a, b] += w * J[a] * J[b]
     if sw < 10.0:
         return seen, 0.0
