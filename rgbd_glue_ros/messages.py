@@ -231,6 +231,7 @@ def frame_from_messages(
         depth=depth_pixels,
         intrinsics=camera,
         frame_id=color.header.frame_id,
+        depth_delay_ns=stamp_ns(depth.header.stamp) - stamp_ns(color.header.stamp),
     )
 
 

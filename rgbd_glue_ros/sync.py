@@ -23,6 +23,11 @@ BACKWARD_JUMP_NS = NANOSECONDS // 2
 PERIOD_WINDOW = 8
 
 
+# A partner counts as nearer when it is so by this part of the greatest interval. Streams half a
+# period apart would otherwise lose an image at every turn of the jitter.
+NEARER_FRACTION = 4
+
+
 class Channel(Enum):
     """One of the three streams."""
 
@@ -129,7 +134,7 @@ class Synchronizer(Generic[Item]):
     """Pairs colour with depth one to one and adds the camera info.
 
     A colour and a depth image are paired when their stamps are at most ``max_interval_ns`` apart
-    and neither has a nearer partner. Equal stamps pair at once. So do others, where unequal stamps
+    and neither has a clearly nearer partner. Equal stamps pair at once. So do others, where unequal stamps
     are the rule and these are within half the channel's period, since nothing nearer is to be
     expected; else they pair when the next image has shown that it is no nearer.
 
@@ -189,7 +194,8 @@ class Synchronizer(Generic[Item]):
             if interval > 0 and not self._is_usual(interval, first.period_ns):
                 if not rest and not is_last:
                     return
-                if rest and abs(rest[0].stamp_ns - later.stamp_ns) < interval:
+                nearer = interval - self._max_interval_ns // NEARER_FRACTION
+                if rest and abs(rest[0].stamp_ns - later.stamp_ns) < nearer:
                     earlier.counts.unmatched += 1
                     earlier.take()
                     continue

@@ -111,7 +111,7 @@ _POSE_QOS = _qos(depth=100)
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """The serialised messages of a frame, all of the same stamp."""
+    """The serialised messages of a frame."""
 
     stamp_ns: int
     color: memoryview
@@ -152,11 +152,12 @@ class BagWriter:
     def encode(self, frame: RgbdFrame) -> EncodedFrame:
         """Does the slow part of writing a frame; any thread may call it."""
         head = header(frame.stamp_ns, frame.frame_id or CAMERA_FRAME)
+        depth_head = header(frame.stamp_ns + frame.depth_delay_ns, head.frame_id)
         serialize = self._typestore.serialize_cdr
         return EncodedFrame(
             frame.stamp_ns,
             serialize(self._codec.color(frame.color, head), self._codec.type),
-            serialize(self._codec.depth(frame.depth, head), self._codec.type),
+            serialize(self._codec.depth(frame.depth, depth_head), self._codec.type),
             serialize(camera_info(frame.intrinsics, head), _INFO_TYPE),
         )
 

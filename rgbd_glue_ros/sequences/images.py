@@ -43,10 +43,11 @@ class DepthEncoding:
 
 @dataclass(frozen=True)
 class ImagePair:
-    """The files of one frame."""
+    """The files of one frame, and when each was taken."""
 
     stamp_ns: int
     color: Path
+    depth_stamp_ns: int
     depth: Path
 
 
@@ -87,6 +88,7 @@ class ImageSequence:
             self._color(pair.color),
             self._depth(pair.depth),
             self.intrinsics,
+            depth_delay_ns=pair.depth_stamp_ns - pair.stamp_ns,
         )
 
     def _color(self, path: Path) -> UInt8:

@@ -44,7 +44,7 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
         depth, pose = folder / f"{stem}.depth.png", folder / f"{stem}.pose.txt"
         if not depth.is_file():
             raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
-        pairs.append(ImagePair(stamp, color, depth))
+        pairs.append(ImagePair(stamp, color, stamp, depth))
         if pose.is_file():
             stamps.append(stamp)
             poses.append(_matrix(pose, 4))

@@ -57,7 +57,9 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
     color_ns, color = _read_list(folder / COLOR_LIST)
     depth_ns, depth = _read_list(folder / DEPTH_LIST)
     rows = zip(*associate(color_ns, depth_ns), strict=True)
-    pairs = tuple(ImagePair(int(color_ns[i]), color[i], depth[j]) for i, j in rows)
+    pairs = tuple(
+        ImagePair(int(color_ns[i]), color[i], int(depth_ns[j]), depth[j]) for i, j in rows
+    )
     if not pairs:
         raise InputError(
             folder,

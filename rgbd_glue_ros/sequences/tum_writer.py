@@ -32,6 +32,7 @@ class EncodedFrame:
 
     stamp_ns: int
     color: bytes
+    depth_stamp_ns: int
     depth: bytes
 
 
@@ -75,16 +76,17 @@ class TumFolderWriter:
         return EncodedFrame(
             frame.stamp_ns,
             encode_png(color),
+            frame.stamp_ns + frame.depth_delay_ns,
             encode_png(quantised(frame.depth, UNITS_PER_METRE)),
         )
 
     def write(self, frame: EncodedFrame) -> None:
         """Adds a frame."""
-        stamp = format_stamp(frame.stamp_ns)
-        for folder, data, names in (
-            (_COLOR_FOLDER, frame.color, self._colors),
-            (_DEPTH_FOLDER, frame.depth, self._depths),
+        for folder, stamp_ns, data, names in (
+            (_COLOR_FOLDER, frame.stamp_ns, frame.color, self._colors),
+            (_DEPTH_FOLDER, frame.depth_stamp_ns, frame.depth, self._depths),
         ):
+            stamp = format_stamp(stamp_ns)
             name = f"{folder}/{stamp}.png"
             (self._folder / name).write_bytes(data)
             names.write(f"{stamp} {name}\n")
