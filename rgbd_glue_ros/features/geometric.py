@@ -85,6 +85,8 @@ class VoxelFpfh:
         points = o3d.geometry.PointCloud(
             o3d.utility.Vector3dVector(cloud(view.depth, view.intrinsics))
         )
+        if points.is_empty():
+            return DescribedPoints(np.empty((0, 3)), np.empty((0, 1), np.float32))
         points = points.voxel_down_sample(self._voxel)
         search = o3d.geometry.KDTreeSearchParamHybrid
         points.estimate_normals(search(_NORMAL_RADIUS_VOXELS * self._voxel, _NORMAL_NEIGHBOURS))

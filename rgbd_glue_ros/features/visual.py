@@ -21,6 +21,9 @@ from rgbd_glue_ros.types import (
     View,
 )
 
+# Of an image smaller than this OpenCV cannot make the pyramids of ORB and BRISK.
+_SMALLEST_IMAGE_PX = 16
+
 
 @dataclass(frozen=True)
 class VisualMatches:
@@ -94,9 +97,12 @@ class OpenCvFeature:
 
     def extract(self, view: View) -> DescribedKeypoints:
         """Detects and describes the strongest keypoints."""
+        nothing = DescribedKeypoints(np.empty((0, 2), np.float32), np.empty((0, 1), np.float32))
+        if min(view.grey.shape) < _SMALLEST_IMAGE_PX:
+            return nothing
         keypoints, descriptors = self._detector.detectAndCompute(view.grey, None)
         if descriptors is None:
-            return DescribedKeypoints(np.empty((0, 2), np.float32), np.empty((0, 1), np.float32))
+            return nothing
         uv = np.asarray(cv2.KeyPoint.convert(keypoints), np.float32)
         response = np.array([k.response for k in keypoints])
         strongest = np.argsort(-response, kind="stable")[: self._config.keypoints]
