@@ -69,7 +69,8 @@ def randomised_procrustes(
         if np.count_nonzero(matches.weights[rows]) < 3:
             continue
         T = procrustes(matches.source[rows], matches.target[rows], matches.weights[rows])
-        residual = float(matches.weights @ distances(T, matches) ** 2)
+        # squared, it would favour the subset whose fit is nearest to that of all, outliers included
+        residual = float(matches.weights @ distances(T, matches))
         if residual < least:
             best, least = T, residual
     return best
