@@ -41,17 +41,27 @@ def test_more_descriptors_than_are_held_at_once_are_matched_as_by_opencv() -> No
     )
 
 
-@given(SEEDS, st.integers(1, 40), st.integers(2, 40))
+@given(SEEDS, st.integers(1, 40), st.integers(2, 40), st.sampled_from([1, 8, 32, 61, 64]))
 def test_neighbours_of_binary_descriptors_differ_in_the_fewest_bits(
-    seed: int, queries: int, references: int
+    seed: int, queries: int, references: int, size: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    query = rng.integers(0, 256, (queries, 32), np.uint8)
-    reference = rng.integers(0, 256, (references, 32), np.uint8)
+    query = rng.integers(0, 256, (queries, size), np.uint8)
+    reference = rng.integers(0, 256, (references, size), np.uint8)
     index, distances = nearest_two(query, reference)
     bits = np.unpackbits(query[:, None] ^ reference[None], axis=2).sum(axis=2)
     np.testing.assert_array_equal(distances, np.sort(bits, axis=1)[:, :2])
     np.testing.assert_array_equal(bits[np.arange(queries), index], distances[:, 0])
+
+
+def test_binary_descriptors_have_the_distances_that_opencv_finds() -> None:
+    rng = np.random.default_rng(0)
+    query = rng.integers(0, 256, (700, 32), np.uint8)
+    reference = rng.integers(0, 256, (900, 32), np.uint8)
+    _, distances = nearest_two(query, reference)
+    pairs = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(query, reference, k=2)
+    expected = [[first.distance, second.distance] for first, second in pairs]
+    np.testing.assert_array_equal(distances, expected)
 
 
 def test_small_distances_between_long_descriptors_do_not_drown_in_rounding() -> None:
