@@ -28,7 +28,8 @@ def depth_sigma(z: float) -> float:
 def grey(color: UInt8) -> UInt8:
     """The luminance, uint8 [H, W], of an image [H, W] or [H, W, 3] RGB."""
     if color.ndim == 2:
-        return np.ascontiguousarray(color)
+        # a copy, as compiled code is compiled anew for arrays that cannot be written
+        return np.array(color, np.uint8, order="C")
     return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
