@@ -245,9 +245,28 @@ class RefineConfig:
         minimum=0.01,
     )
     correlation: float = _parameter(
-        300.0,
+        1000.0,
         "Neighbouring residuals err alike: as many of them as this count as one in the covariance.",
         minimum=1.0,
+    )
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """How the camera may move between frames."""
+
+    acceleration: float = _parameter(
+        3.0,
+        "Standard deviation of the camera's acceleration. Great values take every pose as the "
+        "images give it.",
+        unit="m/s²",
+        minimum=0.01,
+    )
+    angular_acceleration: float = _parameter(
+        6.0,
+        "Standard deviation of the camera's angular acceleration.",
+        unit="rad/s²",
+        minimum=0.01,
     )
 
 
@@ -308,7 +327,7 @@ class OdometryConfig:
     )
     timing_error: float = _parameter(
         0.02,
-        "What rolling shutter, exposure and stamps leave unknown about the time of an image; the "
+        "What shutter, exposure and stamps leave unknown about the time of an image; the "
         "covariance grows by the way travelled in it.",
         unit="s",
         minimum=0.0,
@@ -346,6 +365,7 @@ class Config:
     ransac: RansacConfig = field(default_factory=RansacConfig)
     fit: FitConfig = field(default_factory=FitConfig)
     refine: RefineConfig = field(default_factory=RefineConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
 
 

@@ -14,6 +14,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.glue import FrameFeatures, Glue
 from rgbd_glue_ros.keyframes import Keyframe, Keyframes
+from rgbd_glue_ros.motion import Motion
 from rgbd_glue_ros.refinement import Model, Refinement, judge, model_of, refine, union
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -25,10 +26,6 @@ from rgbd_glue_ros.types import (
     View,
 )
 
-# A velocity is worth something for this long; after it the camera is expected where it was.
-_MEMORY_S = 0.25
-# How much of a new velocity is believed: single poses jitter, a camera hardly does.
-_VELOCITY_GAIN = 0.7
 # Depth is moved to the time of colour when the motion between them is more than this.
 _NEGLIGIBLE_PX = 0.3
 # A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
@@ -52,21 +49,6 @@ class _Fix:
     refinement: Refinement
 
 
-@dataclass(frozen=True)
-class _Motion:
-    """The last pose, its covariance relative to its keyframe, and the velocity there."""
-
-    stamp_ns: int
-    T_odom_camera: Float64
-    covariance: Float64
-    velocity: Float64
-
-    def predict(self, stamp_ns: int) -> Float64:
-        """T_odom_camera at a later stamp, at constant velocity."""
-        seconds = min((stamp_ns - self.stamp_ns) / NANOSECONDS, _MEMORY_S)
-        return self.T_odom_camera @ se3.exp(self.velocity * seconds)
-
-
 class Odometry:
     """Turns RGB-D frames into poses T_odom_camera.
 
@@ -83,7 +65,7 @@ class Odometry:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
         self.state = TrackingState.INITIALIZING
         self._keyframes = Keyframes(self._config.odometry.keyframes)
-        self._motion: _Motion | None = None
+        self._motion: Motion | None = None
         self._missed = 0
 
     def process(self, frame: RgbdFrame) -> OdometryEstimate:
@@ -106,11 +88,11 @@ class Odometry:
         stages = {"preparation": (prepared - start) * 1e3, **features.stages_ms}
         if self._motion is None:
             return self._begin(frame.stamp_ns, features, stages)
-        predicted = self._motion.predict(frame.stamp_ns)
-        fix = self._track(features, predicted) or self._recover(features)
+        predicted = self._motion.predicted(frame.stamp_ns, self._config.motion)
+        fix = self._track(features, predicted.T_odom_camera) or self._recover(features)
         if fix is None:
             return self._miss(self._motion, frame.stamp_ns, features, stages)
-        return self._accept(self._motion, frame.stamp_ns, features, fix, stages)
+        return self._accept(predicted, features, fix, stages)
 
     def _view(self, frame: RgbdFrame) -> View:
         """The frame without distortion, its depth in range and at the time of the colour image."""
@@ -209,7 +191,7 @@ class Odometry:
         if len(model.planes.points) < self._config.odometry.min_planes:
             return OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
         keyframe = self._keyframes.add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
-        self._motion = _Motion(stamp_ns, np.eye(4), np.zeros((6, 6)), np.zeros(6))
+        self._motion = Motion.start(stamp_ns, np.eye(4))
         self.state = TrackingState.TRACKING
         return OdometryEstimate(
             stamp_ns,
@@ -222,7 +204,7 @@ class Odometry:
         )
 
     def _miss(
-        self, motion: _Motion, stamp_ns: int, features: FrameFeatures, stages: dict[str, float]
+        self, motion: Motion, stamp_ns: int, features: FrameFeatures, stages: dict[str, float]
     ) -> OdometryEstimate:
         """No pose for this frame; after enough of them, a new start at the last one."""
         self.state = TrackingState.LOST
@@ -240,7 +222,7 @@ class Odometry:
         covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
         self._keyframes.forget()
         keyframe = self._keyframes.add(stamp_ns, motion.T_odom_camera, covariance, features, model)
-        self._motion = _Motion(stamp_ns, motion.T_odom_camera, np.zeros((6, 6)), np.zeros(6))
+        self._motion = Motion.start(stamp_ns, motion.T_odom_camera)
         self.state = TrackingState.TRACKING
         self._missed = 0
         return OdometryEstimate(
@@ -255,57 +237,54 @@ class Odometry:
 
     def _accept(
         self,
-        before: _Motion,
-        stamp_ns: int,
+        predicted: Motion,
         features: FrameFeatures,
         fix: _Fix,
         stages: dict[str, float],
     ) -> OdometryEstimate:
-        """Takes the pose over, reads the velocity from it, makes a keyframe where it is time."""
-        T = fix.T_odom_camera
-        seconds = (stamp_ns - before.stamp_ns) / NANOSECONDS
-        measured = se3.log(se3.inverse(before.T_odom_camera) @ T) / seconds
-        velocity = before.velocity + _VELOCITY_GAIN * (measured - before.velocity)
-        to_body = se3.adjoint(se3.inverse(T))
-        twist_covariance = to_body @ (before.covariance + fix.covariance) @ to_body.T / seconds**2
-        self._motion = _Motion(stamp_ns, T, fix.covariance, velocity)
+        """Corrects the motion by the pose, and makes a keyframe where it is time."""
+        to_body = se3.adjoint(se3.inverse(fix.T_odom_camera))
+        motion = predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
+        self._motion = motion
         self._missed = 0
         self.state = TrackingState.TRACKING
-        covariance = fix.reference.covariance + fix.covariance + self._systematic(fix, velocity)
+        T = motion.T_odom_camera
+        covariance = fix.reference.covariance + self._relative_covariance(motion, fix.reference)
         start = perf_counter()
         model = self._keyframe_model(features, fix)
         if model is not None:
-            self._keyframes.add(stamp_ns, T, covariance, features, model)
+            self._keyframes.add(motion.stamp_ns, T, covariance, features, model)
         stages = {
             **stages,
             **fix.registration.stages_ms,
             "keyframe": (perf_counter() - start) * 1e3,
         }
         return OdometryEstimate(
-            stamp_ns,
+            motion.stamp_ns,
             self.state,
             T,
             se3.pose_covariance(T, covariance),
-            velocity,
-            twist_covariance,
+            motion.velocity,
+            motion.covariance[6:, 6:],
             model is not None,
             fix.reference.number,
             fix.registration,
             stages,
         )
 
-    def _systematic(self, fix: _Fix, velocity: Float64) -> Float64:
-        """Covariance [6, 6] of what no residual shows: errors of time and of scale.
+    def _relative_covariance(self, motion: Motion, reference: Keyframe) -> Float64:
+        """Covariance [6, 6] of a pose relative to its keyframe, perturbation on the left.
 
-        Perturbation on the left, odom frame.
+        That of the motion, and what no residual shows: errors of time and of scale.
         """
         odometry = self._config.odometry
-        T = fix.T_odom_camera
-        distance = float(np.linalg.norm(T[:3, 3] - fix.reference.T_odom_camera[:3, 3]))
-        late = odometry.timing_error * np.linalg.norm(velocity.reshape(2, 3), axis=1)
+        T = motion.T_odom_camera
+        distance = float(np.linalg.norm(T[:3, 3] - reference.T_odom_camera[:3, 3]))
+        late = odometry.timing_error * np.linalg.norm(motion.velocity.reshape(2, 3), axis=1)
         translation = late[0] ** 2 + (odometry.scale_error * distance) ** 2
+        unseen = np.diag([translation] * 3 + [late[1] ** 2] * 3)
         adjoint = se3.adjoint(T)
-        covariance: Float64 = adjoint @ np.diag([translation] * 3 + [late[1] ** 2] * 3) @ adjoint.T
+        covariance: Float64 = adjoint @ (motion.covariance[:6, :6] + unseen) @ adjoint.T
         return covariance
 
     def _keyframe_model(self, features: FrameFeatures, fix: _Fix) -> Model | None:

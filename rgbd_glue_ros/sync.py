@@ -134,9 +134,9 @@ class Synchronizer(Generic[Item]):
     """Pairs colour with depth one to one and adds the camera info.
 
     A colour and a depth image are paired when their stamps are at most ``max_interval_ns`` apart
-    and neither has a clearly nearer partner. Equal stamps pair at once. So do others, where unequal stamps
-    are the rule and these are within half the channel's period, since nothing nearer is to be
-    expected; else they pair when the next image has shown that it is no nearer.
+    and neither has a clearly nearer partner. Equal stamps pair at once. So do others, where unequal
+    stamps are the rule and these are within half the channel's period, since nothing nearer is to
+    be expected; else they pair when the next image has shown that it is no nearer.
 
     The camera info is the one with the colour image's stamp, or else the nearest. As long as
     newer ones may come, a pair waits for it; when ``queue_size`` pairs have waited in vain, infos

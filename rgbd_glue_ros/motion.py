@@ -1,0 +1,88 @@
+"""How a camera moves between frames: a Kalman filter of pose and velocity.
+
+Poses of single frames jitter, above all along directions that the images hardly fix; a camera has
+mass and does not. The filter follows the images where they are precise and the motion where not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from rgbd_glue_ros import se3
+from rgbd_glue_ros.config import MotionConfig
+from rgbd_glue_ros.types import NANOSECONDS, Float64
+
+# A velocity is worth something for this long; after it the camera is expected where it was.
+_MEMORY_S = 0.25
+# Before anything is known: a camera on a robot or in a hand, m/s and rad/s.
+_START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
+_SURPRISE = float(chi2.ppf(0.999, 6))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Pose and velocity at a time.
+
+    Attributes:
+        stamp_ns: of the last frame that had a pose.
+        T_odom_camera: float64 [4, 4].
+        velocity: float64 [6], linear and angular, in the camera's frame (m/s, rad/s).
+        covariance: float64 [12, 12] of pose and velocity; perturbations on the right of the pose,
+            in the camera's frame.
+    """
+
+    stamp_ns: int
+    T_odom_camera: Float64
+    velocity: Float64
+    covariance: Float64
+
+    @staticmethod
+    def start(stamp_ns: int, T_odom_camera: Float64) -> Motion:
+        """A pose that is known, and a velocity that is not."""
+        covariance = np.diag(np.concatenate([np.zeros(6), _START_SPEED**2]))
+        return Motion(stamp_ns, T_odom_camera, np.zeros(6), covariance)
+
+    def predicted(self, stamp_ns: int, config: MotionConfig) -> Motion:
+        """The motion at a later stamp, at constant velocity but for random accelerations."""
+        elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
+        moving = min(elapsed, _MEMORY_S)
+        step = se3.exp(self.velocity * moving)
+        F = np.eye(12)
+        F[:6, :6] = se3.adjoint(se3.inverse(step))
+        F[:6, 6:] = moving * np.eye(6)
+        # the velocity changes at the start of the step: a change spread over it would have to be
+        # twice as great, and a filter that believes its measurements would swing
+        G = np.concatenate([np.eye(6) * elapsed**2, np.eye(6) * elapsed])
+        acceleration = np.diag([config.acceleration**2] * 3 + [config.angular_acceleration**2] * 3)
+        covariance = F @ self.covariance @ F.T + G @ acceleration @ G.T
+        # what the camera does after the memory has faded, nobody knows
+        velocity = self.velocity * (moving / elapsed)
+        return Motion(stamp_ns, self.T_odom_camera @ step, velocity, covariance)
+
+    def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
+        """The motion after a measured pose.
+
+        A measurement that the prediction finds all but impossible is believed: the camera was
+        pushed, or found again, and the prediction was too sure of itself.
+
+        Args:
+            T_measured: T_odom_camera, float64 [4, 4].
+            covariance: float64 [6, 6] of it, perturbation on the right.
+        """
+        innovation = se3.log(se3.inverse(self.T_odom_camera) @ T_measured)
+        surprise = float(
+            innovation @ np.linalg.solve(self.covariance[:6, :6] + covariance, innovation)
+        )
+        P = self.covariance * max(1.0, (surprise / _SURPRISE) ** 2)
+        gain = P[:, :6] @ np.linalg.inv(P[:6, :6] + covariance)
+        change = gain @ innovation
+        remaining = P - gain @ P[:6]
+        return replace(
+            self,
+            T_odom_camera=self.T_odom_camera @ se3.exp(change[:6]),
+            velocity=self.velocity + change[6:],
+            covariance=(remaining + remaining.T) / 2,
+        )
