@@ -281,10 +281,10 @@ class OdometryConfig:
         3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
     )
     keyframe_translation: float = _parameter(
-        0.25, "A frame this far from its keyframe becomes one.", unit="m", minimum=0.0
+        0.25, "A frame this far from its keyframe becomes one.", unit="m", minimum=0.001
     )
     keyframe_rotation: float = _parameter(
-        0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.0
+        0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.001
     )
     prior_radius: float = _parameter(
         0.1,

@@ -21,6 +21,7 @@ from rgbd_glue_ros.types import (
     Float64,
     OdometryEstimate,
     RegistrationResult,
+    RegistrationStatus,
     RgbdFrame,
     TrackingState,
     View,
@@ -89,10 +90,16 @@ class Odometry:
         if self._motion is None:
             return self._begin(frame.stamp_ns, features, stages)
         predicted = self._motion.predicted(frame.stamp_ns, self._config.motion)
-        fix = self._track(features, predicted.T_odom_camera) or self._recover(features)
-        if fix is None:
-            return self._miss(self._motion, frame.stamp_ns, features, stages)
-        return self._accept(predicted, features, fix, stages)
+        tracked = self._track(features, predicted.T_odom_camera)
+        if isinstance(tracked, _Fix):
+            return self._accept(predicted, features, tracked, stages)
+        recovered = self._recover(features)
+        if recovered is not None:
+            return self._accept(predicted, features, recovered, stages)
+        missed = OdometryEstimate(
+            frame.stamp_ns, TrackingState.LOST, registration=tracked, stages_ms=stages
+        )
+        return self._miss(self._motion, features, missed)
 
     def _view(self, frame: RgbdFrame) -> View:
         """The frame without distortion, its depth in range and at the time of the colour image."""
@@ -106,8 +113,12 @@ class Odometry:
                 depth = moved_depth(depth, se3.exp(motion), K)
         return View(grey(frame.color), depth, frame.intrinsics)
 
-    def _track(self, features: FrameFeatures, predicted: Float64) -> _Fix | None:
-        """Registers against the nearest keyframe and refines against the nearest few."""
+    def _track(self, features: FrameFeatures, predicted: Float64) -> _Fix | RegistrationResult:
+        """Registers against the nearest keyframe and refines against the nearest few.
+
+        Returns:
+            A pose, or the registration that says why there is none.
+        """
         odometry = self._config.odometry
         references = self._keyframes.nearest(predicted)[: odometry.references]
         reference = references[0]
@@ -123,8 +134,10 @@ class Odometry:
             starts.append(reference.T_odom_camera @ result.T_target_source)
         best = self._best_refinement(starts, model, features.view)
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
-        if best is None or not self._believable(best):
-            return None
+        if best is None:
+            return result
+        if not self._believable(best):
+            return result.refused(RegistrationStatus.INCONSISTENT)
         return self._fix(reference, result, best)
 
     def _best_refinement(
@@ -204,18 +217,18 @@ class Odometry:
         )
 
     def _miss(
-        self, motion: Motion, stamp_ns: int, features: FrameFeatures, stages: dict[str, float]
+        self, motion: Motion, features: FrameFeatures, missed: OdometryEstimate
     ) -> OdometryEstimate:
         """No pose for this frame; after enough of them, a new start at the last one."""
-        self.state = TrackingState.LOST
+        self.state = missed.state
         self._missed += 1
-        nothing = OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
         countdown = self._config.odometry.reset_countdown
         if countdown == 0 or self._missed < countdown:
-            return nothing
+            return missed
         model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < self._config.odometry.min_planes:
-            return nothing
+            return missed
+        stamp_ns = missed.stamp_ns
         seconds = (stamp_ns - motion.stamp_ns) / NANOSECONDS
         last = self._keyframes.nearest(motion.T_odom_camera)[0]
         adjoint = se3.adjoint(motion.T_odom_camera)
@@ -232,7 +245,7 @@ class Odometry:
             se3.pose_covariance(keyframe.T_odom_camera, covariance),
             is_keyframe=True,
             keyframe_id=keyframe.number,
-            stages_ms=stages,
+            stages_ms=missed.stages_ms,
         )
 
     def _accept(

@@ -139,7 +139,6 @@ class RegistrationStatus(Enum):
 
     OK = "ok"
     TOO_FEW_CORRESPONDENCES = "too few correspondences"
-    NO_CONSENSUS = "no transform agrees with enough correspondences"
     DEGENERATE = "the correspondences do not fix all six degrees of freedom"
     INCONSISTENT = "the transform disagrees with the depth images or the motion"
 
@@ -205,15 +204,17 @@ class OdometryEstimate:
         stamp_ns: stamp of the frame.
         state: tracking state after the frame.
         T_odom_camera: float64 [4, 4]; None when LOST or INITIALIZING: no pose is made up.
-        covariance: float64 [6, 6] of the pose in the odom frame (x y z rx ry rz; m, rad); None
-            when there is no pose.
+        covariance: float64 [6, 6] as in nav_msgs/Odometry: of the position, and of the rotation
+            about the odom frame's axes through it (x y z rx ry rz; m, rad); None when there is no
+            pose.
         twist: float64 [6], linear then angular velocity in the camera's optical frame
             (m/s, rad/s); None when there is no pose, or no earlier one to differ from.
         twist_covariance: float64 [6, 6] of ``twist``; None when that is.
         is_keyframe: whether the frame became a keyframe.
         keyframe_id: number of the keyframe that the frame was registered against (its own
             number if it became the first); -1 when there is none.
-        registration: against that keyframe; None for the first frame.
+        registration: against that keyframe, or the one that failed when LOST; None for a frame
+            that starts anew.
         stages_ms: wall time of each stage, milliseconds, registration included.
     """
 
