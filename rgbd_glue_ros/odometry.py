@@ -67,6 +67,7 @@ class Odometry:
         self.state = TrackingState.INITIALIZING
         self._keyframes = Keyframes(self._config.odometry.keyframes)
         self._motion: Motion | None = None
+        self._last_stamp_ns: int | None = None
         self._missed = 0
 
     def process(self, frame: RgbdFrame) -> OdometryEstimate:
@@ -77,12 +78,13 @@ class Odometry:
                 that shows nothing gives an estimate without a pose.
         """
         start = perf_counter()
-        if self._motion is not None and frame.stamp_ns <= self._motion.stamp_ns:
+        if self._last_stamp_ns is not None and frame.stamp_ns <= self._last_stamp_ns:
             raise InputError(
                 f"frame at {frame.stamp_ns} ns",
-                f"not later than the frame before, at {self._motion.stamp_ns} ns",
+                f"not later than the frame before, at {self._last_stamp_ns} ns",
                 "leave it out, or call reset() when time starts again",
             )
+        self._last_stamp_ns = frame.stamp_ns
         view = self._view(frame)
         prepared = perf_counter()
         features = self._glue.extract(view)
