@@ -1,0 +1,44 @@
+"""The frames of the bundled recording, a quarter as large, and where they were taken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import cv2
+import make_bag
+import numpy as np
+
+from rgbd_glue_ros.sequences import open_sequence
+from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, UInt8
+
+
+@lru_cache(maxsize=1)
+def recorded_frames() -> tuple[RgbdFrame, ...]:
+    """3.5 s of hand-held motion at 30 Hz, back to where it began."""
+    with open_sequence(make_bag.FOLDER) as sequence:
+        return tuple(_halved(frame) for frame in sequence)
+
+
+def true_poses() -> Float64:
+    """Of the recorded frames, relative to the first, float64 [N, 4, 4]."""
+    poses = np.array([make_bag.true_pose(i) for i in range(make_bag.FRAME_COUNT)])
+    relative: Float64 = np.linalg.inv(poses[0]) @ poses
+    return relative
+
+
+def _halved(frame: RgbdFrame) -> RgbdFrame:
+    """Pixel i of the smaller images is centred on pixel 2 i."""
+    K = frame.intrinsics
+    color: UInt8 = np.asarray(cv2.pyrDown(frame.color), np.uint8)
+    depth: Float32 = np.ascontiguousarray(frame.depth[::2, ::2])
+    camera = replace(
+        K,
+        width=K.width // 2,
+        height=K.height // 2,
+        fx=K.fx / 2,
+        fy=K.fy / 2,
+        cx=K.cx / 2,
+        cy=K.cy / 2,
+    )
+    return replace(frame, color=color, depth=depth, intrinsics=camera)
