@@ -79,10 +79,12 @@ class Motion:
         P = self.covariance * max(1.0, (surprise / _SURPRISE) ** 2)
         gain = P[:, :6] @ np.linalg.inv(P[:6, :6] + covariance)
         change = gain @ innovation
-        remaining = P - gain @ P[:6]
+        # Joseph's form: the difference P - gain P has no digit left after a minute without a pose
+        kept = np.eye(12)
+        kept[:, :6] -= gain
         return replace(
             self,
             T_odom_camera=self.T_odom_camera @ se3.exp(change[:6]),
             velocity=self.velocity + change[6:],
-            covariance=(remaining + remaining.T) / 2,
+            covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
         )
