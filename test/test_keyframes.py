@@ -1,0 +1,81 @@
+"""Keyframes: the last few, numbered for good, the nearest first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from geometry_rig import random_transform, transforms
+from hypothesis import given
+from hypothesis import strategies as st
+from room_rig import CAMERA
+
+from rgbd_glue_ros import se3
+from rgbd_glue_ros.glue import FrameFeatures
+from rgbd_glue_ros.keyframes import Keyframe, Keyframes
+from rgbd_glue_ros.refinement import LEVELS, Model, Pixels, Planes
+from rgbd_glue_ros.types import Float64, View
+
+VIEW = View(np.zeros((2, 2), np.uint8), np.ones((2, 2), np.float32), CAMERA)
+FEATURES = FrameFeatures(VIEW, None, None, {})
+POINTS = np.array([[0.0, 0, 2], [1, 0, 3]])
+NORMALS = np.array([[0.0, 0, -1], [-0.6, 0, -0.8]])
+MODEL = Model(Planes(POINTS, NORMALS), (Pixels(POINTS, np.array([10.0, 20.0])),) * LEVELS)
+
+
+def add(keyframes: Keyframes, T: Float64, stamp_ns: int = 0) -> Keyframe:
+    return keyframes.add(stamp_ns, T, np.eye(6), FEATURES, MODEL)
+
+
+def moved(metres: float, radians: float = 0.0) -> Float64:
+    return se3.exp(np.array([metres, 0, 0, 0, radians, 0]))
+
+
+@given(st.integers(1, 5), st.integers(0, 12))
+def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int, n: int) -> None:
+    keyframes = Keyframes(capacity)
+    for i in range(n):
+        assert add(keyframes, np.eye(4), stamp_ns=i).number == i
+    assert len(keyframes) == min(n, capacity)
+    assert [k.stamp_ns for k in keyframes] == list(range(n))[-capacity:]
+
+
+def test_numbers_go_on_after_all_are_forgotten() -> None:
+    keyframes = Keyframes(3)
+    for _ in range(2):
+        add(keyframes, np.eye(4))
+    keyframes.forget()
+    assert len(keyframes) == 0
+    assert keyframes.nearest(np.eye(4)) == []
+    assert add(keyframes, np.eye(4)).number == 2
+
+
+@given(transforms())
+def test_a_keyframe_has_its_model_in_the_odom_frame(T: Float64) -> None:
+    model = add(Keyframes(1), T).model
+    np.testing.assert_allclose(
+        se3.transform(se3.inverse(T), model.planes.points), POINTS, atol=1e-9
+    )
+    np.testing.assert_allclose(model.planes.normals @ T[:3, :3], NORMALS, atol=1e-9)
+    for pixels in model.pixels:
+        np.testing.assert_allclose(pixels.points, model.planes.points)
+        np.testing.assert_array_equal(pixels.brightness, [10, 20])
+
+
+@pytest.mark.parametrize(
+    ("poses", "order"),
+    [
+        ([moved(0.5), moved(0.1), moved(-0.3)], [1, 2, 0]),
+        # turned by half a radian is as different as half a metre aside
+        ([moved(0.0, 0.5), moved(0.4), moved(0.6)], [1, 0, 2]),
+        ([moved(1.0), moved(1.0)], [0, 1]),
+    ],
+    ids=["aside", "turned", "equal"],
+)
+def test_those_come_first_that_saw_the_room_from_most_nearly_the_same_pose(
+    poses: list[Float64], order: list[int]
+) -> None:
+    T = random_transform(np.random.default_rng(0))
+    keyframes = Keyframes(5)
+    for pose in poses:
+        add(keyframes, T @ pose)
+    assert [k.number for k in keyframes.nearest(T)] == order
