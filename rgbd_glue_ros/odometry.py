@@ -15,7 +15,7 @@ from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.glue import FrameFeatures, Glue
 from rgbd_glue_ros.keyframes import Keyframe, Keyframes
 from rgbd_glue_ros.motion import Motion
-from rgbd_glue_ros.refinement import Model, Refinement, judge, model_of, refine, union
+from rgbd_glue_ros.refinement import Model, Refinement, blend, judge, model_of, refine
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
@@ -130,7 +130,7 @@ class Odometry:
             prior = Rough(T_reference_predicted, odometry.prior_radius)
         result = self._glue.register(features, reference.features, prior)
         start = perf_counter()
-        model = union([k.model for k in references])
+        model = blend([k.model for k in references])
         starts = [] if prior is None else [predicted]
         if result.T_target_source is not None:
             starts.append(reference.T_odom_camera @ result.T_target_source)

@@ -13,7 +13,7 @@ from room_rig import CAMERA, room_view, true_depth, true_pose
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.camera import project
 from rgbd_glue_ros.config import RefineConfig
-from rgbd_glue_ros.refinement import LEVELS, Model, Refinement, judge, model_of, refine, union
+from rgbd_glue_ros.refinement import LEVELS, Model, Refinement, blend, judge, model_of, refine
 from rgbd_glue_ros.types import Float64, UInt8, View
 
 STEP = 8
@@ -184,24 +184,27 @@ def test_in_another_frame_the_model_gives_the_same_pose_there() -> None:
     np.testing.assert_allclose(there.T_model_source, T_odom_model @ here.T_model_source, atol=1e-4)
 
 
-def test_a_union_of_models_has_the_planes_and_pixels_of_all() -> None:
+def test_a_blend_of_models_has_every_other_plane_and_pixel_of_both() -> None:
     one, two = the_model(), model_of(the_source(), STEP)
-    both = union([one, two])
-    assert len(both.planes.points) == len(one.planes.points) + len(two.planes.points)
+    both = blend([one, two])
+    np.testing.assert_array_equal(
+        both.planes.points, np.concatenate([one.planes.points[::2], two.planes.points[::2]])
+    )
     for level in range(LEVELS):
         np.testing.assert_array_equal(
             both.pixels[level].brightness,
-            np.concatenate([one.pixels[level].brightness, two.pixels[level].brightness]),
+            np.concatenate([one.pixels[level].brightness[::2], two.pixels[level].brightness[::2]]),
         )
 
 
-def test_two_models_together_judge_a_pose_by_all_they_have() -> None:
+def test_a_blend_judges_a_pose_as_its_models_do() -> None:
     T = true_transform()
     one, two = the_model(), model_of(the_source(), STEP).moved(T)
     alone = [judge(T, model, the_source(), CONFIG) for model in (one, two)]
-    both = judge(T, union([one, two]), the_source(), CONFIG)
-    assert both.planes_seen == sum(found.planes_seen for found in alone)
-    assert both.pixels_seen == sum(found.pixels_seen for found in alone)
+    both = judge(T, blend([one, two]), the_source(), CONFIG)
+    agreements = [found.plane_agreement for found in alone]
+    assert min(agreements) - 0.02 < both.plane_agreement < max(agreements) + 0.02
+    assert both.planes_seen < sum(found.planes_seen for found in alone) / 2 + 50
 
 
 def test_depth_noise_of_the_sensor_leaves_millimetres() -> None:
