@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,9 @@ from hypothesis import strategies as st
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import Config, load_preset, with_values
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation import evaluate
 from rgbd_glue_ros.odometry import Odometry
+from rgbd_glue_ros.sequences import open_sequence
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -27,6 +30,7 @@ from rgbd_glue_ros.types import (
     OdometryEstimate,
     RgbdFrame,
     TrackingState,
+    Trajectory,
 )
 
 PERIOD_NS = NANOSECONDS // 30
@@ -246,6 +250,28 @@ def test_depth_that_is_said_to_be_late_is_moved_to_the_time_of_its_colour() -> N
     truth = true_poses()[:45]
     told, untold = (np.mean(errors(track(f), truth)[0]) for f in (said, late))
     assert told < untold
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "icl_nuim_office_kt0",
+        "rgbd_dataset_freiburg1_desk",
+        "rgbd_dataset_freiburg3_structure_notexture_far",
+    ],
+)
+def test_the_first_second_of_a_real_sequence_is_tracked(name: str, shared_data: Path) -> None:
+    folder = shared_data / name
+    if not folder.is_dir():
+        pytest.skip(f"{name} is not there")
+    with open_sequence(folder) as sequence:
+        estimates = track(islice(sequence, 30))
+        truth = sequence.ground_truth
+    assert truth is not None
+    poses = [e.T_odom_camera for e in estimates if e.T_odom_camera is not None]
+    assert len(poses) == 30
+    stamps = np.array([estimate.stamp_ns for estimate in estimates])
+    assert evaluate(Trajectory(stamps, np.array(poses)), truth).ape.rmse_m < 0.02
 
 
 # keyframes
