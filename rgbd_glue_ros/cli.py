@@ -129,13 +129,15 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+_RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag) or the folder of a data set"
+
+
 def _add_recording(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "recording",
-        metavar="SRC",
-        type=Path,
-        help="a bag (rosbag2 folder, .mcap, .db3, .bag) or the folder of a data set",
-    )
+    parser.add_argument("recording", metavar="SRC", type=Path, help=_RECORDING)
+    _add_topics(parser)
+
+
+def _add_topics(parser: argparse.ArgumentParser) -> None:
     for kind, what in (
         ("color", "colour images"),
         ("depth", "depth images"),
@@ -155,17 +157,19 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _open(args: argparse.Namespace) -> Recording:
+def _open(args: argparse.Namespace, path: Path) -> Recording:
     from rgbd_glue_ros.sequences import Topics, load_calibration, open_sequence
 
     topics = Topics(args.color_topic, args.depth_topic, args.info_topic, args.truth_topic)
     calibration = load_calibration(args.calibration) if args.calibration else None
-    return open_sequence(args.recording, topics, calibration)
+    return open_sequence(path, topics, calibration)
 
 
-def _add_config(parser: argparse.ArgumentParser) -> None:
+def _add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
     parser.add_argument(
-        "--preset", default="live", help="preset to start from: live (default) or paper"
+        "--preset",
+        default=preset,
+        help="preset to start from: live or paper (default: %(default)s)",
     )
     parser.add_argument(
         "--set",
@@ -257,7 +261,7 @@ def _replay(args: argparse.Namespace) -> str:
 
     config = _config(args)
     truth = read_tum(args.ground_truth) if args.ground_truth else None
-    with _open(args) as recording:
+    with _open(args, args.recording) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
         # None: no bar where nobody watches
         with tqdm(total=total, unit=" frames", disable=None, dynamic_ncols=True) as bar:
@@ -354,9 +358,70 @@ def _add_convert(parser: argparse.ArgumentParser) -> None:
 def _convert(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.convert import convert
 
-    with _open(args) as recording:
+    with _open(args, args.recording) as recording:
         convert(recording, args.target, args.compressed)
     return f"written: {args.target}\n"
+
+
+def _add_pairs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "recordings", metavar="SRC", type=Path, nargs="+", help=f"{_RECORDING}, with true poses"
+    )
+    _add_topics(parser)
+    _add_config(parser, preset="paper")
+    parser.add_argument(
+        "--gap",
+        metavar="N",
+        type=_positive,
+        action="append",
+        help="frames between the two of a pair (default: 20); may be repeated",
+    )
+    parser.add_argument(
+        "--every",
+        metavar="N",
+        type=_positive,
+        help="start a pair at every N-th frame (default: the gap)",
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, required=True, help="where the results go"
+    )
+
+
+def _pairs(args: argparse.Namespace) -> str:
+    from functools import partial
+
+    from tqdm import tqdm
+
+    from rgbd_glue_ros.pairs import TABLES, Experiment, run_pairs
+
+    experiment = Experiment(_config(args), sorted({*(args.gap or [20])}), args.every)
+    with tqdm(total=0, unit=" pairs", disable=None, dynamic_ncols=True) as bar:
+
+        def expect(recording: Recording) -> None:
+            bar.total += experiment.pair_count(recording.frame_count)
+            bar.set_description(recording.name)
+
+        try:
+            figures = run_pairs(
+                args.recordings,
+                partial(_open, args),
+                experiment,
+                args.output,
+                on_source=expect,
+                on_pair=lambda _: bar.update(),
+            )
+        except KeyboardInterrupt:
+            bar.close()
+            logger.warning("interrupted; what was done is in %s", args.output)
+            raise
+    lines = []
+    for gap, content in figures["gaps"].items():
+        mean = "{rotation_deg[mean]:.2f} deg, {translation_cm[mean]:.2f} cm, {chamfer_mm[mean]:.2f}"
+        lines.append(
+            f"gap {gap:<4} {content['pairs']} pairs, {content['failed']} failed; mean error "
+            f"{mean.format(**content)} mm chamfer; {content['seconds_per_pair']:.2f} s/pair\n"
+        )
+    return f"{''.join(lines)}tables   {args.output / TABLES}\n"
 
 
 def _add_params(parser: argparse.ArgumentParser) -> None:
@@ -381,5 +446,6 @@ COMMANDS = (
         _add_convert,
         _convert,
     ),
+    Command("pairs", "register pairs of frames as in the paper's experiments", _add_pairs, _pairs),
     Command("params", "print all parameters with unit, range and meaning", _add_params, _params),
 )

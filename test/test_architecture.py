@@ -19,7 +19,8 @@ ORDER = """
     errors types config se3
     camera normals matching estimation features refinement glue keyframes motion odometry warm_up
     sync topics worker image_files message_fields messages frames monitor
-    trajectory sequences evaluation charts run report replay convert pairs bench
+    trajectory sequences evaluation registration_errors charts run report replay convert
+    pairs_report pairs bench
     node_process node player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer
 ROS_MODULES = {"node", "player"}

@@ -1,0 +1,102 @@
+"""The figures of registered pairs as tables in the layout of the paper's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from rgbd_glue_ros.registration_errors import THRESHOLDS
+
+_TITLES = {
+    "rotation_deg": "rotation (deg)",
+    "translation_cm": "translation (cm)",
+    "chamfer_mm": "chamfer (mm)",
+}
+
+_ERRORS = """\
+Accuracy: percent of all pairs whose error is at most the threshold. Of a pair without a transform,
+mean and median take the errors of the identity, and it is accurate at no threshold. Chamfer
+distance: of the scene put together by the estimate and by the truth, mean squared distance to the
+nearest point, summed over both directions, in m² times 1000, as UR&R has it."""
+
+_INLIERS = """\
+Mean over all pairs with geometric matches. Inliers: matches that the true transform maps upon each
+other within the distance. Filter recall: percent of all pairs that the filter was applied to."""
+
+_STAGES = """\
+Median of each stage in milliseconds, that of the features for both frames, visual and geometric
+side by side; mean of the whole pair in seconds."""
+
+
+def to_markdown(figures: dict[str, Any]) -> str:
+    """``pairs.md`` from the content of ``pairs.json``."""
+    gaps: dict[str, dict[str, Any]] = figures["gaps"]
+    features = figures["features"]
+    parts = [
+        f"# Pairs: visual {features['visual']}, geometric {features['geometric']}",
+        f"Recordings: {', '.join(figures['sources'])}.",
+        "## Registration",
+        _registration(gaps),
+        _ERRORS,
+        "## Geometric correspondences",
+        _correspondences(gaps),
+        _INLIERS,
+        "## Time",
+        _times(gaps),
+        _STAGES,
+    ]
+    if figures["problems"]:
+        parts += ["## Left out", "\n".join(f"- {problem}" for problem in figures["problems"])]
+    return "\n\n".join(parts) + "\n"
+
+
+def _registration(gaps: dict[str, dict[str, Any]]) -> str:
+    head = ["frames apart", "pairs", "failed"]
+    for name, limits in THRESHOLDS.items():
+        head += [f"{_TITLES[name]} ≤ {limits[0]:g}", *(f"≤ {limit:g}" for limit in limits[1:])]
+        head += ["mean", "med."]
+    rows = []
+    for gap, content in gaps.items():
+        row = [gap, str(content["pairs"]), str(content["failed"])]
+        for name in THRESHOLDS:
+            error = content[name]
+            row += [f"{percent:.1f}" for percent in error["accuracy"].values()]
+            row += [f"{error['mean']:.2f}", f"{error['median']:.2f}"]
+        rows.append(row)
+    return _table(head, rows)
+
+
+def _correspondences(gaps: dict[str, dict[str, Any]]) -> str:
+    rows = []
+    for gap, content in gaps.items():
+        for side in ("before", "after"):
+            ratio, amount = content["inlier_ratio"][side], content["inlier_amount"][side]
+            recall = _number(content["filter_recall"], 1) if side == "after" else "–"
+            figures = [_number(v, 1) for v in ratio.values()]
+            figures += [_number(v, 0) for v in amount.values()]
+            rows.append([gap, side, *figures, recall])
+    limits = next(iter(gaps.values()))["inlier_ratio"]["before"]
+    head = [f"{figure} {limit} cm" for figure in ("ratio (%)", "amount") for limit in limits]
+    return _table(["frames apart", "filter", *head, "filter recall"], rows)
+
+
+def _times(gaps: dict[str, dict[str, Any]]) -> str:
+    stages = list(dict.fromkeys(stage for c in gaps.values() for stage in c["stages_ms"]))
+    rows = [
+        [
+            gap,
+            *(_number(content["stages_ms"].get(stage), 1) for stage in stages),
+            f"{content['seconds_per_pair']:.2f}",
+        ]
+        for gap, content in gaps.items()
+    ]
+    return _table(["frames apart", *(s.replace("_", " ") for s in stages), "pair (s)"], rows)
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _table(head: list[str], rows: Iterable[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
