@@ -277,6 +277,13 @@ class OdometryConfig:
     keyframes: int = _parameter(
         20, "Keyframes kept to register and recover against.", minimum=1, maximum=1000
     )
+    window: int = _parameter(
+        5,
+        "Latest keyframes that tracking chooses from. A step back to an older one would show as a "
+        "jump of the drift since then; those serve recovery alone.",
+        minimum=1,
+        maximum=1000,
+    )
     references: int = _parameter(
         3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
     )
@@ -312,7 +319,7 @@ class OdometryConfig:
         200, "Textured pixels that must be seen for their correlation to count.", minimum=1
     )
     plane_agreement: float = _parameter(
-        0.3,
+        0.5,
         "A pose is believed when at least this part of the planes seen agrees with it; it is "
         "refused, whatever the pixels say, below half of this.",
         minimum=0.0,

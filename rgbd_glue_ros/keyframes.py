@@ -67,9 +67,15 @@ class Keyframes:
         """Drops all keyframes; numbers go on."""
         self._kept.clear()
 
-    def nearest(self, T_odom_camera: Float64) -> list[Keyframe]:
-        """All keyframes, those first that saw the room from most nearly the same pose."""
-        return sorted(self._kept, key=lambda k: _difference(k.T_odom_camera, T_odom_camera))
+    def latest(self, count: int) -> list[Keyframe]:
+        """The last ``count`` keyframes, newest first."""
+        return list(self._kept)[::-1][:count]
+
+    def nearest(self, T_odom_camera: Float64, window: int) -> list[Keyframe]:
+        """The last ``window`` keyframes, those first that saw the room from most nearly there."""
+        return sorted(
+            self.latest(window), key=lambda k: _difference(k.T_odom_camera, T_odom_camera)
+        )
 
 
 def _difference(a: Float64, b: Float64) -> float:

@@ -122,7 +122,7 @@ class Odometry:
             A pose, or the registration that says why there is none.
         """
         odometry = self._config.odometry
-        references = self._keyframes.nearest(predicted)[: odometry.references]
+        references = self._keyframes.nearest(predicted, odometry.window)[: odometry.references]
         reference = references[0]
         prior = None
         if odometry.prior_radius > 0:
@@ -158,8 +158,7 @@ class Odometry:
     def _recover(self, features: FrameFeatures) -> _Fix | None:
         """Looks for the frame near the latest keyframes, without a prior and more sceptically."""
         odometry = self._config.odometry
-        latest = list(self._keyframes)[::-1][: odometry.recovery_attempts]
-        for keyframe in latest:
+        for keyframe in self._keyframes.latest(odometry.recovery_attempts):
             result = self._glue.register(features, keyframe.features)
             if (
                 result.T_target_source is None
@@ -232,7 +231,7 @@ class Odometry:
             return missed
         stamp_ns = missed.stamp_ns
         seconds = (stamp_ns - motion.stamp_ns) / NANOSECONDS
-        last = self._keyframes.nearest(motion.T_odom_camera)[0]
+        (last,) = self._keyframes.latest(1)
         adjoint = se3.adjoint(motion.T_odom_camera)
         covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
         self._keyframes.forget()
@@ -310,7 +309,7 @@ class Odometry:
             float(np.linalg.norm(T[:3, 3])) / odometry.keyframe_translation,
             se3.rotation_angle(T) / odometry.keyframe_rotation,
         )
-        if way < 1 or fix.refinement.plane_agreement < odometry.plane_agreement:
+        if way < 1:
             return None
         model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < odometry.min_planes:
