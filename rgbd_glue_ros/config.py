@@ -180,7 +180,7 @@ class GlueConfig:
     )
     min_visual: int = _parameter(
         6,
-        "The filter is skipped when RANSAC finds fewer visual inliers than this.",
+        "The filter is skipped when equation 4 assumes fewer visual inliers than this.",
         minimum=3,
     )
     min_credible: int = _parameter(
@@ -198,6 +198,9 @@ class RansacConfig:
     """The rough transform from visual correspondences (section 3.2)."""
 
     iterations: int = _parameter(1000, "Samples drawn, at most.", minimum=1, maximum=1000000)
+    min_inliers: int = _parameter(
+        6, "A transform that fewer visual matches than this agree with is not believed.", minimum=3
+    )
 
 
 @dataclass(frozen=True)

@@ -117,11 +117,12 @@ class Glue:
         clock.lap("ransac")
 
         C_vis_in, sigma, rough = Correspondences.empty(), float("nan"), prior
-        if T is not None and agreeing >= glue.min_visual:
+        if T is not None and agreeing >= self._config.ransac.min_inliers:
             C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, glue.k)
-            variance = error_variance(C_vis_in, T)
-            sigma = float(np.sqrt(variance))
-            rough = Rough(T, adaptive_threshold(variance, glue.confidence))
+            if len(C_vis_in) >= glue.min_visual:
+                variance = error_variance(C_vis_in, T)
+                sigma = float(np.sqrt(variance))
+                rough = Rough(T, adaptive_threshold(variance, glue.confidence))
         C_geo = self._geometric.match(source.geometric, target.geometric, rough)
         clock.lap("geometric_matching")
 

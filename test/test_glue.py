@@ -252,6 +252,30 @@ def test_with_few_visual_matches_the_filter_is_skipped(told: Told, visual: str) 
     assert result.status is RegistrationStatus.OK
 
 
+def test_a_transform_that_few_visual_matches_agree_with_is_not_believed(told: Told) -> None:
+    # three matches always agree with some transform, which says nothing
+    glue, feature = told(
+        geometric_matches(right=300, wrong=100), "silent", GlueConfig(min_visual=3)
+    )
+    result = registered(glue)
+    assert len(result.visual) == 3
+    assert len(result.visual_inliers) == 0
+    assert feature.rough is None
+
+
+def test_visual_inliers_too_few_for_a_filter_still_count_in_the_fit(told: Told) -> None:
+    glue, feature = told(geometric_matches(right=500, wrong=0), "sift", GlueConfig(min_visual=400))
+    result = registered(glue)
+    assert feature.rough is None
+    assert not result.filtered
+    assert 20 < len(result.visual_inliers) < 400
+    assert result.T_target_source is not None
+    union = result.visual_inliers + result.credible
+    np.testing.assert_array_equal(
+        result.T_target_source, procrustes(union.source, union.target, union.weights)
+    )
+
+
 def test_with_hardly_any_survivor_the_filter_is_skipped(told: Told) -> None:
     for right, filtered in ((9, False), (30, True)):
         matches = geometric_matches(right, wrong=100, sigma_m=0.0)
