@@ -34,8 +34,8 @@ class RegistrationErrors:
     """The errors of one registration.
 
     Attributes:
-        rotation_deg: angle between estimated and true rotation, degrees.
-        translation_cm: length of the difference of the translations, cm.
+        rotation_deg: as ``rotation_deg`` gives it.
+        translation_cm: as ``translation_cm`` gives it.
         chamfer_mm: ``chamfer`` times 1000, which the publications call millimetres.
         failed: whether there was no transform; the errors are those of the identity then.
     """
@@ -59,11 +59,21 @@ def registration_errors(
     """
     T = np.eye(4) if estimate is None else estimate
     return RegistrationErrors(
-        rotation_deg=float(np.rad2deg(se3.rotation_angle(se3.inverse(truth) @ T))),
-        translation_cm=100 * float(np.linalg.norm(T[:3, 3] - truth[:3, 3])),
+        rotation_deg=rotation_deg(T, truth),
+        translation_cm=translation_cm(T, truth),
         chamfer_mm=1000 * chamfer(T, truth, chamfer_points(source), chamfer_points(target)),
         failed=estimate is None,
     )
+
+
+def rotation_deg(estimate: Float64, truth: Float64) -> float:
+    """The angle of the rotation between two transforms [4, 4], degrees in [0, 180]."""
+    return float(np.rad2deg(se3.rotation_angle(se3.inverse(truth) @ estimate)))
+
+
+def translation_cm(estimate: Float64, truth: Float64) -> float:
+    """The length of the difference between the translations of two transforms [4, 4], cm."""
+    return 100 * float(np.linalg.norm(estimate[:3, 3] - truth[:3, 3]))
 
 
 def chamfer(estimate: Float64, truth: Float64, source: Float64, target: Float64) -> float:
