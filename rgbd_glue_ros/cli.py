@@ -392,14 +392,17 @@ def _pairs(args: argparse.Namespace) -> str:
 
     from tqdm import tqdm
 
-    from rgbd_glue_ros.pairs import TABLES, Experiment, run_pairs
+    from rgbd_glue_ros.pairs import TABLES, Experiment, PairRecord, run_pairs
 
     experiment = Experiment(_config(args), sorted({*(args.gap or [20])}), args.every)
     with tqdm(total=0, unit=" pairs", disable=None, dynamic_ncols=True) as bar:
 
         def expect(recording: Recording) -> None:
-            bar.total += experiment.pair_count(recording.frame_count)
+            bar.total = (bar.total or 0) + experiment.pair_count(recording.frame_count)
             bar.set_description(recording.name)
+
+        def step(_: PairRecord) -> None:
+            bar.update()
 
         try:
             figures = run_pairs(
@@ -408,7 +411,7 @@ def _pairs(args: argparse.Namespace) -> str:
                 experiment,
                 args.output,
                 on_source=expect,
-                on_pair=lambda _: bar.update(),
+                on_pair=step,
             )
         except KeyboardInterrupt:
             bar.close()
