@@ -176,6 +176,10 @@ class NodeProcess:
                 raise TimeoutError(f"the node did not log {text!r} in {timeout_s} s:\n{log}")
             return line
 
+    def wait_for_end(self, timeout_s: float) -> int:
+        """The exit code of a node that ends by itself; raises if it does not in time."""
+        return self._process.wait(timeout_s)
+
     def stop(self, how: signal.Signals = signal.SIGINT) -> int:
         """Tells the node to end, and waits for it.
 

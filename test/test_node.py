@@ -217,7 +217,7 @@ def test_a_bad_value_ends_the_node_with_exit_code_2_and_a_line_that_says_why(
 ) -> None:
     with node_in(ros_domain, **given) as node:
         node.wait_for_line(said, PATIENCE_S)
-        assert node.stop() == 2
+        assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
 
 
@@ -226,7 +226,7 @@ def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_li
 ) -> None:
     with node_in(ros_domain, "--params-file", "/nowhere.yaml") as node:
         node.wait_for_line("Couldn't parse params file: '--params-file /nowhere.yaml'", PATIENCE_S)
-        assert node.stop() == 2
+        assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
 
 
