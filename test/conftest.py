@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,10 @@ import pytest
 from hypothesis import settings
 
 from rgbd_glue_ros.node_process import private_domain, ros_environment
+
+# A shell that runs the tests in the background has them ignore SIGINT, and so would all processes
+# that they start and interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Read when a message package is first imported: a field of a wrong type is an error then, and no
 # number out of nowhere.
