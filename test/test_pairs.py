@@ -1,0 +1,317 @@
+"""Pairs: the right frames meet, what is counted is counted right, and nothing done is lost."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import make_bag
+import numpy as np
+import pytest
+from geometry_rig import room_points
+from room_rig import CAMERA
+
+from rgbd_glue_ros import cli, se3
+from rgbd_glue_ros.config import Config, FeaturesConfig, load_preset, values
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.glue import FrameFeatures, Glue
+from rgbd_glue_ros.pairs import (
+    FIGURES,
+    TABLES,
+    Experiment,
+    Inliers,
+    PairRecord,
+    gap_figures,
+    run_pairs,
+)
+from rgbd_glue_ros.registration_errors import RegistrationErrors
+from rgbd_glue_ros.types import Correspondences, RgbdFrame, Trajectory, View
+
+FRAMES = 12
+FRAME_NS = 33_333_333
+# no feature at all: every pair fails, and its errors are those of the identity
+BLIND = Config(features=FeaturesConfig(visual="none", geometric="none"))
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Black frames of a camera whose i-th step is i cm long."""
+
+    name: str = "walk"
+    has_truth: bool = True
+    unposed: tuple[int, ...] = ()
+    breaks_after: int | None = None
+
+    @property
+    def frame_count(self) -> int:
+        return FRAMES
+
+    @property
+    def ground_truth(self) -> Trajectory | None:
+        if not self.has_truth:
+            return None
+        posed = np.array([i for i in range(FRAMES) if i not in self.unposed], np.int64)
+        poses = np.tile(np.eye(4), (len(posed), 1, 1))
+        poses[:, 0, 3] = [at_m(i) for i in posed]
+        return Trajectory(FRAME_NS * (posed + 1), poses)
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        size = CAMERA.height, CAMERA.width
+        for i in range(FRAMES):
+            if i == self.breaks_after:
+                raise InputError("rgb/7.png", "is damaged", "restore it")
+            depth = np.full(size, 2.0, np.float32)
+            yield RgbdFrame(FRAME_NS * (i + 1), np.zeros(size, np.uint8), depth, CAMERA)
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Walk:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+def at_m(index: int) -> float:
+    """Where the walk is after ``index`` steps."""
+    return 0.01 * index * (index + 1) / 2
+
+
+def walked(experiment: Experiment, walk: Walk | None = None) -> dict[int, list[float]]:
+    """The lengths of the ways between the frames of each pair, cm, by gap."""
+    for _ in experiment.run(walk or Walk(), Glue(experiment.config)):
+        pass
+    return {
+        gap: [record.errors.translation_cm for record in records]
+        for gap, records in experiment.records.items()
+    }
+
+
+def ways(gap: int, starts: Iterable[int]) -> list[float]:
+    return [100 * (at_m(start + gap) - at_m(start)) for start in starts]
+
+
+# which frames are paired
+
+
+def test_pairs_are_a_gap_apart_and_start_at_every_nth_frame() -> None:
+    experiment = Experiment(BLIND, [3, 5], every=2)
+    found = walked(experiment)
+    assert found[3] == pytest.approx(ways(3, range(0, 9, 2)))
+    assert found[5] == pytest.approx(ways(5, range(0, 7, 2)))
+    assert experiment.pair_count(FRAMES) == 5 + 4
+
+
+def test_without_every_a_pair_starts_where_the_last_one_ended() -> None:
+    experiment = Experiment(BLIND, [3, 5])
+    found = walked(experiment)
+    assert found[3] == pytest.approx(ways(3, range(0, 9, 3)))
+    assert found[5] == pytest.approx(ways(5, range(0, 7, 5)))
+    assert experiment.pair_count(FRAMES) == 3 + 2
+
+
+def test_frames_without_a_true_pose_are_left_out_and_named() -> None:
+    experiment = Experiment(BLIND, [3], every=1)
+    found = walked(experiment, Walk(unposed=(4,)))
+    starts = [start for start in range(9) if 4 not in {start, start + 3}]
+    assert found[3] == pytest.approx(ways(3, starts))
+    assert experiment.problems == ["walk, frame 4: has no true pose"]
+
+
+def test_a_frame_in_several_pairs_is_described_once() -> None:
+    described: list[View] = []
+
+    class Counting(Glue):
+        def extract(self, view: View) -> FrameFeatures:
+            described.append(view)
+            return super().extract(view)
+
+    records = list(Experiment(BLIND, [2, 4], every=2).run(Walk(), Counting(BLIND)))
+    assert len(records) == 5 + 4
+    assert len(described) == len({id(view) for view in described}) == 6
+
+
+# what is counted
+
+
+def test_inliers_are_counted_under_the_truth() -> None:
+    truth = se3.exp(np.array([0.1, -0.2, 0.3, 0.2, 0.1, -0.3]))
+    source = room_points(np.random.default_rng(0), 5)
+    off = np.array([[0, 0, 0], [0.024, 0, 0], [0, 0.026, 0], [0, 0, 0.07], [0.2, 0, 0]])
+    matches = Correspondences(source, se3.transform(truth, source) + off, np.ones(5))
+    assert Inliers.of(matches, truth) == Inliers(5, (4, 3, 2))
+
+
+def record(
+    before: Inliers, after: Inliers, epsilon_m: float = float("nan"), *, failed: bool = False
+) -> PairRecord:
+    return PairRecord(
+        errors=RegistrationErrors(1.0, 2.0, 3.0, failed),
+        before=before,
+        after=after,
+        filtered=bool(np.isfinite(epsilon_m)),
+        epsilon_m=epsilon_m,
+        visual_matches=10,
+        seconds=0.5,
+        stages_ms={"fit": 4.0},
+    )
+
+
+def test_figures_are_means_over_pairs_and_the_filter_counts_where_it_was_applied() -> None:
+    figures = gap_figures(
+        [
+            record(Inliers(100, (40, 20, 10)), Inliers(50, (40, 20, 10)), epsilon_m=0.1),
+            record(Inliers(200, (20, 10, 0)), Inliers(200, (20, 10, 0)), failed=True),
+        ]
+    )
+    assert (figures["pairs"], figures["failed"]) == (2, 1)
+    assert figures["inlier_ratio"] == {
+        "before": {"10": 25.0, "5": 12.5, "2.5": 5.0},
+        "after": {"10": 45.0, "5": 22.5, "2.5": 10.0},
+    }
+    assert figures["inlier_amount"]["before"] == {"10": 30.0, "5": 15.0, "2.5": 5.0}
+    assert figures["filter_recall"] == 50.0
+    assert figures["epsilon_squared_m2"] == pytest.approx(0.01)
+    assert figures["visual_matches"] == 10
+    assert figures["geometric_matches"] == 150
+    assert figures["seconds_per_pair"] == 0.5
+    assert figures["stages_ms"] == {"fit": 4.0}
+    assert figures["rotation_deg"]["accuracy"]["5"] == 50.0
+
+
+def test_without_geometric_matches_there_is_no_inlier_ratio() -> None:
+    nothing = Inliers(0, (0, 0, 0))
+    figures = gap_figures([record(nothing, nothing)])
+    assert figures["inlier_ratio"]["before"] == {"10": None, "5": None, "2.5": None}
+    assert figures["epsilon_squared_m2"] is None
+
+
+def test_seconds_are_those_of_both_frames_features_even_if_one_was_known() -> None:
+    config = replace(Config(), features=FeaturesConfig(visual="orb", geometric="none"))
+    records = list(Experiment(config, [1], every=1).run(Walk(), Glue(config)))
+    for found in records:
+        assert 1000 * found.seconds > found.stages_ms["visual_features"] > 0
+
+
+# what goes wrong
+
+
+def opened(*walks: Walk) -> Callable[[Path], Walk]:
+    by_name = {walk.name: walk for walk in walks}
+    return lambda path: by_name[path.name]
+
+
+def figures_in(folder: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((folder / FIGURES).read_text())
+    return content
+
+
+def test_pairs_without_a_transform_are_counted_as_failed(tmp_path: Path) -> None:
+    run_pairs([Path("walk")], opened(Walk()), Experiment(BLIND, [3]), tmp_path)
+    gap = figures_in(tmp_path)["gaps"]["3"]
+    assert gap["pairs"] == gap["failed"] == 3
+    assert gap["translation_cm"]["accuracy"] == {"5": 0.0, "10": 0.0, "25": 0.0}
+    assert gap["translation_cm"]["mean"] == pytest.approx((6 + 15 + 24) / 3)
+
+
+def test_a_pair_that_raises_is_reported_and_the_rest_goes_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    class Fragile(Glue):
+        def extract(self, view: View) -> FrameFeatures:
+            if len(caplog.records) == 0:
+                raise RuntimeError("a library gave up")
+            return super().extract(view)
+
+    records = list(Experiment(BLIND, [3]).run(Walk(), Fragile(BLIND)))
+    assert len(records) == 3
+    assert records[0].errors.failed
+    assert "walk, frames 0 and 3: RuntimeError: a library gave up" in caplog.text
+
+
+def test_a_recording_that_cannot_be_used_is_reported_and_the_rest_goes_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    walks = Walk("untrue", has_truth=False), Walk("cut off", breaks_after=7), Walk("whole")
+    experiment = Experiment(BLIND, [3])
+    run_pairs([Path(walk.name) for walk in walks], opened(*walks), experiment, tmp_path)
+    figures = figures_in(tmp_path)
+    assert figures["sources"] == ["cut off", "whole"]
+    gap = figures["gaps"]["3"]
+    assert gap["pairs"] == 2 + 3
+    assert "untrue: has no ground truth" in caplog.text
+    assert "rgb/7.png: is damaged" in caplog.text
+    assert "rgb/7.png: is damaged" in (tmp_path / TABLES).read_text()
+
+
+def test_without_any_pair_the_first_cause_is_the_error(tmp_path: Path) -> None:
+    walks = Walk("untrue", has_truth=False), Walk("whole")
+    paths = [Path(walk.name) for walk in walks]
+    with pytest.raises(InputError, match="untrue: has no ground truth"):
+        run_pairs(paths, opened(*walks), Experiment(BLIND, [FRAMES]), tmp_path)
+    with pytest.raises(InputError, match="--gap: no two frames with a true pose are 12 apart"):
+        run_pairs(paths[1:], opened(*walks), Experiment(BLIND, [FRAMES]), tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        run_pairs([], opened(), Experiment(BLIND, [3]), tmp_path / "file" / "out")
+
+
+def test_an_interrupted_experiment_keeps_the_pairs_done(tmp_path: Path) -> None:
+    done: list[PairRecord] = []
+
+    def interrupt(pair: PairRecord) -> None:
+        done.append(pair)
+        if len(done) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_pairs(
+            [Path("walk")], opened(Walk()), Experiment(BLIND, [3]), tmp_path, on_pair=interrupt
+        )
+    gap = figures_in(tmp_path)["gaps"]["3"]
+    assert gap["pairs"] == 2
+
+
+# a real recording
+
+
+def test_the_command_registers_the_bundled_recording_by_the_papers_method(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("open3d")
+    arguments = ["pairs", str(make_bag.FOLDER), "--gap", "20", "--every", "80", "-o", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    assert "gap 20   2 pairs, 0 failed" in capsys.readouterr().out
+    figures = figures_in(tmp_path)
+    assert figures["parameters"] == values(load_preset("paper"))
+    assert figures["features"] == {"visual": "sift", "geometric": "fpfh"}
+    gap = figures["gaps"]["20"]
+    assert set(gap) == {
+        *("pairs", "failed", "rotation_deg", "translation_cm", "chamfer_mm", "inlier_ratio"),
+        *("inlier_amount", "filter_recall", "epsilon_squared_m2", "visual_matches"),
+        *("geometric_matches", "seconds_per_pair", "stages_ms"),
+    }
+    assert set(gap["stages_ms"]) == {
+        *("visual_features", "geometric_features", "visual_matching", "ransac"),
+        *("geometric_matching", "fit"),
+    }
+    assert gap["rotation_deg"]["accuracy"] == {"5": 100.0, "10": 100.0, "45": 100.0}
+    assert gap["translation_cm"]["mean"] < 2
+    assert gap["filter_recall"] == 100.0
+    # table 4: the filter keeps nearly all of the best inliers and few of the others
+    before, after = gap["inlier_amount"]["before"], gap["inlier_amount"]["after"]
+    assert after["2.5"] > 0.9 * before["2.5"]
+    assert gap["inlier_ratio"]["after"]["10"] > 90 > gap["inlier_ratio"]["before"]["10"]
+    row = (tmp_path / TABLES).read_text().split("| 20 | 2 | 0 |")[1].splitlines()[0]
+    assert row.startswith(" 100.0 | 100.0 | 100.0 |")
