@@ -149,21 +149,28 @@ class Experiment:
             )
         self.sources.append(recording.name)
         frames: dict[int, _Frame] = {}
+        unposed = 0
         for index, image in enumerate(recording):
             starts = any(index % self.stride(gap) == 0 for gap in self.gaps)
             ends = [g for g in self.gaps if index >= g and (index - g) % self.stride(g) == 0]
-            pose = _pose_at(truth, image.stamp_ns) if starts or ends else None
-            if pose is not None:
-                frames[index] = _Frame(glue, _view(image, self.config.camera), pose)
-                for gap in ends:
-                    if index - gap in frames:
-                        where = f"{recording.name}, frames {index - gap} and {index}"
-                        record = _registered(where, glue, frames[index], frames[index - gap])
-                        self.records.setdefault(gap, []).append(record)
-                        yield record
-            elif ends:
-                self.problems.append(f"{recording.name}, frame {index}: has no true pose")
-            frames.pop(index - max(self.gaps), None)
+            if not starts and not ends:
+                continue
+            pose = _pose_at(truth, image.stamp_ns)
+            if pose is None:
+                unposed += 1
+                continue
+            frames[index] = _Frame(glue, _view(image, self.config.camera), pose)
+            for gap in ends:
+                if index - gap in frames:
+                    where = f"{recording.name}, frames {index - gap} and {index}"
+                    record = _registered(where, glue, frames[index], frames[index - gap])
+                    self.records.setdefault(gap, []).append(record)
+                    yield record
+            frames = {i: frame for i, frame in frames.items() if i > index - max(self.gaps)}
+        if unposed:
+            self.problems.append(
+                f"{recording.name}: frames without a true pose, left out with their pairs: {unposed}"
+            )
 
     def figures(self) -> dict[str, Any]:
         """The content of ``pairs.json``; ratios, accuracies and recall are in percent."""

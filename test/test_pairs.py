@@ -118,12 +118,12 @@ def test_without_every_a_pair_starts_where_the_last_one_ended() -> None:
     assert experiment.pair_count(FRAMES) == 3 + 2
 
 
-def test_frames_without_a_true_pose_are_left_out_and_named() -> None:
+def test_frames_without_a_true_pose_are_left_out_and_counted() -> None:
     experiment = Experiment(BLIND, [3], every=1)
     found = walked(experiment, Walk(unposed=(4,)))
     starts = [start for start in range(9) if 4 not in {start, start + 3}]
     assert found[3] == pytest.approx(ways(3, starts))
-    assert experiment.problems == ["walk, frame 4: has no true pose"]
+    assert experiment.problems == ["walk: frames without a true pose, left out with their pairs: 1"]
 
 
 def test_a_frame_in_several_pairs_is_described_once() -> None:
