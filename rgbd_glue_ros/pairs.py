@@ -169,7 +169,7 @@ class Experiment:
             frames = {i: frame for i, frame in frames.items() if i > index - max(self.gaps)}
         if unposed:
             self.problems.append(
-                f"{recording.name}: frames without a true pose, left out with their pairs: {unposed}"
+                f"{recording.name}: frames without a true pose, left out: {unposed}"
             )
 
     def figures(self) -> dict[str, Any]:

@@ -123,7 +123,7 @@ def test_frames_without_a_true_pose_are_left_out_and_counted() -> None:
     found = walked(experiment, Walk(unposed=(4,)))
     starts = [start for start in range(9) if 4 not in {start, start + 3}]
     assert found[3] == pytest.approx(ways(3, starts))
-    assert experiment.problems == ["walk: frames without a true pose, left out with their pairs: 1"]
+    assert experiment.problems == ["walk: frames without a true pose, left out: 1"]
 
 
 def test_a_frame_in_several_pairs_is_described_once() -> None:
