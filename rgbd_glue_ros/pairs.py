@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from statistics import fmean, median
+from tempfile import TemporaryFile
 from time import perf_counter
 from typing import Any
 
@@ -224,7 +225,8 @@ def run_pairs(
     glue = Glue(experiment.config)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / FIGURES).touch()
+        with TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise InputError(
             folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
