@@ -415,7 +415,8 @@ def _pairs(args: argparse.Namespace) -> str:
             )
         except KeyboardInterrupt:
             bar.close()
-            logger.warning("interrupted; what was done is in %s", args.output)
+            if experiment.records:
+                logger.warning("interrupted; what was done is in %s", args.output)
             raise
     lines = []
     for gap, content in figures["gaps"].items():
