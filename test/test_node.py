@@ -236,9 +236,9 @@ def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
 ) -> None:
     with node_in(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        for i in range(5):  # of which the first is in work and the last waits, or is in work too
+        rig.pose_of(corner_frame(0, 640, 480))
+        for i in range(1, 5):  # of which one is in work, and the last waits or is in work
             rig.publish(corner_frame(i * PERIOD_NS, 640, 480))
-        rig.pose_at(0)
         assert node.stop(how) == 0
         assert not [line for line in node.lines if "Traceback" in line]
         assert "frames" in node.lines[-1]  # the summary
