@@ -28,6 +28,7 @@ from rgbd_glue_ros.message_fields import (
     PoseStamped,
     Time,
 )
+from rgbd_glue_ros.rvl import decode_rvl
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -116,7 +117,7 @@ def depth_from_message(msg: AnyImage, where: str) -> Float32:
     """The depth of every pixel.
 
     Args:
-        msg: sensor_msgs/msg/Image or CompressedImage (``compressedDepth``, or a PNG).
+        msg: sensor_msgs/msg/Image or CompressedImage (``compressedDepth`` as PNG or RVL, or a PNG).
         where: its topic.
 
     Returns:
@@ -375,16 +376,12 @@ def _depth_from_compressed(msg: CompressedImage, where: str) -> Float32:
                 where, f"is a {msg.format} image, which holds no depth", "record compressedDepth"
             )
         return _metres(_decoded_depth(data, msg.format, where), DEPTH_UNITS_PER_METRE)
-    if "rvl" in msg.format:
-        raise InputError(
-            where,
-            "depth in RVL compression is not supported",
-            "set the publisher's parameter compressedDepth.format to png",
-        )
     if len(data) < _QUANTISATION.size:
         raise InputError(where, f"data are cut off: {len(data)} bytes", "check the recording")
     _, a, b = _QUANTISATION.unpack_from(data)
-    image = _decoded_depth(data[_QUANTISATION.size :], msg.format, where)
+    coded = data[_QUANTISATION.size :]
+    is_rvl = "compressedDepth rvl" in msg.format
+    image = decode_rvl(coded, where) if is_rvl else _decoded_depth(coded, msg.format, where)
     if not msg.format.startswith("32FC1"):
         return _metres(image, DEPTH_UNITS_PER_METRE)
     if not (np.isfinite(a) and np.isfinite(b) and a > 0):

@@ -18,7 +18,7 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 ORDER = """
     errors types config se3
     camera normals matching estimation features refinement glue keyframes motion odometry warm_up
-    sync topics worker image_files message_fields messages frames monitor
+    sync topics worker image_files rvl message_fields messages frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
     pairs_report pairs bench
     node_process node player demo cli __main__

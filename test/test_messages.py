@@ -235,10 +235,22 @@ def test_quantised_float_depth_follows_its_formula() -> None:
     assert np.nanmax(np.abs(depth - DEPTH) / DEPTH**2) < 1 / a + 1e-6
 
 
+def test_depth_as_rvl_is_read_in_millimetres_and_as_quantised_floats() -> None:
+    # 3 zeros, 3 others: 1000, then 1 more, then 2 less
+    data = struct.pack("<iffIII", 0, 10.0, -1.0, 3, 2, 0x338AF323)
+    nan = np.nan
+    for text, expected in (
+        ("16UC1; compressedDepth rvl", [[nan, nan, nan], [1.0, 1.001, 0.999]]),
+        ("32FC1; compressedDepth rvl", [[nan, nan, nan], [10 / 1001, 10 / 1002, 10 / 1000]]),
+    ):
+        depth = depth_from_message(CompressedImage(HEAD, text, _flat(data)), "/depth")
+        np.testing.assert_allclose(depth, expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("text", "data", "cause"),
     [
-        ("16UC1; compressedDepth rvl", b"", "RVL compression is not supported"),
+        ("16UC1; compressedDepth rvl", bytes(12), "cut off"),
         ("16UC1; compressedDepth png", b"1234", "cut off"),
         ("16UC1; compressedDepth png", bytes(12), "neither PNG nor JPEG"),
         ("16UC1; compressedDepth png", bytes(12) + encode_png(RGB), "uint8 and shape"),
