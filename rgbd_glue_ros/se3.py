@@ -104,6 +104,14 @@ def pose_covariance(T: Float64, covariance: Float64) -> Float64:
     return moved
 
 
+def perturbation_covariance(T: Float64, covariance: Float64) -> Float64:
+    """The inverse of ``pose_covariance``: of a perturbation exp(xi) T on the left, [6, 6]."""
+    A = np.eye(6)
+    A[:3, 3:] = skew(T[:3, 3])
+    moved: Float64 = A @ covariance @ A.T
+    return moved
+
+
 def rotation_angle(T: Float64) -> float:
     """The angle of T's rotation, radians in [0, pi]."""
     return float(np.linalg.norm(Rotation.from_matrix(T[:3, :3]).as_rotvec()))

@@ -133,3 +133,12 @@ def test_the_pose_covariance_is_that_of_sampled_positions_and_rotations() -> Non
     variances = np.diag(expected)
     error = np.sqrt((expected**2 + np.outer(variances, variances)) / 10_000)
     assert (np.abs(sampled - expected) < 5 * error).all()
+
+
+def test_a_perturbation_s_covariance_comes_back_from_that_of_the_pose() -> None:
+    rng = np.random.default_rng(1)
+    T = se3.exp(np.array([2.0, -1.0, 0.5, 0.3, 0.2, -0.4]))
+    root = rng.normal(0, 1e-3, (6, 6))
+    covariance = root @ root.T
+    back = se3.perturbation_covariance(T, se3.pose_covariance(T, covariance))
+    np.testing.assert_allclose(back, covariance, atol=1e-18)
