@@ -145,10 +145,16 @@ class Synchronizer(Generic[Item]):
     As long as no queue overflows and no stamp goes backward, the matches do not depend on how the
     channels' messages interleave on arrival. A backward jump empties the channel it happens in,
     and pairing goes on by the new time. Not thread-safe.
+
+    Attributes:
+        max_interval_ns: greatest interval of a pair, nanoseconds.
+        matches: frames completed so far.
+        closest_miss_ns: least interval of images that were not paired for it, nanoseconds; None if
+            there was none.
     """
 
     def __init__(self, max_interval_ns: int, queue_size: int) -> None:
-        self._max_interval_ns = max_interval_ns
+        self.max_interval_ns = max_interval_ns
         self._queue_size = queue_size
         self._queues: dict[Channel, _Queue[Item]] = {c: _Queue(queue_size) for c in Channel}
         self._pairs: deque[tuple[_Stamped[Item], _Stamped[Item]]] = deque()
@@ -186,7 +192,7 @@ class Synchronizer(Generic[Item]):
             interval = abs(color.stamp_ns - depth.stamp_ns)
             earlier, later = (colors, depth) if color.stamp_ns < depth.stamp_ns else (depths, color)
             first, *rest = earlier.waiting
-            if interval > self._max_interval_ns:
+            if interval > self.max_interval_ns:
                 self.closest_miss_ns = min(interval, self.closest_miss_ns or interval)
                 earlier.counts.unmatched += 1
                 earlier.take()
@@ -194,7 +200,7 @@ class Synchronizer(Generic[Item]):
             if interval > 0 and not self._is_usual(interval, first.period_ns):
                 if not rest and not is_last:
                     return
-                nearer = interval - self._max_interval_ns // NEARER_FRACTION
+                nearer = interval - self.max_interval_ns // NEARER_FRACTION
                 if rest and abs(rest[0].stamp_ns - later.stamp_ns) < nearer:
                     earlier.counts.unmatched += 1
                     earlier.take()

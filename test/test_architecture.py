@@ -21,9 +21,18 @@ ORDER = """
     sync topics worker image_files rvl message_fields messages frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
     pairs_report pairs bench
-    node_process node player demo cli __main__
+    node_process node_runtime node_parameters node_inputs node_outputs node_diagnostics node
+    player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer
-ROS_MODULES = {"node", "player"}
+ROS_MODULES = {
+    "node_runtime",
+    "node_parameters",
+    "node_inputs",
+    "node_outputs",
+    "node_diagnostics",
+    "node",
+    "player",
+}
 OPTIONAL_LIBRARIES = {"open3d", "torch", "onnxruntime", "pyorbslam3", "small_gicp", "evo"}
 ROSDEP_KEYS = {
     "backports": "python3-rosbags-pip",  # comes with rosbags, as lz4

@@ -1,0 +1,118 @@
+"""The node's subscriptions, which take what their publishers offer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from rgbd_glue_ros import topics
+from rgbd_glue_ros.config import NodeConfig
+from rgbd_glue_ros.sync import Channel
+
+Receive = Callable[[Channel, Any], None]
+
+
+class NodeInput:
+    """A subscription that takes the reliability its publishers offer, unless one is set.
+
+    A reliable subscription gets nothing from a best-effort publisher, and a best-effort one may
+    lose images of a reliable publisher; which one comes up is not known before it does.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        channel: Channel,
+        message_type: type,
+        topic: str,
+        receive: Receive,
+        config: NodeConfig,
+    ) -> None:
+        self.channel = channel
+        self.topic = topic
+        self._node = node
+        self._type = message_type
+        self._receive = receive
+        self._depth = config.topic_queue_size
+        self._matches_publisher = config.qos == 0
+        self._reliability = (
+            ReliabilityPolicy.RELIABLE if config.qos == 1 else ReliabilityPolicy.BEST_EFFORT
+        )
+        self._subscription = self._subscribe()
+
+    def _subscribe(self) -> Subscription:
+        return self._node.create_subscription(
+            self._type,
+            self.topic,
+            lambda message: self._receive(self.channel, message),
+            QoSProfile(depth=self._depth, reliability=self._reliability),
+            event_callbacks=SubscriptionEventCallbacks(
+                matched=self._publishers_changed, incompatible_qos=self._publishers_changed
+            ),
+        )
+
+    def _publishers_changed(self, _event: object) -> None:
+        offered = {
+            info.qos_profile.reliability
+            for info in self._node.get_publishers_info_by_topic(self.topic)
+        }
+        if not offered:
+            return
+        best = (
+            ReliabilityPolicy.RELIABLE
+            if offered == {ReliabilityPolicy.RELIABLE}
+            else ReliabilityPolicy.BEST_EFFORT
+        )
+        if best == self._reliability:
+            return
+        if not self._matches_publisher:
+            if self._reliability == ReliabilityPolicy.RELIABLE:
+                self._node.get_logger().error(
+                    f"{self.topic} is published with best effort, but qos:=1 asks for a reliable "
+                    "subscription, which gets nothing from it; set qos to 0"
+                )
+            return
+        self._node.get_logger().info(f"{self.topic}: subscribing {_words(best)}, as published")
+        self._reliability = best
+        self._node.destroy_subscription(self._subscription)
+        self._subscription = self._subscribe()
+
+    @property
+    def publishers(self) -> tuple[str, ...]:
+        """Who publishes the topic, with its type where that is another, and its reliability."""
+        words = []
+        for info in self._node.get_publishers_info_by_topic(self.topic):
+            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            expected = self._type.__module__.split(".")[0] + "/msg/" + self._type.__name__
+            wrong = "" if info.topic_type == expected else f"as {info.topic_type}, not {expected}, "
+            words.append(f"{name} ({wrong}{_words(info.qos_profile.reliability)})")
+        return tuple(words)
+
+
+def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> list[NodeInput]:
+    """Subscribes to colour, depth and camera info, in this order."""
+    transports = {
+        Channel.COLOR: config.image_transport,
+        Channel.DEPTH: config.depth_transport,
+        Channel.INFO: topics.RAW,
+    }
+    inputs = []
+    for channel, transport in transports.items():
+        if channel is Channel.INFO:
+            message_type: type = CameraInfo
+        else:
+            message_type = Image if transport == topics.RAW else CompressedImage
+        # as image_transport does it: what users remap is the base topic
+        topic = topics.transported(node.resolve_topic_name(topics.SUBSCRIBED[channel]), transport)
+        inputs.append(NodeInput(node, channel, message_type, topic, receive, config))
+    return inputs
+
+
+def _words(reliability: ReliabilityPolicy) -> str:
+    return str(reliability.name).lower().replace("_", " ")

@@ -1,0 +1,57 @@
+"""What the node publishes of an estimate."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.node import Node
+
+from rgbd_glue_ros import message_fields, topics
+from rgbd_glue_ros.config import NodeConfig
+from rgbd_glue_ros.frames import Framing
+from rgbd_glue_ros.types import Float64, OdometryEstimate
+
+
+class NodeOutputs:
+    """Publishes what an estimate knows, and nothing that it does not."""
+
+    def __init__(self, node: Node, config: NodeConfig) -> None:
+        self._config = config
+        self._pose = node.create_publisher(PoseStamped, topics.POSE, 10)
+        self._odom = node.create_publisher(OdometryMessage, topics.ODOM, 10)
+        self._keyframe = node.create_publisher(PoseStamped, topics.KEYFRAME_POSE, 10)
+
+    def publish(self, estimate: OdometryEstimate, framing: Framing, camera_frame: str) -> None:
+        """Publishes an estimate; ``camera_frame`` is the child where no robot frame is set."""
+        if estimate.T_odom_camera is None:
+            return
+        head = message_fields.header(estimate.stamp_ns, self._config.odom_frame_id)
+        pose = message_fields.copy_fields(
+            message_fields.pose_stamped(framing.pose(estimate.T_odom_camera), head),
+            PoseStamped(),
+        )
+        self._pose.publish(pose)
+        if estimate.is_keyframe:
+            self._keyframe.publish(pose)
+        if (
+            estimate.covariance is None
+            or estimate.twist is None
+            or estimate.twist_covariance is None
+        ):
+            return  # the first frame has no velocity, and a made-up one would be believed
+        odom = OdometryMessage(header=pose.header)
+        odom.child_frame_id = self._config.frame_id or camera_frame
+        odom.pose.pose = pose.pose
+        odom.pose.covariance = framing.pose_covariance(
+            estimate.T_odom_camera, estimate.covariance
+        ).ravel()
+        odom.twist.twist = _twist_message(framing.twist(estimate.twist))
+        odom.twist.covariance = framing.twist_covariance(estimate.twist_covariance).ravel()
+        self._odom.publish(odom)
+
+
+def _twist_message(velocity: Float64) -> Twist:
+    twist = Twist()
+    for part, (x, y, z) in ((twist.linear, velocity[:3]), (twist.angular, velocity[3:])):
+        part.x, part.y, part.z = float(x), float(y), float(z)
+    return twist

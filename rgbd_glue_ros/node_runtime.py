@@ -1,0 +1,74 @@
+"""What runs a node and outlives its faults: start of ROS, executor, log."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from rgbd_glue_ros.errors import InputError
+
+logger = logging.getLogger(__name__)
+
+
+def init(args: list[str] | None) -> None:
+    """Starts ROS, with the signals left to the process.
+
+    rclpy's handlers would take the context away from a frame that is still in work.
+
+    Raises:
+        InputError: the ROS arguments make no sense.
+    """
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except (RCLError, UnknownROSArgsError) as error:
+        # what follows are places in rcl's source
+        cause = str(error).partition(", at /")[0]
+        raise InputError("ROS arguments", cause, "give --ros-args -p name:=value") from error
+
+
+class Executor(SingleThreadedExecutor):  # type: ignore[misc]
+    """Goes on after an exception, as of a message that cannot be deserialised."""
+
+    def __init__(self, node: Node, is_news: Callable[[str, str], bool]) -> None:
+        """Spins a node.
+
+        Args:
+            node: the node.
+            is_news: whether a fault, given by its place and cause, deserves a line in the log.
+        """
+        super().__init__()
+        self.add_node(node)
+        self._is_news = is_news
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        """Runs one callback."""
+        try:
+            super().spin_once(timeout_sec)
+        except Exception as error:
+            if self._is_news("a callback", repr(error)):
+                logger.exception("A callback failed; going on")
+
+
+class RosLogHandler(logging.Handler):
+    """Sends what the library logs to the node's logger, and so to /rosout."""
+
+    def __init__(self, logger: Any) -> None:
+        super().__init__(logging.INFO)
+        self._logger = logger
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Logs a record; each severity from a line of its own, as rclpy demands."""
+        text = self.format(record)
+        if record.levelno >= logging.ERROR:
+            self._logger.error(text)
+        elif record.levelno >= logging.WARNING:
+            self._logger.warning(text)
+        else:
+            self._logger.info(text)
