@@ -78,6 +78,10 @@ setup(
             "open3d-cpu>=0.19,<0.20; platform_machine == 'x86_64'",
             "open3d>=0.19,<0.20; platform_machine != 'x86_64'",
         ],
+        # methods of others, measured beside ours
+        "peers": [
+            "small_gicp>=1.0",
+        ],
         "test": [
             "catkin-pkg>=1.0",
             "hypothesis>=6.98",

@@ -1,0 +1,29 @@
+"""Registration by others, to be measured beside this package's on the same frames.
+
+Every one is an optional library of its own (extras ``open3d`` and ``peers``), at the settings that
+its documentation shows, and starts from nothing: no prior, no motion model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rgbd_glue_ros.peers.base import NoTransformError, Peer
+from rgbd_glue_ros.peers.open3d_features import FastGlobal, FeatureRansac
+from rgbd_glue_ros.peers.open3d_odometry import ColoredIcp, Open3dOdometry
+from rgbd_glue_ros.peers.opencv_odometry import opencv_icp, opencv_rgbd, opencv_rgbd_icp
+from rgbd_glue_ros.peers.small_gicp import SmallGicp
+
+PEERS: dict[str, Callable[[], Peer]] = {
+    "fpfh_ransac": FeatureRansac,
+    "fpfh_fgr": FastGlobal,
+    "colored_icp": ColoredIcp,
+    "open3d_odometry": Open3dOdometry,
+    "opencv_rgbd": opencv_rgbd,
+    "opencv_icp": opencv_icp,
+    "opencv_rgbd_icp": opencv_rgbd_icp,
+    "small_gicp": SmallGicp,
+}
+"""Makes a peer by its name; raises MissingExtraError or InputError where its library is not."""
+
+__all__ = ["PEERS", "NoTransformError", "Peer"]

@@ -1,0 +1,50 @@
+"""Peers: each finds a small motion of a camera, in the direction that its caller expects."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from room_rig import CAMERA, room_view, true_pose
+
+from rgbd_glue_ros import se3
+from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.peers import PEERS, NoTransformError, Peer
+from rgbd_glue_ros.registration_errors import rotation_deg, translation_cm
+from rgbd_glue_ros.types import View
+
+SOURCE_S, TARGET_S = 0.3, 0.2
+# global registrations stop at what inliers of a few cm allow
+COARSE = {"fpfh_ransac", "fpfh_fgr"}
+
+
+def made(name: str) -> Peer:
+    try:
+        return PEERS[name]()
+    except (MissingExtraError, InputError) as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_peer_finds_the_transform_from_source_to_target(name: str) -> None:
+    peer = made(name)
+    T = peer.register(peer.prepare(room_view(SOURCE_S)), peer.prepare(room_view(TARGET_S)))
+    truth = se3.inverse(true_pose(TARGET_S)) @ true_pose(SOURCE_S)
+    assert translation_cm(np.eye(4), truth) > 3
+    assert translation_cm(T, truth) < (1.5 if name in COARSE else 1.0)
+    assert rotation_deg(T, truth) < 0.5
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_peer_gives_no_transform_of_frames_without_depth(name: str) -> None:
+    peer = made(name)
+    size = CAMERA.height, CAMERA.width
+    blind = View(np.full(size, 128, np.uint8), np.full(size, np.nan, np.float32), CAMERA)
+    with pytest.raises(NoTransformError):
+        peer.register(peer.prepare(blind), peer.prepare(blind))
+
+
+@pytest.mark.skipif(hasattr(cv2, "rgbd"), reason="OpenCV is here with its contributed modules")
+def test_a_peer_whose_library_is_not_there_says_what_to_install() -> None:
+    with pytest.raises(InputError, match="install opencv-contrib-python-headless"):
+        PEERS["opencv_rgbd"]()
