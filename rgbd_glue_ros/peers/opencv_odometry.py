@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import cv2
@@ -18,8 +19,8 @@ class OpenCvOdometry:
 
     def __init__(self, name: str, method: str) -> None:
         try:
-            create: Callable[[], Any] = getattr(cv2.rgbd, f"{method}_create")
-        except AttributeError as error:
+            create: Callable[[], Any] = getattr(import_module("cv2.rgbd"), f"{method}_create")
+        except ImportError as error:
             raise InputError(
                 f"the peer {name}",
                 f"OpenCV {cv2.__version__} is here without its contributed modules",
