@@ -129,7 +129,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-_RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag) or the folder of a data set"
+_RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder of a data set"
 
 
 def _add_recording(parser: argparse.ArgumentParser) -> None:
@@ -155,6 +155,25 @@ def _add_topics(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="camera info (YAML or JSON) in place of the recording's",
     )
+
+
+def _add_recordings(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "recordings", metavar="SRC", type=Path, nargs="+", help=f"{_RECORDING}, or one of many"
+    )
+    parser.add_argument(
+        "--only",
+        metavar="SPLIT",
+        help="of many recordings those of an official split (3dmatch-test, 7-scenes-test, "
+        "scannet-v2-test), or those named in a file, one a line",
+    )
+    _add_topics(parser)
+
+
+def _recordings(args: argparse.Namespace) -> list[Path]:
+    from rgbd_glue_ros.sequences import recordings, split
+
+    return recordings(args.recordings, split(args.only) if args.only else None)
 
 
 def _open(args: argparse.Namespace, path: Path) -> Recording:
@@ -364,10 +383,7 @@ def _convert(args: argparse.Namespace) -> str:
 
 
 def _add_pairs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "recordings", metavar="SRC", type=Path, nargs="+", help=f"{_RECORDING}, with true poses"
-    )
-    _add_topics(parser)
+    _add_recordings(parser)
     _add_config(parser, preset="paper")
     parser.add_argument(
         "--gap",
@@ -406,7 +422,7 @@ def _pairs(args: argparse.Namespace) -> str:
 
         try:
             figures = run_pairs(
-                args.recordings,
+                _recordings(args),
                 partial(_open, args),
                 experiment,
                 args.output,

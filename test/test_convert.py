@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +13,7 @@ from rgbd_glue_ros import se3
 from rgbd_glue_ros.convert import convert
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.sequences import open_sequence
+from rgbd_glue_ros.sequences.base import selected
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
 
 FRAMES = make_frames(12)
@@ -40,6 +41,9 @@ class Listed:
         yield from self.frames
         if self.error is not None:
             raise self.error
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        return selected(self, indices)
 
     def close(self) -> None: ...
 

@@ -29,6 +29,7 @@ from rgbd_glue_ros.pairs import (
     run_pairs,
 )
 from rgbd_glue_ros.registration_errors import RegistrationErrors
+from rgbd_glue_ros.sequences.base import selected
 from rgbd_glue_ros.types import Correspondences, RgbdFrame, Trajectory, View
 
 FRAMES = 12
@@ -66,6 +67,9 @@ class Walk:
                 raise InputError("rgb/7.png", "is damaged", "restore it")
             depth = np.full(size, 2.0, np.float32)
             yield RgbdFrame(FRAME_NS * (i + 1), np.zeros(size, np.uint8), depth, CAMERA)
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        return selected(self, indices)
 
     def close(self) -> None: ...
 

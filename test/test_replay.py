@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +15,7 @@ import pytest
 from rgbd_glue_ros.config import Config, load_yaml, with_values
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.replay import KEYFRAMES, METRICS, PARAMETERS, REPORT, TRAJECTORY, replay
+from rgbd_glue_ros.sequences.base import selected
 from rgbd_glue_ros.trajectory import read_g2o, read_tum
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -62,6 +63,9 @@ class Pan:
             view = poster[:, PIXELS_PER_FRAME * i :][:, :WIDTH]
             color: UInt8 = np.repeat(view[..., None], 3, axis=2)
             yield RgbdFrame(int(stamp), color, depth, CAMERA)
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        return selected(self, indices)
 
     def close(self) -> None: ...
 

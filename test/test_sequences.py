@@ -178,16 +178,39 @@ def test_seven_scenes_camera_is_beside_the_frames_or_above_or_that_of_the_scene(
         next(iter(open_sequence(tmp_path / "kitchen" / "seq-01")))
 
 
-def test_seven_scenes_without_depth_or_with_a_pose_that_is_not_finite_is_refused(
+def test_a_pose_that_is_not_finite_is_not_known_and_one_of_other_size_is_refused(
     tmp_path: Path,
 ) -> None:
     folder = write_seven_scenes_folder(tmp_path / "seq-01")
-    (folder / "frame-000001.pose.txt").write_text(" ".join(["nan"] * 16))
-    with pytest.raises(InputError, match=r"frame-000001\.pose\.txt: is no 4x4 matrix of finite"):
+    (folder / "frame-000001.pose.txt").write_text(" ".join(["-inf"] * 16))
+    truth = open_sequence(folder, calibration=CAMERA).ground_truth
+    assert truth is not None
+    assert list(truth.stamps_ns) == [33333333, 133333333]
+    (folder / "frame-000001.pose.txt").write_text("1 2 3")
+    with pytest.raises(InputError, match=r"frame-000001\.pose\.txt: is no 4x4 matrix"):
         open_sequence(folder, calibration=CAMERA)
+
+
+def test_seven_scenes_without_depth_is_refused(tmp_path: Path) -> None:
+    folder = write_seven_scenes_folder(tmp_path / "seq-01")
     (folder / "frame-000000.depth.png").unlink()
     with pytest.raises(InputError, match=r"frame-000000\.depth\.png: is missing"):
         open_sequence(folder, calibration=CAMERA)
+
+
+def test_a_sequence_of_a_scene_is_named_with_it(tmp_path: Path) -> None:
+    folder = write_seven_scenes_folder(tmp_path / "heads" / "seq-01")
+    assert open_sequence(folder, calibration=CAMERA).name == "heads/seq-01"
+
+
+def test_chosen_frames_are_those_of_their_numbers_and_no_other_file_is_opened(
+    tmp_path: Path,
+) -> None:
+    folder = write_tum_folder(tmp_path / "desk", 8)
+    (folder / "depth/3.png").write_bytes(b"damaged")
+    with open_sequence(folder, calibration=CAMERA) as sequence:
+        frames = list(sequence.select([1, 4, 7, 20]))
+    assert [frame.depth[1, 1] for frame in frames] == [2.0, 5.0, 8.0]
 
 
 def test_a_folder_that_is_no_data_set_is_refused_with_what_was_looked_for(tmp_path: Path) -> None:

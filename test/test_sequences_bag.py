@@ -125,6 +125,12 @@ def test_every_iteration_gives_the_same_frames_from_the_beginning(bag: Path) -> 
             assert_same_frame(frame, original)
 
 
+def test_chosen_frames_are_those_of_their_numbers(bag: Path) -> None:
+    with open_sequence(bag) as sequence:
+        stamps = [frame.stamp_ns for frame in sequence.select([1, 2, 6, 99])]
+    assert stamps == [FRAMES[i].stamp_ns for i in (1, 2, 6)]
+
+
 @pytest.mark.parametrize(
     ("make", "cause"),
     [

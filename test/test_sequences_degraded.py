@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pytest
 
 from rgbd_glue_ros.sequences import Sequence
+from rgbd_glue_ros.sequences.base import selected
 from rgbd_glue_ros.sequences.degraded import (
     DEGRADATIONS,
     Degradation,
@@ -38,6 +39,9 @@ class Grey:
             color = np.full((120, 160, 3), 128, np.uint8)
             depth = np.full((120, 160), 2.0, np.float32)
             yield RgbdFrame(i * NANOSECONDS // RATE_HZ, color, depth, CAMERA)
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        return selected(self, indices)
 
     def close(self) -> None:
         self.closed = True

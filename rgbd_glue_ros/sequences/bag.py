@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -31,6 +31,7 @@ from rgbd_glue_ros.sequences.bag_topics import (
     find_ground_truth,
     find_info,
 )
+from rgbd_glue_ros.sequences.base import selected
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame, Trajectory
 
@@ -153,6 +154,10 @@ class BagSequence:
             raise faults.first or _nothing_paired(self._bag.path, self._topics, sync)
         if faults.count:
             logger.warning("%s: %d messages or frames skipped", self._bag.path, faults.count)
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        """The frames of these numbers, increasing; all before the last of them are read too."""
+        return selected(self, indices)
 
     def close(self) -> None:
         """Releases the files."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import Protocol
 
@@ -31,6 +31,16 @@ class Sequence(Protocol):
             InputError: a frame cannot be read; the frames before it were given.
         """
 
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        """The frames of these numbers, counted from 0 in order of time.
+
+        Args:
+            indices: increasing; those beyond the last frame are left out.
+
+        Raises:
+            InputError: a frame cannot be read; those before it were given.
+        """
+
     def close(self) -> None:
         """Releases the files."""
 
@@ -42,3 +52,13 @@ class Sequence(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None: ...
+
+
+def selected(frames: Iterable[RgbdFrame], indices: Iterable[int]) -> Iterator[RgbdFrame]:
+    """The frames of increasing numbers out of those that can only be had one after the other."""
+    numbered = enumerate(frames)
+    for wanted in indices:
+        for number, frame in numbered:
+            if number == wanted:
+                yield frame
+                break

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rgbd_glue_ros.sequences.base import Sequence
+from rgbd_glue_ros.sequences.base import Sequence, selected
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, Trajectory
 
 _SEED = 0
@@ -62,6 +62,10 @@ class DegradedSequence:
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time."""
         return self.degradation.apply(self.original, self.original.frame_count)
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        """The frames of these numbers, increasing; all before the last of them are made too."""
+        return selected(self, indices)
 
     def close(self) -> None:
         """Closes the original."""

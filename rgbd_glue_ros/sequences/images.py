@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.image_files import decode
 from rgbd_glue_ros.sequences.ahead import mapped_ahead
-from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame, Trajectory, UInt8
+from rgbd_glue_ros.types import (
+    CameraIntrinsics,
+    Float32,
+    Float64,
+    RgbdFrame,
+    Trajectory,
+    UInt8,
+)
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """How an image of so many channels becomes RGB; grey stays grey."""
@@ -61,6 +68,8 @@ class ImageSequence:
         encoding: of the depth images.
         intrinsics: of all images.
         ground_truth: T_world_camera, None if not known.
+        color_size: width and height of the colour images where these are larger than depth; they
+            are reduced to its size.
     """
 
     name: str
@@ -68,6 +77,7 @@ class ImageSequence:
     encoding: DepthEncoding
     intrinsics: CameraIntrinsics
     ground_truth: Trajectory | None
+    color_size: tuple[int, int] | None = None
 
     @property
     def frame_count(self) -> int:
@@ -80,7 +90,11 @@ class ImageSequence:
         Raises:
             InputError: an image is missing, corrupt, or not of the camera's size.
         """
-        return mapped_ahead(self._read, self.pairs)
+        return self.select(range(self.frame_count))
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        """The frames of these numbers, counted from 0, without reading any other."""
+        return mapped_ahead(self._read, (self.pairs[i] for i in indices if i < self.frame_count))
 
     def _read(self, pair: ImagePair) -> RgbdFrame:
         return RgbdFrame(
@@ -92,19 +106,12 @@ class ImageSequence:
         )
 
     def _color(self, path: Path) -> UInt8:
-        image = self._decoded(path)
-        channels = 1 if image.ndim == 2 else image.shape[2]
-        if image.dtype != np.uint8 or channels not in _TO_RGB:
-            raise InputError(
-                path,
-                f"is {image.dtype} with {channels} channels, not a colour image",
-                "give colour as 8-bit PNG or JPEG",
-            )
-        conversion = _TO_RGB[channels]
-        return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
+        camera = self.intrinsics
+        image = self._decoded(path, self.color_size or (camera.width, camera.height))
+        return reduced(to_rgb(image, str(path)), camera)
 
     def _depth(self, path: Path) -> Float32:
-        image = self._decoded(path)
+        image = self._decoded(path, (self.intrinsics.width, self.intrinsics.height))
         if image.dtype != np.uint16 or image.ndim != 2:
             raise InputError(
                 path,
@@ -113,7 +120,7 @@ class ImageSequence:
             )
         return self.encoding.metres(image)
 
-    def _decoded(self, path: Path) -> NDArray[Any]:
+    def _decoded(self, path: Path, expected: tuple[int, int]) -> NDArray[Any]:
         try:
             data = path.read_bytes()
         except OSError as error:
@@ -122,11 +129,10 @@ class ImageSequence:
             ) from error
         image = decode(data, str(path))
         height, width = image.shape[:2]
-        camera = self.intrinsics
-        if (width, height) != (camera.width, camera.height):
+        if (width, height) != expected:
             raise InputError(
                 path,
-                f"is {width}x{height}, but the camera is {camera.width}x{camera.height}",
+                f"is {width}x{height}, but the camera is {expected[0]}x{expected[1]}",
                 "give the calibration of these images (--calibration)",
             )
         return image
@@ -144,3 +150,43 @@ class ImageSequence:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def to_rgb(image: NDArray[Any], where: str) -> UInt8:
+    """A decoded image as uint8 [H, W, 3] RGB, or [H, W] where it is grey.
+
+    Raises:
+        InputError: it has not 8 bits, or neither 1, 3 nor 4 channels.
+    """
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    if image.dtype != np.uint8 or channels not in _TO_RGB:
+        raise InputError(
+            where,
+            f"is {image.dtype} with {channels} channels, not a colour image",
+            "give colour as 8-bit PNG or JPEG",
+        )
+    conversion = _TO_RGB[channels]
+    return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
+
+
+def reduced(color: UInt8, camera: CameraIntrinsics) -> UInt8:
+    """A larger colour image of the same view, averaged to the size of ``camera``."""
+    size = camera.width, camera.height
+    if color.shape[1::-1] == size:
+        return color
+    return np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA))
+
+
+def matrix(path: Path, size: int) -> Float64:
+    """The numbers in a text file as a matrix [size, size]; they need not be finite.
+
+    Raises:
+        InputError: the file cannot be read, or holds anything else.
+    """
+    try:
+        numbers = np.array([float(word) for word in path.read_text(encoding="utf-8").split()])
+    except (OSError, ValueError) as error:
+        raise InputError(path, f"cannot be read ({error})", "restore the file") from error
+    if numbers.size != size * size:
+        raise InputError(path, f"is no {size}x{size} matrix", "restore the file")
+    return numbers.reshape(size, size)

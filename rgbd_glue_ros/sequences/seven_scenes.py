@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.sequences.images import DepthEncoding, ImagePair, ImageSequence
+from rgbd_glue_ros.sequences.images import DepthEncoding, ImagePair, ImageSequence, matrix
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
 
 _DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0, 65535))
@@ -34,6 +34,7 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
 
     Raises:
         InputError: a frame's depth is missing, a pose is malformed, or the camera is not known.
+            A frame whose pose is missing or not finite has no ground truth.
     """
     pairs: list[ImagePair] = []
     stamps: list[int] = []
@@ -46,11 +47,19 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
             raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
         pairs.append(ImagePair(stamp, color, stamp, depth))
         if pose.is_file():
-            stamps.append(stamp)
-            poses.append(_matrix(pose, 4))
+            T = matrix(pose, 4)
+            # where 3DMatch's tracking was lost there is a pose that is not finite
+            if np.isfinite(T).all():
+                stamps.append(stamp)
+                poses.append(T)
     truth = Trajectory(np.array(stamps, np.int64), np.stack(poses)) if poses else None
     camera = calibration or _camera(folder)
-    return ImageSequence(folder.resolve().name, tuple(pairs), _DEPTH, camera, truth)
+    return ImageSequence(_name(folder.resolve()), tuple(pairs), _DEPTH, camera, truth)
+
+
+def _name(folder: Path) -> str:
+    """The folder's name, with the scene's before it where that is no name for itself."""
+    return f"{folder.parent.name}/{folder.name}" if folder.name.startswith("seq-") else folder.name
 
 
 def _stamp(path: Path, stem: str) -> int:
@@ -66,7 +75,9 @@ def _camera(folder: Path) -> CameraIntrinsics:
     folder = folder.resolve()
     for path in (folder / _INTRINSICS, folder.parent / _INTRINSICS):
         if path.is_file():
-            K = _matrix(path, 3)
+            K = matrix(path, 3)
+            if not np.isfinite(K).all():
+                raise InputError(path, "is no camera matrix", "restore the file")
             fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
             return CameraIntrinsics(_WIDTH, _HEIGHT, fx, fy, cx, cy)
     if folder.parent.name in _SCENES:
@@ -76,13 +87,3 @@ def _camera(folder: Path) -> CameraIntrinsics:
         f"has no {_INTRINSICS}, nor has the folder above",
         "give the calibration (--calibration camera_info.yaml)",
     )
-
-
-def _matrix(path: Path, size: int) -> Float64:
-    try:
-        matrix = np.array([float(word) for word in path.read_text(encoding="utf-8").split()])
-    except (OSError, ValueError) as error:
-        raise InputError(path, f"cannot be read ({error})", "restore the file") from error
-    if matrix.size != size * size or not np.isfinite(matrix).all():
-        raise InputError(path, f"is no {size}x{size} matrix of finite numbers", "restore the file")
-    return matrix.reshape(size, size)

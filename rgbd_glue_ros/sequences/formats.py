@@ -1,0 +1,77 @@
+"""The formats of recordings, and which of them a path is of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.sequences import bag_layout, scannet, seven_scenes, tum
+from rgbd_glue_ros.sequences.bag import BagSequence, Topics
+from rgbd_glue_ros.sequences.base import Sequence
+from rgbd_glue_ros.types import CameraIntrinsics
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of recording.
+
+    Attributes:
+        name: of the format.
+        signature: what it is known by, in words.
+        matches: whether a path is of this format.
+        open: opens it, given topics (bags alone have any) and the camera if known.
+    """
+
+    name: str
+    signature: str
+    matches: Callable[[Path], bool]
+    open: Callable[[Path, Topics | None, CameraIntrinsics | None], Sequence]
+
+
+def _open_tum(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
+    return tum.open_tum(path, camera)
+
+
+def _open_seven(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
+    return seven_scenes.open_seven_scenes(path, camera)
+
+
+def _open_scannet(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
+    return scannet.open_scannet(path, camera)
+
+
+FORMATS = (
+    Format("TUM RGB-D", "rgb.txt and depth.txt", tum.matches, _open_tum),
+    Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
+    Format("ScanNet", scannet.SIGNATURE, scannet.matches, _open_scannet),
+    Format("rosbag", bag_layout.SIGNATURE, bag_layout.is_bag, BagSequence),
+)
+
+
+def format_of(path: Path) -> Format | None:
+    """The format that what is at a path looks like; None if it is like none of them."""
+    return next((kind for kind in FORMATS if kind.matches(path)), None)
+
+
+def open_sequence(
+    path: Path, topics: Topics | None = None, calibration: CameraIntrinsics | None = None
+) -> Sequence:
+    """Opens a recording of any known format.
+
+    Args:
+        path: a bag, or the folder of a data set.
+        topics: of a bag; None finds them by type and name.
+        calibration: of the camera; None takes what the recording says.
+
+    Raises:
+        InputError: there is nothing there, it is of no known format, or it cannot be used.
+    """
+    if not path.exists():
+        raise InputError(path, "does not exist", "give a bag or the folder of a data set")
+    kind = format_of(path)
+    if kind is not None:
+        return kind.open(path, topics, calibration)
+    looked_for = "; ".join(f"{kind.signature} ({kind.name})" for kind in FORMATS)
+    raise InputError(path, "is no recording of a known format", f"looked for {looked_for}")
