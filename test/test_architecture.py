@@ -17,8 +17,8 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 # A module imports only what stands above it; a folder's modules may also import one another.
 ORDER = """
     errors types config se3
-    camera normals matching estimation features refinement glue peers keyframes motion odometry
-    warm_up
+    camera depth_registration normals matching estimation features refinement glue peers keyframes
+    motion odometry warm_up
     sync topics worker image_files rvl message_fields messages frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
     pairs_report pairs bench
