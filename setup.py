@@ -21,6 +21,12 @@ def manifest(tag: str) -> str:
 
 NAME = manifest("name")
 
+# 0.20 integrates nothing in its legacy TSDF volume; open3d-cpu exists for x86-64 alone.
+OPEN3D = [
+    "open3d-cpu>=0.19,<0.20; platform_machine == 'x86_64'",
+    "open3d>=0.19,<0.20; platform_machine != 'x86_64'",
+]
+
 
 def shared(folder: str, *patterns: str) -> list[tuple[str, list[str]]]:
     """The ``data_files`` that install a folder, with its structure, below ``share/<package>``."""
@@ -62,7 +68,10 @@ setup(
         "lz4>=4.3",
         "numba>=0.59",
         "numpy>=1.26.4,<3",
-        "opencv-python-headless>=4.10,<5",
+        # The contributed modules hold RGB-D odometries that ours is measured beside. Debian's
+        # OpenCV has them too; opencv-python-headless has the same module's files without them, so
+        # that one of the two has to be chosen, and for everybody.
+        "opencv-contrib-python-headless>=4.10,<5",
         "PyYAML>=6.0.1",
         "rosbags>=0.11.9,<0.12",
         "scipy>=1.11.4",
@@ -73,13 +82,10 @@ setup(
             "ros-jazzy-common-interfaces>=5.3.6,<5.4",
             "ros-jazzy-rclpy[fastrtps]>=7.1.6,<7.2",
         ],
-        # 0.20 integrates nothing in its legacy TSDF volume; open3d-cpu exists for x86-64 alone.
-        "open3d": [
-            "open3d-cpu>=0.19,<0.20; platform_machine == 'x86_64'",
-            "open3d>=0.19,<0.20; platform_machine != 'x86_64'",
-        ],
+        "open3d": OPEN3D,
         # methods of others, measured beside ours
-        "peers": [
+        "bench": [
+            *OPEN3D,
             "small_gicp>=1.0",
         ],
         "test": [

@@ -127,7 +127,7 @@ def _create(name: str, **options: int) -> Any:
         raise InputError(
             f"features.visual: {name.lower()}",
             f"OpenCV {cv2.__version__} has it not",
-            "install opencv-python-headless<5",
+            "install opencv-contrib-python-headless<5",
         ) from error
     return create(**options)
 

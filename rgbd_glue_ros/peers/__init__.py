@@ -1,6 +1,6 @@
 """Registration by others, to be measured beside this package's on the same frames.
 
-Every one is an optional library of its own (extras ``open3d`` and ``peers``), at the settings that
+Every one is an optional library of its own (extra ``bench``), at the settings that
 its documentation shows, and starts from nothing: no prior, no motion model.
 """
 

@@ -24,7 +24,7 @@ class SmallGicp:
         try:
             import small_gicp  # noqa: PLC0415 - optional
         except ImportError as error:
-            raise MissingExtraError("small_gicp", "peers", "the peer small_gicp") from error
+            raise MissingExtraError("small_gicp", "bench", "the peer small_gicp") from error
         self._library = small_gicp
 
     def prepare(self, view: View) -> tuple[Any, Any]:
