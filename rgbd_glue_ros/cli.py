@@ -399,6 +399,12 @@ def _add_pairs(parser: argparse.ArgumentParser) -> None:
         help="start a pair at every N-th frame (default: the gap)",
     )
     parser.add_argument(
+        "--peers",
+        metavar="NAMES",
+        default="",
+        help="methods of others to measure on the same pairs, with commas between, or all",
+    )
+    parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, required=True, help="where the results go"
     )
 
@@ -408,16 +414,17 @@ def _pairs(args: argparse.Namespace) -> str:
 
     from tqdm import tqdm
 
-    from rgbd_glue_ros.pairs import TABLES, Experiment, PairRecord, run_pairs
+    from rgbd_glue_ros.pairs import TABLES, Experiment, run_pairs
 
-    experiment = Experiment(_config(args), sorted({*(args.gap or [20])}), args.every)
+    gaps = sorted({*(args.gap or [20])})
+    experiment = Experiment(_config(args), gaps, args.every, _peers(args.peers))
     with tqdm(total=0, unit=" pairs", disable=None, dynamic_ncols=True) as bar:
 
         def expect(recording: Recording) -> None:
             bar.total = (bar.total or 0) + experiment.pair_count(recording.frame_count)
             bar.set_description(recording.name)
 
-        def step(_: PairRecord) -> None:
+        def step(_: object) -> None:
             bar.update()
 
         try:
@@ -431,9 +438,25 @@ def _pairs(args: argparse.Namespace) -> str:
             )
         except KeyboardInterrupt:
             bar.close()
-            if experiment.records:
+            if experiment.results:
                 logger.warning("interrupted; what was done is in %s", args.output)
             raise
+    return f"{_pairs_summary(figures)}tables   {args.output / TABLES}\n"
+
+
+def _peers(text: str) -> list[str]:
+    from rgbd_glue_ros.peers import PEERS
+
+    names = list(PEERS) if text == "all" else [name for name in text.split(",") if name]
+    for name in names:
+        if name not in PEERS:
+            raise InputError(
+                f"--peers {name}", "no such peer", f"take all, or some of {', '.join(PEERS)}"
+            )
+    return names
+
+
+def _pairs_summary(figures: dict[str, Any]) -> str:
     lines = []
     for gap, content in figures["gaps"].items():
         mean = "{rotation_deg[mean]:.2f} deg, {translation_cm[mean]:.2f} cm, {chamfer_mm[mean]:.2f}"
@@ -441,7 +464,7 @@ def _pairs(args: argparse.Namespace) -> str:
             f"gap {gap:<4} {content['pairs']} pairs, {content['failed']} failed; mean error "
             f"{mean.format(**content)} mm chamfer; {content['seconds_per_pair']:.2f} s/pair\n"
         )
-    return f"{''.join(lines)}tables   {args.output / TABLES}\n"
+    return "".join(lines)
 
 
 def _add_params(parser: argparse.ArgumentParser) -> None:

@@ -21,7 +21,7 @@ ORDER = """
     motion odometry warm_up
     sync topics worker image_files rvl message_fields messages frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
-    pairs_report pairs bench
+    pair_methods pair_evaluation pairs_figures pairs_report pairs bench
     node_process node_runtime node_parameters node_inputs node_outputs node_diagnostics node
     player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer

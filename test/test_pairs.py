@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,16 +19,10 @@ from room_rig import CAMERA
 from rgbd_glue_ros import cli, se3
 from rgbd_glue_ros.config import Config, FeaturesConfig, load_preset, values
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.glue import FrameFeatures, Glue
-from rgbd_glue_ros.pairs import (
-    FIGURES,
-    TABLES,
-    Experiment,
-    Inliers,
-    PairRecord,
-    gap_figures,
-    run_pairs,
-)
+from rgbd_glue_ros.pair_evaluation import Inliers, PairResult
+from rgbd_glue_ros.pair_methods import Described, GlueMethod
+from rgbd_glue_ros.pairs import FIGURES, GLUE, TABLES, Experiment, run_pairs
+from rgbd_glue_ros.pairs_figures import gap_figures
 from rgbd_glue_ros.registration_errors import RegistrationErrors
 from rgbd_glue_ros.sequences.base import selected
 from rgbd_glue_ros.types import Correspondences, RgbdFrame, Trajectory, View
@@ -91,11 +86,11 @@ def at_m(index: int) -> float:
 
 def walked(experiment: Experiment, walk: Walk | None = None) -> dict[int, list[float]]:
     """The lengths of the ways between the frames of each pair, cm, by gap."""
-    for _ in experiment.run(walk or Walk(), Glue(experiment.config)):
+    for _ in experiment.run(walk or Walk(), {GLUE: GlueMethod(experiment.config)}):
         pass
     return {
         gap: [record.errors.translation_cm for record in records]
-        for gap, records in experiment.records.items()
+        for gap, records in experiment.results[GLUE].items()
     }
 
 
@@ -133,14 +128,20 @@ def test_frames_without_a_true_pose_are_left_out_and_counted() -> None:
 def test_a_frame_in_several_pairs_is_described_once() -> None:
     described: list[View] = []
 
-    class Counting(Glue):
-        def extract(self, view: View) -> FrameFeatures:
+    class Counting(GlueMethod):
+        def describe(self, view: View) -> Described:
             described.append(view)
-            return super().extract(view)
+            return super().describe(view)
 
-    records = list(Experiment(BLIND, [2, 4], every=2).run(Walk(), Counting(BLIND)))
-    assert len(records) == 5 + 4
+    methods = {GLUE: Counting(BLIND), "unfiltered": Counting(unfiltered(BLIND))}
+    results = list(Experiment(BLIND, [2, 4], every=2).run(Walk(), methods))
+    assert len(results) == 5 + 4
     assert len(described) == len({id(view) for view in described}) == 6
+
+
+def unfiltered(config: Config) -> Config:
+    """Another method on the same features."""
+    return replace(config, glue=replace(config.glue, filter=False))
 
 
 # what is counted
@@ -154,16 +155,19 @@ def test_inliers_are_counted_under_the_truth() -> None:
     assert Inliers.of(matches, truth) == Inliers(5, (4, 3, 2))
 
 
-def record(
+def result(
     before: Inliers, after: Inliers, epsilon_m: float = float("nan"), *, failed: bool = False
-) -> PairRecord:
-    return PairRecord(
+) -> PairResult:
+    return PairResult(
+        recording="walk",
+        source=3,
+        target=0,
         errors=RegistrationErrors(1.0, 2.0, 3.0, failed),
+        visual=Inliers(10, (8, 6, 4)),
         before=before,
         after=after,
         filtered=bool(np.isfinite(epsilon_m)),
         epsilon_m=epsilon_m,
-        visual_matches=10,
         seconds=0.5,
         stages_ms={"fit": 4.0},
     )
@@ -172,8 +176,8 @@ def record(
 def test_figures_are_means_over_pairs_and_the_filter_counts_where_it_was_applied() -> None:
     figures = gap_figures(
         [
-            record(Inliers(100, (40, 20, 10)), Inliers(50, (40, 20, 10)), epsilon_m=0.1),
-            record(Inliers(200, (20, 10, 0)), Inliers(200, (20, 10, 0)), failed=True),
+            result(Inliers(100, (40, 20, 10)), Inliers(50, (40, 20, 10)), epsilon_m=0.0999),
+            result(Inliers(200, (20, 10, 0)), Inliers(200, (20, 10, 0)), failed=True),
         ]
     )
     assert (figures["pairs"], figures["failed"]) == (2, 1)
@@ -183,26 +187,57 @@ def test_figures_are_means_over_pairs_and_the_filter_counts_where_it_was_applied
     }
     assert figures["inlier_amount"]["before"] == {"10": 30.0, "5": 15.0, "2.5": 5.0}
     assert figures["filter_recall"] == 50.0
-    assert figures["epsilon_squared_m2"] == pytest.approx(0.01)
+    assert figures["epsilon_squared_m2"] == pytest.approx(0.00998001)
     assert figures["visual_matches"] == 10
     assert figures["geometric_matches"] == 150
     assert figures["seconds_per_pair"] == 0.5
     assert figures["stages_ms"] == {"fit": 4.0}
     assert figures["rotation_deg"]["accuracy"]["5"] == 50.0
+    # table S3: visual matches by the threshold that they gave
+    assert figures["epsilon_squared_ranges"][4] == {
+        "above_m2": 0.008,
+        "up_to_m2": 0.01,
+        "pairs": 1,
+        "visual_matches": 10,
+        "visual_inlier_ratio": {"10": 80.0, "5": 60.0, "2.5": 40.0},
+    }
+    assert figures["epsilon_squared_ranges"][3]["pairs"] == 0
 
 
 def test_without_geometric_matches_there_is_no_inlier_ratio() -> None:
     nothing = Inliers(0, (0, 0, 0))
-    figures = gap_figures([record(nothing, nothing)])
+    figures = gap_figures([result(nothing, nothing)])
     assert figures["inlier_ratio"]["before"] == {"10": None, "5": None, "2.5": None}
     assert figures["epsilon_squared_m2"] is None
 
 
 def test_seconds_are_those_of_both_frames_features_even_if_one_was_known() -> None:
     config = replace(Config(), features=FeaturesConfig(visual="orb", geometric="none"))
-    records = list(Experiment(config, [1], every=1).run(Walk(), Glue(config)))
-    for found in records:
+    for results in Experiment(config, [1], every=1).run(Walk(), {GLUE: GlueMethod(config)}):
+        found = results[GLUE]
         assert 1000 * found.seconds > found.stages_ms["visual_features"] > 0
+
+
+def test_peers_are_measured_on_the_same_pairs(tmp_path: Path) -> None:
+    pytest.importorskip("small_gicp")
+    experiment = Experiment(BLIND, [3], peers=["small_gicp"])
+    run_pairs([Path("walk")], opened(Walk()), experiment, tmp_path)
+    figures = figures_in(tmp_path)
+    gap = figures["peers"]["small_gicp"]["gaps"]["3"]
+    assert gap["pairs"] == figures["gaps"]["3"]["pairs"] == 3
+    assert gap["failed"] == 0
+    assert set(gap["stages_ms"]) == {"features", "registration"}
+
+
+def test_a_peer_that_is_not_there_is_reported_and_the_rest_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "small_gicp", None)
+    experiment = Experiment(BLIND, [3], peers=["small_gicp"])
+    run_pairs([Path("walk")], opened(Walk()), experiment, tmp_path)
+    figures = figures_in(tmp_path)
+    assert figures["peers"] == {}
+    assert "small_gicp is not installed" in figures["problems"][0]
 
 
 # what goes wrong
@@ -229,15 +264,15 @@ def test_pairs_without_a_transform_are_counted_as_failed(tmp_path: Path) -> None
 def test_a_pair_that_raises_is_reported_and_the_rest_goes_on(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    class Fragile(Glue):
-        def extract(self, view: View) -> FrameFeatures:
+    class Fragile(GlueMethod):
+        def describe(self, view: View) -> Described:
             if len(caplog.records) == 0:
                 raise RuntimeError("a library gave up")
-            return super().extract(view)
+            return super().describe(view)
 
-    records = list(Experiment(BLIND, [3]).run(Walk(), Fragile(BLIND)))
-    assert len(records) == 3
-    assert records[0].errors.failed
+    results = list(Experiment(BLIND, [3]).run(Walk(), {GLUE: Fragile(BLIND)}))
+    assert len(results) == 3
+    assert results[0][GLUE].errors.failed
     assert "walk, frames 0 and 3: RuntimeError: a library gave up" in caplog.text
 
 
@@ -272,9 +307,9 @@ def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path: Pa
 
 
 def test_an_interrupted_experiment_keeps_the_pairs_done(tmp_path: Path) -> None:
-    done: list[PairRecord] = []
+    done: list[dict[str, PairResult]] = []
 
-    def interrupt(pair: PairRecord) -> None:
+    def interrupt(pair: dict[str, PairResult]) -> None:
         done.append(pair)
         if len(done) == 2:
             raise KeyboardInterrupt
@@ -304,7 +339,7 @@ def test_the_command_registers_the_bundled_recording_by_the_papers_method(
     assert set(gap) == {
         *("pairs", "failed", "rotation_deg", "translation_cm", "chamfer_mm", "inlier_ratio"),
         *("inlier_amount", "filter_recall", "epsilon_squared_m2", "visual_matches"),
-        *("geometric_matches", "seconds_per_pair", "stages_ms"),
+        *("epsilon_squared_ranges", "geometric_matches", "seconds_per_pair", "stages_ms"),
     }
     assert set(gap["stages_ms"]) == {
         *("visual_features", "geometric_features", "visual_matching", "ransac"),
