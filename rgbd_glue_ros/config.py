@@ -409,6 +409,16 @@ class NodeConfig:
     depth_transport: str = _parameter(
         "raw", "Transport of the depth image.", choices=("raw", "compressedDepth")
     )
+    depth_is_registered: bool = _parameter(
+        False,
+        "Depth is registered to colour whatever its frame says, and depth/camera_info of no "
+        "interest. Without it, depth in another frame than colour is registered here or refused.",
+    )
+    depth_camera_pose: str = _parameter(
+        "",
+        "Pose of the depth camera in the colour camera, for depth that is not registered: "
+        "'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw', between the optical frames.",
+    )
     qos: int = _parameter(
         0,
         "Reliability of the subscriptions: 0 as the publisher offers, 1 reliable, 2 best effort.",

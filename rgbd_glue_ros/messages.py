@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros import se3
+from rgbd_glue_ros.depth_registration import DepthCamera, registered
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.image_files import PNG_SIGNATURE, check_size, decode
 from rgbd_glue_ros.message_fields import (
@@ -53,6 +54,7 @@ class FrameTopics:
     color: str
     depth: str
     info: str
+    depth_info: str = "depth/camera_info"
 
 
 @dataclass(frozen=True)
@@ -193,20 +195,26 @@ def pose_from_message(msg: PoseStamped, where: str) -> Float64:
 
 
 def frame_from_messages(
-    color: AnyImage, depth: AnyImage, info: CameraInfo, topics: FrameTopics
+    color: AnyImage,
+    depth: AnyImage,
+    info: CameraInfo,
+    topics: FrameTopics,
+    depth_camera: DepthCamera | None = None,
 ) -> RgbdFrame:
     """The frame made of three messages.
 
-    A depth image of another size than the colour image is brought to the colour image's, by
-    nearest neighbours, and a camera info of another size is scaled, if the aspect is the same.
+    A registered depth image of another size than the colour image is brought to the colour
+    image's, by nearest neighbours, and a camera info of another size is scaled, if the aspect is
+    the same.
     Whether the images are rectified is told by the name of the colour topic: a camera info
     describes both.
 
     Args:
         color: sensor_msgs/msg/Image or CompressedImage.
-        depth: the same, registered to the colour image.
+        depth: the same.
         info: of the colour image.
         topics: where they are from.
+        depth_camera: that took the depth image; None if it is registered to the colour image.
 
     Raises:
         InputError: one of them cannot be used, or the sizes have different aspects.
@@ -218,13 +226,15 @@ def frame_from_messages(
         if is_rectified(topics.color)
         else intrinsics_from_message(info, topics.info)
     )
-    height, width = color_pixels.shape[:2]
-    if (camera.width, camera.height) != (width, height):
-        _check_aspect(camera.width, camera.height, color_pixels, topics.info, topics.color)
-        camera = camera.scaled(width, height)
-    if depth_pixels.shape != (height, width):
-        depth_height, depth_width = depth_pixels.shape
-        _check_aspect(depth_width, depth_height, color_pixels, topics.depth, topics.color)
+    camera = _sized(camera, color_pixels.shape[:2], topics.info, topics.color)
+    if depth_camera is not None:
+        shape = depth_pixels.shape[:2]
+        taken_by = _sized(depth_camera.intrinsics, shape, topics.depth_info, topics.depth)
+        depth_camera = replace(depth_camera, intrinsics=taken_by)
+        depth_pixels = registered(depth_pixels, depth_camera, camera)
+    elif depth_pixels.shape != color_pixels.shape[:2]:
+        height, width = color_pixels.shape[:2]
+        _check_aspect(depth_pixels.shape[:2], (height, width), topics.depth, topics.color)
         depth_pixels = resampled(depth_pixels, width, height)
     return RgbdFrame(
         stamp_ns=stamp_ns(color.header.stamp),
@@ -263,15 +273,28 @@ def _nearest(old: int, new: int) -> NDArray[np.int64]:
     return (2 * np.arange(new) + 1) * old // (2 * new)
 
 
-def _check_aspect(width: int, height: int, color: UInt8, where: str, color_topic: str) -> None:
-    color_height, color_width = color.shape[:2]
-    if round(width * color_height / color_width) != height and (
-        round(height * color_width / color_height) != width
+def _sized(
+    camera: CameraIntrinsics, shape: tuple[int, ...], where: str, image_topic: str
+) -> CameraIntrinsics:
+    """The camera at the resolution of its image, ``shape`` (height, width)."""
+    height, width = shape
+    if (camera.width, camera.height) == (width, height):
+        return camera
+    _check_aspect((camera.height, camera.width), shape, where, image_topic)
+    return camera.scaled(width, height)
+
+
+def _check_aspect(
+    shape: tuple[int, ...], image_shape: tuple[int, ...], where: str, image_topic: str
+) -> None:
+    (height, width), (image_height, image_width) = shape, image_shape
+    if round(width * image_height / image_width) != height and (
+        round(height * image_width / image_height) != width
     ):
         raise InputError(
             where,
-            f"is of {width}x{height} pixels, but {color_topic} of {color_width}x{color_height}",
-            "give depth registered to colour and the colour camera's info",
+            f"is of {width}x{height} pixels, but {image_topic} of {image_width}x{image_height}",
+            "give depth registered to colour, or its own camera's info, and the info of each image",
         )
 
 

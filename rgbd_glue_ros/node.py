@@ -25,6 +25,7 @@ from rgbd_glue_ros import config as cfg
 from rgbd_glue_ros import frames, messages
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.monitor import Drop, Monitor
+from rgbd_glue_ros.node_depth import DepthCameraInput
 from rgbd_glue_ros.node_diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node_inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node_outputs import NodeOutputs
@@ -83,6 +84,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         )
         self._worker = NewestWorker(self._process, lambda _: self.monitor.dropped(Drop.SUPERSEDED))
         self._inputs: list[NodeInput] = []
+        self._depth_camera = DepthCameraInput(self, self._node_config)
         self._outputs = NodeOutputs(self, self._node_config)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._inputs)
         self._warmed_up = self.create_guard_condition(self._subscribe)
@@ -150,8 +152,9 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)
-        names = messages.FrameTopics(color, depth, info)
-        return messages.frame_from_messages(match.color, match.depth, match.info, names)
+        names = messages.FrameTopics(color, depth, info, self._depth_camera.topic)
+        taken_by = self._depth_camera.of(match, names)
+        return messages.frame_from_messages(match.color, match.depth, match.info, names, taken_by)
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
         """Starts anew when time went back; ``Match.restarted`` may have been superseded."""

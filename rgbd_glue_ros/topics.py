@@ -9,6 +9,9 @@ SUBSCRIBED = {
     Channel.DEPTH: "depth/image",
     Channel.INFO: "rgb/camera_info",
 }
+DEPTH_INFO = "depth/camera_info"
+"""Only for depth that is not registered to colour."""
+
 POSE = "pose"
 ODOM = "odom"
 KEYFRAME_POSE = "keyframe/pose"

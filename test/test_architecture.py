@@ -19,16 +19,17 @@ ORDER = """
     errors types config se3
     camera depth_registration normals matching estimation features refinement glue peers keyframes
     motion odometry warm_up
-    sync topics worker image_files rvl message_fields messages frames monitor
+    sync topics worker image_files rvl message_fields messages depth_source frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
     pair_methods pair_evaluation pairs_figures pairs_report pairs bench
-    node_process node_runtime node_parameters node_inputs node_outputs node_diagnostics node
-    player demo cli __main__
+    node_process node_runtime node_parameters node_inputs node_depth node_outputs node_diagnostics
+    node player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer
 ROS_MODULES = {
     "node_runtime",
     "node_parameters",
     "node_inputs",
+    "node_depth",
     "node_outputs",
     "node_diagnostics",
     "node",
