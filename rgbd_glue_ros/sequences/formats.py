@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.sequences import bag_layout, scannet, seven_scenes, tum
+from rgbd_glue_ros.sequences import bag_layout, icl_nuim, scannet, seven_scenes, tum
 from rgbd_glue_ros.sequences.bag import BagSequence, Topics
 from rgbd_glue_ros.sequences.base import Sequence
 from rgbd_glue_ros.types import CameraIntrinsics
@@ -34,6 +34,10 @@ def _open_tum(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> 
     return tum.open_tum(path, camera)
 
 
+def _open_icl(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
+    return icl_nuim.open_icl_nuim(path, camera)
+
+
 def _open_seven(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Sequence:
     return seven_scenes.open_seven_scenes(path, camera)
 
@@ -44,6 +48,9 @@ def _open_scannet(path: Path, _: Topics | None, camera: CameraIntrinsics | None)
 
 FORMATS = (
     Format("TUM RGB-D", "rgb.txt and depth.txt", tum.matches, _open_tum),
+    Format(
+        "ICL-NUIM", f"{icl_nuim.ASSOCIATIONS} and {icl_nuim.TRUTH}", icl_nuim.matches, _open_icl
+    ),
     Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
     Format("ScanNet", scannet.SIGNATURE, scannet.matches, _open_scannet),
     Format("rosbag", bag_layout.SIGNATURE, bag_layout.is_bag, BagSequence),

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.sequences import icl_nuim
 from rgbd_glue_ros.sequences.calibration import load_calibration
 from rgbd_glue_ros.sequences.images import DepthEncoding, ImagePair, ImageSequence
 from rgbd_glue_ros.trajectory import MAX_TIME_DIFFERENCE_S, associate, parse_stamp, read_tum
@@ -27,14 +28,13 @@ _DEPTH = DepthEncoding(units_per_metre=UNITS_PER_METRE, invalid=(0,))
 # The benchmark recommends the driver's default for freiburg1 and 2: the depth images were
 # registered with it, and undistorting them afterwards is not possible.
 _DRIVER_DEFAULT = CameraIntrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
-_ICL_NUIM = CameraIntrinsics(640, 480, 481.2, 480.0, 319.5, 239.5)
 _CAMERAS = {
     "freiburg1": _DRIVER_DEFAULT,
     "freiburg2": _DRIVER_DEFAULT,
     "freiburg3": CameraIntrinsics(640, 480, 535.4, 539.2, 320.1, 247.6),
-    "icl": _ICL_NUIM,
-    "living_room": _ICL_NUIM,
-    "office_kt": _ICL_NUIM,
+    "icl": icl_nuim.CAMERA,
+    "living_room": icl_nuim.CAMERA,
+    "office_kt": icl_nuim.CAMERA,
 }
 
 
