@@ -12,7 +12,8 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -410,8 +411,6 @@ def _add_pairs(parser: argparse.ArgumentParser) -> None:
 
 
 def _pairs(args: argparse.Namespace) -> str:
-    from functools import partial
-
     from tqdm import tqdm
 
     from rgbd_glue_ros.pairs import TABLES, Experiment, run_pairs
@@ -467,6 +466,69 @@ def _pairs_summary(figures: dict[str, Any]) -> str:
     return "".join(lines)
 
 
+def _add_fetch(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "names",
+        metavar="NAME",
+        nargs="*",
+        help="data set, such as tum/fr1_desk; without any, all that can be fetched are listed",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=Path,
+        default=Path("data"),
+        help="where its folder goes (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--sha256",
+        metavar="HEX",
+        help="checksum that the archive must have; for one NAME",
+    )
+
+
+def _fetch(args: argparse.Namespace) -> str:
+    from tqdm import tqdm
+
+    from rgbd_glue_ros.fetch import CATALOGUE, Source, fetch, find
+
+    if not args.names:
+        width = max(map(len, CATALOGUE))
+        lines = [f"{s.name:<{width}}  {s.licence:<25}  {s.url}\n" for s in CATALOGUE.values()]
+        return "".join(lines)
+    sources = [find(name) for name in args.names]
+    if args.sha256:
+        if len(sources) > 1:
+            raise InputError("--sha256", "is of one archive", "give one NAME")
+        sources = [replace(sources[0], sha256=args.sha256)]
+
+    def fetched(source: Source) -> str:
+        bytes_of = partial(
+            tqdm, unit="B", unit_scale=True, unit_divisor=1024, disable=None, dynamic_ncols=True
+        )
+        with bytes_of(desc=source.name) as down, bytes_of(desc="unpacked", position=1) as out:
+
+            def downloaded(there: int, total: int | None) -> None:
+                down.total = total
+                down.update(there - down.n)
+
+            def unpacked(more: int) -> None:
+                out.update(more)
+
+            result = fetch(source, args.output, on_download=downloaded, on_unpack=unpacked)
+        return (
+            f"{result.folder}  from {result.url}\n"
+            f"  {result.licence}; {result.bytes} bytes, SHA-256 {result.sha256}\n"
+        )
+
+    try:
+        return "".join(map(fetched, sources))
+    except KeyboardInterrupt:
+        logger.warning("interrupted; run this again, it goes on from there")
+        raise
+
+
 def _add_params(parser: argparse.ArgumentParser) -> None:
     _add_config(parser)
     parser.add_argument("--markdown", action="store_true", help="print a table, not YAML")
@@ -490,5 +552,6 @@ COMMANDS = (
         _convert,
     ),
     Command("pairs", "register pairs of frames as in the paper's experiments", _add_pairs, _pairs),
+    Command("fetch", "download public data sets", _add_fetch, _fetch),
     Command("params", "print all parameters with unit, range and meaning", _add_params, _params),
 )

@@ -22,6 +22,7 @@ ORDER = """
     sync topics worker image_files rvl message_fields messages depth_source frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
     pair_methods pair_evaluation pairs_figures pairs_report pairs bench
+    fetch
     node_process node_runtime node_parameters node_inputs node_depth node_outputs node_diagnostics
     node player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer
