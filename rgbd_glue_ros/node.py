@@ -30,7 +30,7 @@ from rgbd_glue_ros.node_diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node_inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node_outputs import NodeOutputs
 from rgbd_glue_ros.node_parameters import declare_parameters
-from rgbd_glue_ros.node_runtime import Executor, RosLogHandler, init
+from rgbd_glue_ros.node_runtime import NodeExecutor, RosLogHandler, init
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, TrackingState
@@ -209,12 +209,15 @@ def main(args: list[str] | None = None) -> int:
     try:
         init(args)
         with OdometryNode() as node:
-            executor = Executor(node, node.monitor.is_news)
-            spinning = threading.Thread(target=executor.spin, daemon=True)
+            executor = NodeExecutor(node, node.monitor.is_news)
+            spinning = threading.Thread(
+                target=executor.spin_until, args=[told_to_end.is_set], daemon=True
+            )
             spinning.start()
             told_to_end.wait()
-            executor.shutdown()
+            executor.wake()
             spinning.join()
+            executor.shutdown()
     except InputError as error:
         rclpy.logging.get_logger(NODE_NAME).fatal(str(error))
         return 2

@@ -8,7 +8,7 @@ from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ConditionReachedException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -33,11 +33,11 @@ def init(args: list[str] | None) -> None:
         raise InputError("ROS arguments", cause, "give --ros-args -p name:=value") from error
 
 
-class Executor(SingleThreadedExecutor):  # type: ignore[misc]
+class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
     """Goes on after an exception, as of a message that cannot be deserialised."""
 
     def __init__(self, node: Node, is_news: Callable[[str, str], bool]) -> None:
-        """Spins a node.
+        """Takes a node.
 
         Args:
             node: the node.
@@ -47,13 +47,21 @@ class Executor(SingleThreadedExecutor):  # type: ignore[misc]
         self.add_node(node)
         self._is_news = is_news
 
-    def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Runs one callback."""
-        try:
-            super().spin_once(timeout_sec)
-        except Exception as error:
-            if self._is_news("a callback", repr(error)):
-                logger.exception("A callback failed; going on")
+    def spin_until(self, is_over: Callable[[], bool]) -> None:
+        """Runs callbacks until ``is_over``, which is looked at after each and after ``wake``.
+
+        To end this by ``shutdown`` from another thread is a race: it takes away what is waited on.
+        """
+        while not is_over():
+            try:
+                callback, _, _ = self.wait_for_ready_callbacks(condition=is_over)
+                callback()
+                callback.result()
+            except ConditionReachedException:
+                return
+            except Exception as error:
+                if self._is_news("a callback", repr(error)):
+                    logger.exception("A callback failed; going on")
 
 
 class RosLogHandler(logging.Handler):
