@@ -53,15 +53,18 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
         To end this by ``shutdown`` from another thread is a race: it takes away what is waited on.
         """
         while not is_over():
-            try:
-                callback, _, _ = self.wait_for_ready_callbacks(condition=is_over)
-                callback()
-                callback.result()
-            except ConditionReachedException:
-                return
-            except Exception as error:
-                if self._is_news("a callback", repr(error)):
-                    logger.exception("A callback failed; going on")
+            self._run_one(is_over)
+
+    def _run_one(self, is_over: Callable[[], bool]) -> None:
+        try:
+            callback, _, _ = self.wait_for_ready_callbacks(condition=is_over)
+            callback()
+            callback.result()
+        except ConditionReachedException:
+            pass
+        except Exception as error:
+            if self._is_news("a callback", repr(error)):
+                logger.exception("A callback failed; going on")
 
 
 class RosLogHandler(logging.Handler):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable, Iterator
 
@@ -45,9 +46,14 @@ def test_the_executor_ends_without_a_fault_however_busy_it_is(node: Node) -> Non
     calls: list[None] = []
     node.create_timer(1e-4, lambda: calls.append(None))
     faults: list[str] = []
-    for _ in range(50):
-        calls.clear()
-        run(node, faults, lambda: bool(calls))
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # so that threads meet at every place
+    try:
+        for _ in range(50):
+            calls.clear()
+            run(node, faults, lambda: bool(calls))
+    finally:
+        sys.setswitchinterval(interval)
     assert not faults
 
 
