@@ -29,8 +29,13 @@ def node(ros_domain: int) -> Iterator[Node]:
 
 def run(node: Node, faults: list[str], until: Callable[[], bool]) -> None:
     """Spins on another thread until a condition holds, which this thread notices."""
+
+    def is_news(where: str, cause: str) -> bool:
+        faults.append(cause)
+        return True
+
     over = threading.Event()
-    executor = NodeExecutor(node, lambda where, cause: faults.append(cause) is None)
+    executor = NodeExecutor(node, is_news)
     spinning = threading.Thread(target=executor.spin_until, args=[over.is_set], daemon=True)
     spinning.start()
     while not until():
