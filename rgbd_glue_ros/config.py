@@ -153,6 +153,12 @@ class FeaturesConfig:
     voxel: float = _parameter(
         0.025, "Edge of the voxels that thin the cloud for fpfh.", unit="m", minimum=0.001
     )
+    geometric_matches: int = _parameter(
+        20000,
+        "Geometric matches of fpfh, at most: of a cloud with more points than this, as many are "
+        "matched, spread evenly, to all of the other cloud.",
+        minimum=100,
+    )
     grid_step: int = _parameter(
         10, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from room_rig import CAMERA, room_view, true_pose
 
 from rgbd_glue_ros import se3
-from rgbd_glue_ros.camera import cloud, project
+from rgbd_glue_ros.camera import project
 from rgbd_glue_ros.config import GEOMETRIC_FEATURES, VISUAL_FEATURES, FeaturesConfig
-from rgbd_glue_ros.errors import MissingExtraError
 from rgbd_glue_ros.estimation import distances
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
@@ -283,8 +282,6 @@ def test_every_point_takes_its_nearest_neighbour_in_feature_space() -> None:
 @pytest.mark.parametrize("name", ["fpfh", "fpfh_grid"])
 @pytest.mark.parametrize("known_pixels", [0, 1])
 def test_where_one_view_has_no_depth_no_geometry_is_matched(name: str, known_pixels: int) -> None:
-    if name == "fpfh":
-        pytest.importorskip("open3d")
     depth = blank().depth
     depth[100, 100 : 100 + known_pixels] = 2.0
     feature = GEOMETRIC[name](CONFIG)
@@ -295,28 +292,16 @@ def test_where_one_view_has_no_depth_no_geometry_is_matched(name: str, known_pix
     assert len(feature.match(nothing, something, Rough(true_transform(), 0.1))) <= known_pixels
 
 
-def test_the_voxels_are_described_by_open3d() -> None:
-    open3d = pytest.importorskip("open3d")
-    config = FeaturesConfig(voxel=0.05)
-    view = room_view(0.0)
-    described = VoxelFpfh(config).extract(view)
-    points = described.points
-    # one point a voxel: the mean of the pixels in it, so that no two are in one
-    cells = np.floor((points - cloud(view.depth, CAMERA).min(axis=0)) / config.voxel + 0.5)
-    assert len(np.unique(cells, axis=0)) > 0.9 * len(points)
-    assert len(points) < 0.2 * view.depth.size
-    # normals of the plane of 30 points at most in a radius of two voxels, towards the camera
-    cloud_of_points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
-    cloud_of_points.estimate_normals(open3d.geometry.KDTreeSearchParamHybrid(0.1, 30))
-    normals = np.asarray(cloud_of_points.normals)
-    normals *= -np.sign(np.einsum("ij,ij->i", normals, points))[:, None]
-    search = open3d.geometry.KDTreeSearchParamHybrid(0.25, 100)
-    expected = open3d_fpfh(open3d, points, normals, search)
-    np.testing.assert_allclose(described.descriptors, expected, atol=1e-3)
+def test_a_large_cloud_is_matched_in_part_to_all_of_the_other() -> None:
+    source, target = (VoxelFpfh(CONFIG).extract(view) for view in views())
+    whole = VoxelFpfh(CONFIG).match(source, target, None)
+    part = VoxelFpfh(replace(CONFIG, geometric_matches=1000)).match(source, target, None)
+    assert len(part) == 1000 < len(whole)
+    rows = np.arange(1000) * len(whole) // 1000
+    np.testing.assert_array_equal(part.target, whole.target[rows])
 
 
 def test_voxel_fpfh_finds_a_fair_part_of_its_matches_right_and_weights_them_more() -> None:
-    pytest.importorskip("open3d")
     feature = VoxelFpfh(CONFIG)
     source, target = (feature.extract(view) for view in views())
     matches = feature.match(source, target, None)
@@ -324,9 +309,3 @@ def test_voxel_fpfh_finds_a_fair_part_of_its_matches_right_and_weights_them_more
     assert len(matches) == len(source.points)
     assert right.mean() > 0.05
     assert matches.weights[right].mean() > matches.weights[~right].mean()
-
-
-def test_without_open3d_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(MissingExtraError, match=r"rgbd_glue_ros\[open3d\]"):
-        GEOMETRIC["fpfh"](CONFIG)

@@ -341,8 +341,6 @@ def test_matches_that_fix_no_transform_give_none_and_the_reason(
     [*product(["orb", "sift", "brisk"], ["none", "fpfh_grid"]), ("sift", "fpfh")],
 )
 def test_two_frames_are_registered(visual: str, geometric: str) -> None:
-    if geometric == "fpfh":
-        pytest.importorskip("open3d")
     config = Config(features=FeaturesConfig(visual=visual, geometric=geometric))
     result = registered(Glue(config))
     assert result.status is RegistrationStatus.OK

@@ -209,7 +209,6 @@ def test_either_feature_may_be_left_out(visual: str, geometric: str) -> None:
 
 
 def test_the_method_of_the_paper_alone_registers_frame_to_keyframe() -> None:
-    pytest.importorskip("open3d")
     frames = recorded_frames()[:12:4]
     metres, radians = errors(track(frames, load_preset("paper")), true_poses()[:12:4])
     assert metres.max() < 0.05

@@ -328,7 +328,6 @@ def test_an_interrupted_experiment_keeps_the_pairs_done(tmp_path: Path) -> None:
 def test_the_command_registers_the_bundled_recording_by_the_papers_method(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("open3d")
     arguments = ["pairs", str(make_bag.FOLDER), "--gap", "20", "--every", "80", "-o", str(tmp_path)]
     assert cli.main(arguments) == 0
     assert "gap 20   2 pairs, 0 failed" in capsys.readouterr().out

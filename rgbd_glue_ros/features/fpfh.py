@@ -47,7 +47,7 @@ def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int
                     squared = dx * dx + dy * dy + dz * dz
                     if not 0.0 < squared <= limit:
                         continue
-                    b0, b1, b2 = _pair_bins(dx, dy, dz, squared, normals[r, c], normals[i, j])
+                    b0, b1, b2 = pair_bins(dx, dy, dz, squared, normals[r, c], normals[i, j])
                     for y, x in ((r, c), (i, j)):
                         spfh[y, x, b0] += 1.0
                         spfh[y, x, BINS + b1] += 1.0
@@ -61,7 +61,7 @@ def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _pair_bins(
+def pair_bins(
     dx: float, dy: float, dz: float, squared: float, n1: Float64, n2: Float64
 ) -> tuple[int, int, int]:
     """The bins of the angles theta, alpha and phi of a pair of oriented points."""

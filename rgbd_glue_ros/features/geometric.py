@@ -1,4 +1,4 @@
-"""What a geometric feature is; FPFH of voxels by Open3D, and FPFH of the depth image's grid."""
+"""What a geometric feature is; FPFH of voxels, and FPFH of the depth image's grid."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from rgbd_glue_ros.camera import cloud
 from rgbd_glue_ros.config import FeaturesConfig
-from rgbd_glue_ros.errors import MissingExtraError
-from rgbd_glue_ros.features.fpfh import grid_fpfh, guided_search
+from rgbd_glue_ros.features import voxels
+from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
 from rgbd_glue_ros.matching import distance_ratio, nearest_two
 from rgbd_glue_ros.normals import grid_points_and_normals
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
@@ -59,6 +59,13 @@ class DescribedPoints:
     points: Float64
     descriptors: Float32
 
+    def thinned(self, most: int) -> DescribedPoints:
+        """At most so many of the points, spread evenly over their order."""
+        if len(self.points) <= most:
+            return self
+        rows = np.arange(most) * len(self.points) // most
+        return DescribedPoints(self.points[rows], self.descriptors[rows])
+
 
 def nearest_matches(source: DescribedPoints, target: DescribedPoints) -> Correspondences:
     """Section 3.1: the nearest neighbour of every source point in feature space."""
@@ -69,34 +76,22 @@ def nearest_matches(source: DescribedPoints, target: DescribedPoints) -> Corresp
 
 
 class VoxelFpfh:
-    """FPFH on a voxel grid, computed by Open3D: the reference of the paper's experiments."""
+    """FPFH of a cloud thinned to voxels: the paper's."""
 
     def __init__(self, config: FeaturesConfig) -> None:
-        try:
-            import open3d  # noqa: PLC0415 - takes seconds and is optional
-        except ImportError as error:
-            raise MissingExtraError("open3d", "open3d", "features.geometric: fpfh") from error
-        self._open3d = open3d
         self._voxel = config.voxel
+        self._most = config.geometric_matches
 
     def extract(self, view: View) -> DescribedPoints:
         """Thins the cloud to one point a voxel and describes each."""
-        o3d = self._open3d
-        points = o3d.geometry.PointCloud(
-            o3d.utility.Vector3dVector(cloud(view.depth, view.intrinsics))
+        points = voxels.voxel_means(cloud(view.depth, view.intrinsics), self._voxel)
+        if not len(points):
+            return DescribedPoints(points, np.empty((0, 3 * BINS), np.float32))
+        near = voxels.neighbourhoods(points, _FPFH_RADIUS_VOXELS * self._voxel, _FPFH_NEIGHBOURS)
+        normals = voxels.normals(
+            points, *near, _NORMAL_RADIUS_VOXELS * self._voxel, _NORMAL_NEIGHBOURS
         )
-        if points.is_empty():
-            return DescribedPoints(np.empty((0, 3)), np.empty((0, 1), np.float32))
-        points = points.voxel_down_sample(self._voxel)
-        search = o3d.geometry.KDTreeSearchParamHybrid
-        points.estimate_normals(search(_NORMAL_RADIUS_VOXELS * self._voxel, _NORMAL_NEIGHBOURS))
-        points.orient_normals_towards_camera_location(np.zeros(3))
-        fpfh = o3d.pipelines.registration.compute_fpfh_feature(
-            points, search(_FPFH_RADIUS_VOXELS * self._voxel, _FPFH_NEIGHBOURS)
-        )
-        return DescribedPoints(
-            np.asarray(points.points), np.ascontiguousarray(fpfh.data.T, np.float32)
-        )
+        return DescribedPoints(points, voxels.fpfh(points, normals, *near))
 
     def match(
         self,
@@ -105,7 +100,7 @@ class VoxelFpfh:
         rough: Rough | None,  # noqa: ARG002 - the paper matches first and filters after
     ) -> Correspondences:
         """Section 3.1."""
-        return nearest_matches(source, target)
+        return nearest_matches(source.thinned(self._most), target)
 
 
 @dataclass(frozen=True)
