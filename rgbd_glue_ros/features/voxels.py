@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from rgbd_glue_ros.features.fpfh import BINS, pair_bins
@@ -65,7 +66,7 @@ def normals(
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _covariances(
     points: Float64, neighbours: Int64, distances: Float64, radius: float
-) -> tuple[Float64, Float64]:
+) -> tuple[Float64, NDArray[np.bool_]]:
     n = len(points)
     covariances = np.zeros((n, 3, 3))
     alone = np.zeros(n, np.bool_)
