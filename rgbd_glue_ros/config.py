@@ -427,15 +427,20 @@ class NodeConfig:
     )
     qos: int = _parameter(
         0,
-        "Reliability of the subscriptions: 0 as the publisher offers, 1 reliable, 2 best effort.",
+        "Reliability of the image subscriptions: 0 as the publisher offers, 1 reliable, 2 best "
+        "effort.",
         minimum=0,
         maximum=2,
     )
+    qos_camera_info: int = _parameter(0, "The same for the camera info.", minimum=0, maximum=2)
     topic_queue_size: int = _parameter(
         10, "Messages of a topic that wait for the node, at most.", minimum=1, maximum=1000
     )
     sync_queue_size: int = _parameter(
         10, "Messages of a topic that wait for their partners, at most.", minimum=1, maximum=1000
+    )
+    approx_sync: bool = _parameter(
+        True, "Whether stamps of colour and depth may differ; without it only equal ones pair."
     )
     approx_sync_max_interval: float = _parameter(
         0.02,
@@ -443,6 +448,30 @@ class NodeConfig:
         unit="s",
         minimum=0.0,
     )
+    always_process_most_recent_frame: bool = _parameter(
+        True,
+        "Whether a frame that waits gives way to a newer one. Without it frames queue "
+        "(sync_queue_size), and when the queue is full the subscriptions wait: nothing is dropped "
+        "as long as topic_queue_size holds what comes meanwhile.",
+    )
+    max_update_rate: float = _parameter(
+        0.0, "Frames that come faster than this are left out; 0 takes all.", unit="Hz", minimum=0.0
+    )
+    publish_null_when_lost: bool = _parameter(
+        False,
+        "Whether odom gets a message for a frame without a pose too: position, orientation "
+        "quaternion and twist all zero, covariances 9999 on their diagonals, as rtabmap_odom does. "
+        "Without it nothing is published for such a frame.",
+    )
+    initial_pose: str = _parameter(
+        "",
+        "Pose in odom_frame_id that the odometry starts at, and starts anew at when it is reset: "
+        "'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'; empty for the origin.",
+    )
+
+
+USUAL_NAMES = {"reset_countdown": "odometry.reset_countdown"}
+"""Names that users of rtabmap_odom know, and the parameters of the method that they stand for."""
 
 
 def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:

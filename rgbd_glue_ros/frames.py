@@ -56,6 +56,10 @@ class Framing:
         """
         return Framing(T_robot_camera, se3.inverse(T_robot_camera))
 
+    def starting_at(self, T_odom_start: Float64) -> Framing:
+        """The same where what started at the origin of odom starts at ``T_odom_start`` [4, 4]."""
+        return Framing(T_odom_start @ self.T_odom_c0, self.T_camera_child)
+
     def pose(self, T_c0_camera: Float64) -> Float64:
         """T_odom_child [4, 4] for the camera's pose [4, 4] in its first optical frame."""
         T_odom_child: Float64 = self.T_odom_c0 @ T_c0_camera @ self.T_camera_child
@@ -149,3 +153,12 @@ def framing(frame_id: str, camera_pose: str, camera_axes: str) -> Framing:
             "frame_id empty to publish the camera's own pose",
         )
     return Framing.of_robot(parse_pose("camera_pose", camera_pose) @ AXES[camera_axes])
+
+
+def pose_parameter(name: str, text: str) -> Float64 | None:
+    """The transform [4, 4] that a parameter gives as ``parse_pose`` reads it; None if empty.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    return parse_pose(name, text) if text else None

@@ -25,6 +25,8 @@ class Drop(Enum):
     """Why a frame, complete with colour, depth and camera info, got no estimate."""
 
     SUPERSEDED = "a newer frame came while the odometry was busy"
+    TOO_SOON = "it came sooner than max_update_rate allows"
+    PAUSED = "the odometry was paused"
     UNUSABLE = "a message could not be used"
     FAILED = "an error inside"
 
@@ -88,9 +90,14 @@ class Summary:
 
 
 class Monitor:
-    """Counts what becomes of frames. Any thread may call it; times are of a monotonic clock."""
+    """Counts what becomes of frames. Any thread may call it; times are of a monotonic clock.
+
+    Attributes:
+        is_paused: whether frames are left out until somebody says otherwise.
+    """
 
     def __init__(self) -> None:
+        self.is_paused = False
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0

@@ -13,16 +13,19 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
+from std_srvs.srv import Empty
 
 from rgbd_glue_ros import config as cfg
-from rgbd_glue_ros import frames, messages
+from rgbd_glue_ros import frames, messages, topics
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.monitor import Drop, Monitor
 from rgbd_glue_ros.node_depth import DepthCameraInput
@@ -35,13 +38,15 @@ from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, TrackingState
 from rgbd_glue_ros.warm_up import warm_up
-from rgbd_glue_ros.worker import NewestWorker
+from rgbd_glue_ros.worker import NewestWorker, QueueWorker, Worker
 
 logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
 
 NODE_NAME = "rgbd_odometry"
 # Long enough for the slowest frame; a launch system kills what takes longer to end.
 CLOSE_S = 4.0
+# Frames that come this much before their turn by max_update_rate are taken: stamps jitter.
+EARLY_FRACTION = 0.1
 
 
 @dataclass(frozen=True)
@@ -75,18 +80,31 @@ class OdometryNode(Node):  # type: ignore[misc]
             self._node_config.camera_pose,
             self._node_config.camera_axes,
         )
+        start = frames.pose_parameter("initial_pose", self._node_config.initial_pose)
+        if start is not None:
+            self._framing = self._framing.starting_at(start)
         self._odometry = Odometry(self._config)
         self.monitor = Monitor()
         self._last_stamp_ns: int | None = None
+        self._last_taken_ns: int | None = None
+        approximate_ns = round(self._node_config.approx_sync_max_interval * NANOSECONDS)
         self._synchronizer: Synchronizer[Any] = Synchronizer(
-            round(self._node_config.approx_sync_max_interval * NANOSECONDS),
+            approximate_ns if self._node_config.approx_sync else 0,
             self._node_config.sync_queue_size,
         )
-        self._worker = NewestWorker(self._process, lambda _: self.monitor.dropped(Drop.SUPERSEDED))
+        # what is to be done on the worker's thread, before the next frame
+        self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._worker = self._create_worker()
         self._inputs: list[NodeInput] = []
         self._depth_camera = DepthCameraInput(self, self._node_config)
         self._outputs = NodeOutputs(self, self._node_config)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._inputs)
+        for name, serve in (
+            (topics.RESET_SERVICE, self._serve_reset),
+            (topics.PAUSE_SERVICE, self._serve_pause),
+            (topics.RESUME_SERVICE, self._serve_resume),
+        ):
+            self.create_service(Empty, name, serve)
         self._warmed_up = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
         threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
@@ -107,6 +125,28 @@ class OdometryNode(Node):  # type: ignore[misc]
         if ended:
             self.destroy_node()
 
+    def _create_worker(self) -> Worker[_Arrival]:
+        if self._node_config.always_process_most_recent_frame:
+            return NewestWorker(self._process, lambda _: self.monitor.dropped(Drop.SUPERSEDED))
+        return QueueWorker(self._process, self._node_config.sync_queue_size)
+
+    # Services
+
+    def _serve_reset(self, _request: object, response: Empty.Response) -> Empty.Response:
+        self._requests.put(self._reset)
+        self.get_logger().info("Told to reset: starting anew with the next frame")
+        return response
+
+    def _serve_pause(self, _request: object, response: Empty.Response) -> Empty.Response:
+        self.monitor.is_paused = True
+        self.get_logger().info("Paused: no frame is processed until told to resume")
+        return response
+
+    def _serve_resume(self, _request: object, response: Empty.Response) -> Empty.Response:
+        self.monitor.is_paused = False
+        self.get_logger().info("Resumed")
+        return response
+
     # Input
 
     def _warm_up(self) -> None:
@@ -126,11 +166,26 @@ class OdometryNode(Node):  # type: ignore[misc]
         arrived_ns = time.monotonic_ns()
         stamp_ns = messages.stamp_ns(message.header.stamp)
         for match in self._synchronizer.add(channel, stamp_ns, message):
-            self._worker.submit(_Arrival(match, arrived_ns))
+            if self.monitor.is_paused:
+                self.monitor.dropped(Drop.PAUSED)
+            elif self._is_too_soon(match.stamp_ns):
+                self.monitor.dropped(Drop.TOO_SOON)
+            else:
+                self._last_taken_ns = match.stamp_ns
+                self._worker.submit(_Arrival(match, arrived_ns))
+
+    def _is_too_soon(self, stamp_ns: int) -> bool:
+        """Whether a frame is to be left out for ``max_update_rate``."""
+        if self._last_taken_ns is None or self._node_config.max_update_rate <= 0:
+            return False
+        period_ns = NANOSECONDS / self._node_config.max_update_rate
+        return 0 <= stamp_ns - self._last_taken_ns < (1 - EARLY_FRACTION) * period_ns
 
     # Work, on the worker's thread
 
     def _process(self, arrival: _Arrival) -> None:
+        while not self._requests.empty():
+            self._requests.get()()
         state_before = self._odometry.state
         try:
             frame = self._frame(arrival.match)
@@ -163,8 +218,12 @@ class OdometryNode(Node):  # type: ignore[misc]
             self.get_logger().warning(
                 f"Time went back by {back_s:.3f} s (a bag in a loop?): starting anew"
             )
-            self._odometry.reset()
+            self._reset()
         self._last_stamp_ns = frame.stamp_ns
+
+    def _reset(self) -> None:
+        self._odometry.reset()
+        self._last_stamp_ns = None
 
     def _announce(self, before: TrackingState, estimate: OdometryEstimate) -> None:
         if estimate.state is before:

@@ -85,15 +85,23 @@ class NodeDiagnostics:
             self._node.get_logger().warning(f"No frame for {SILENCE_S:.0f} s: {why}")
         self._silence = why
 
+    def _verdict(self, state: TrackingState) -> tuple[bytes, str]:
+        if self._monitor.is_paused:
+            return DiagnosticStatus.WARN, "paused"
+        if self._silence:
+            return DiagnosticStatus.STALE, self._silence
+        return DIAGNOSTIC_LEVELS[state], state.value
+
     def _publish(self) -> None:
         summary = self._monitor.summary(time.monotonic_ns())
         values: dict[str, object] = {**summary.values()}
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
+        level, message = self._verdict(summary.state)
         status = DiagnosticStatus(
-            level=DiagnosticStatus.STALE if self._silence else DIAGNOSTIC_LEVELS[summary.state],
+            level=level,
             name=f"{self._node.get_fully_qualified_name()}: odometry",
-            message=self._silence or summary.state.value,
+            message=message,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
         header = Header(stamp=self._node.get_clock().now().to_msg())

@@ -32,17 +32,29 @@ class NodeInput:
         message_type: type,
         topic: str,
         receive: Receive,
-        config: NodeConfig,
+        depth: int,
+        qos: int,
     ) -> None:
+        """Subscribes.
+
+        Args:
+            node: subscribes.
+            channel: what the topic carries.
+            message_type: of the topic.
+            topic: its full name.
+            receive: called with each message.
+            depth: messages that wait to be received, at most.
+            qos: as the parameter of that name.
+        """
         self.channel = channel
         self.topic = topic
         self._node = node
         self._type = message_type
         self._receive = receive
-        self._depth = config.topic_queue_size
-        self._matches_publisher = config.qos == 0
+        self._depth = depth
+        self._matches_publisher = qos == 0
         self._reliability = (
-            ReliabilityPolicy.RELIABLE if config.qos == 1 else ReliabilityPolicy.BEST_EFFORT
+            ReliabilityPolicy.RELIABLE if qos == 1 else ReliabilityPolicy.BEST_EFFORT
         )
         self._subscription = self._subscribe()
 
@@ -110,7 +122,10 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> list[NodeIn
             message_type = Image if transport == topics.RAW else CompressedImage
         # as image_transport does it: what users remap is the base topic
         topic = topics.transported(node.resolve_topic_name(topics.SUBSCRIBED[channel]), transport)
-        inputs.append(NodeInput(node, channel, message_type, topic, receive, config))
+        qos = config.qos_camera_info if channel is Channel.INFO else config.qos
+        inputs.append(
+            NodeInput(node, channel, message_type, topic, receive, config.topic_queue_size, qos)
+        )
     return inputs
 
 

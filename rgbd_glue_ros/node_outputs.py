@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.node import Node
@@ -10,6 +11,9 @@ from rgbd_glue_ros import message_fields, topics
 from rgbd_glue_ros.config import NodeConfig
 from rgbd_glue_ros.frames import Framing
 from rgbd_glue_ros.types import Float64, OdometryEstimate
+
+# As rtabmap_odom has it.
+NULL_VARIANCE = 9999.0
 
 
 class NodeOutputs:
@@ -24,6 +28,8 @@ class NodeOutputs:
     def publish(self, estimate: OdometryEstimate, framing: Framing, camera_frame: str) -> None:
         """Publishes an estimate; ``camera_frame`` is the child where no robot frame is set."""
         if estimate.T_odom_camera is None:
+            if self._config.publish_null_when_lost:
+                self._odom.publish(self._null(estimate.stamp_ns, camera_frame))
             return
         head = message_fields.header(estimate.stamp_ns, self._config.odom_frame_id)
         pose = message_fields.copy_fields(
@@ -48,6 +54,16 @@ class NodeOutputs:
         odom.twist.twist = _twist_message(framing.twist(estimate.twist))
         odom.twist.covariance = framing.twist_covariance(estimate.twist_covariance).ravel()
         self._odom.publish(odom)
+
+    def _null(self, stamp_ns: int, camera_frame: str) -> OdometryMessage:
+        """What rtabmap_odom publishes for a frame without a pose."""
+        head = message_fields.header(stamp_ns, self._config.odom_frame_id)
+        odom = OdometryMessage()
+        message_fields.copy_fields(head, odom.header)
+        odom.child_frame_id = self._config.frame_id or camera_frame
+        odom.pose.pose.orientation.w = 0.0
+        odom.pose.covariance = odom.twist.covariance = np.diag([NULL_VARIANCE] * 6).ravel()
+        return odom
 
 
 def _twist_message(velocity: Float64) -> Twist:

@@ -1,4 +1,4 @@
-"""Names of the node's topics, as they are before remapping."""
+"""Names of the node's topics and services, as they are before remapping."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ POSE = "pose"
 ODOM = "odom"
 KEYFRAME_POSE = "keyframe/pose"
 DIAGNOSTICS = "/diagnostics"
+
+RESET_SERVICE = "~/reset_odom"
+PAUSE_SERVICE = "~/pause_odom"
+RESUME_SERVICE = "~/resume_odom"
 
 RAW = "raw"
 """The transport of images that are not compressed."""

@@ -1,9 +1,11 @@
-"""One thread that works on the newest item: a slow consumer of a live stream never falls behind."""
+"""One thread that works on items of a live stream, and two ways to let them wait for it."""
 
 from __future__ import annotations
 
 import logging
 import threading
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -11,40 +13,32 @@ T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 
-class NewestWorker(Generic[T]):
-    """Hands items to a function on its own thread, one at a time, the newest first.
+class Worker(ABC, Generic[T]):
+    """Hands items to a function on its own thread, one at a time, in the order of submission.
 
-    There is one slot: an item that arrives while another waits in it takes its place, and the
-    older one is dropped. An exception of the function is logged and the thread goes on.
+    An exception of the function is logged and the thread goes on.
     """
 
-    def __init__(self, work: Callable[[T], None], dropped: Callable[[T], None]) -> None:
+    def __init__(self, work: Callable[[T], None]) -> None:
         """Starts the thread.
 
         Args:
             work: called with each item, on the thread.
-            dropped: called with an item that a newer one replaced, where that was submitted.
         """
         self._work = work
-        self._dropped = dropped
-        self._slot: list[T] = []
+        self._waiting: deque[T] = deque()
         self._changed = threading.Condition()
         self._closed = False
         # a daemon, so that work that never ends cannot keep the process alive
-        self._thread = threading.Thread(target=self._run, name="newest-worker", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self._thread.start()
 
+    @abstractmethod
     def submit(self, item: T) -> None:
-        """Leaves ``item`` for the thread; returns at once."""
-        with self._changed:
-            replaced = list(self._slot)
-            self._slot[:] = [item]
-            self._changed.notify()
-        for older in replaced:
-            self._dropped(older)
+        """Leaves ``item`` for the thread."""
 
     def close(self, timeout_s: float) -> bool:
-        """Lets the item in work be finished, drops one that waits, and ends the thread.
+        """Lets the item in work be finished, drops those that wait, and ends the thread.
 
         Args:
             timeout_s: how long to wait for the item in work, seconds.
@@ -54,18 +48,64 @@ class NewestWorker(Generic[T]):
         """
         with self._changed:
             self._closed = True
-            self._changed.notify()
+            self._changed.notify_all()
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closed or self._slot)
+                self._changed.wait_for(lambda: self._closed or self._waiting)
                 if self._closed:
                     return
-                item = self._slot.pop()
+                item = self._waiting.popleft()
+                self._changed.notify_all()
             try:
                 self._work(item)
             except Exception:
                 logger.exception("A frame could not be processed; going on with the next")
+
+
+class NewestWorker(Worker[T]):
+    """Of the items that wait, the newest alone is kept: a slow consumer never falls behind."""
+
+    def __init__(self, work: Callable[[T], None], dropped: Callable[[T], None]) -> None:
+        """Starts the thread.
+
+        Args:
+            work: called with each item, on the thread.
+            dropped: called with an item that a newer one replaced, where that was submitted.
+        """
+        self._dropped = dropped
+        super().__init__(work)
+
+    def submit(self, item: T) -> None:
+        """Leaves ``item`` for the thread; returns at once."""
+        with self._changed:
+            replaced = list(self._waiting)
+            self._waiting.clear()
+            self._waiting.append(item)
+            self._changed.notify_all()
+        for older in replaced:
+            self._dropped(older)
+
+
+class QueueWorker(Worker[T]):
+    """No item is dropped: who submits waits while the queue is full."""
+
+    def __init__(self, work: Callable[[T], None], size: int) -> None:
+        """Starts the thread.
+
+        Args:
+            work: called with each item, on the thread.
+            size: items that wait, at most.
+        """
+        self._size = size
+        super().__init__(work)
+
+    def submit(self, item: T) -> None:
+        """Leaves ``item`` for the thread; returns when there is room for it, or after ``close``."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or len(self._waiting) < self._size)
+            self._waiting.append(item)
+            self._changed.notify_all()

@@ -22,7 +22,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from rgbd_glue_ros import message_fields
 from rgbd_glue_ros.message_fields import copy_fields
 from rgbd_glue_ros.sync import Channel
-from rgbd_glue_ros.topics import DIAGNOSTICS, ODOM, POSE, SUBSCRIBED, transported
+from rgbd_glue_ros.topics import DIAGNOSTICS, KEYFRAME_POSE, ODOM, POSE, SUBSCRIBED, transported
 from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame
 
 PATIENCE_S = 30.0
@@ -73,11 +73,13 @@ class Rig:
         )
         self.info = self.publisher(CameraInfo, remapped[Channel.INFO])
         self.poses: list[PoseStamped] = []
+        self.keyframes: list[PoseStamped] = []
         self.odoms: list[OdometryMessage] = []
         self.diagnostics: list[DiagnosticArray] = []
         for kind, topic, received in (
             (PoseStamped, POSE, self.poses),
             (OdometryMessage, ODOM, self.odoms),
+            (PoseStamped, KEYFRAME_POSE, self.keyframes),
             (DiagnosticArray, DIAGNOSTICS, self.diagnostics),
         ):
             self.node.create_subscription(kind, topic, received.append, 10)
@@ -130,17 +132,18 @@ class Rig:
     def publish(self, frame: RgbdFrame) -> None:
         """Publishes a frame's three messages."""
         head = message_fields.header(frame.stamp_ns, frame.frame_id)
+        depth_head = message_fields.header(frame.stamp_ns + frame.depth_delay_ns, frame.frame_id)
         plain: tuple[Any, ...]
         if self._compressed:
             plain = (
                 message_fields.compressed_color_image(frame.color, head),
-                message_fields.compressed_depth_image(frame.depth, head),
+                message_fields.compressed_depth_image(frame.depth, depth_head),
             )
             kind: type = CompressedImage
         else:
             plain = (
                 message_fields.color_image(frame.color, head),
-                message_fields.depth_image(frame.depth, head),
+                message_fields.depth_image(frame.depth, depth_head),
             )
             kind = Image
         info = message_fields.camera_info(frame.intrinsics, head)

@@ -44,6 +44,16 @@ def test_a_robot_frame_starts_at_the_origin_of_odom(seed: int) -> None:
     np.testing.assert_allclose(robot.pose(np.eye(4)), np.eye(4), atol=1e-12)
 
 
+@given(SEEDS)
+def test_a_robot_can_start_anywhere_and_moves_the_same(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    robot = Framing.of_robot(random_transform(rng))
+    start, T = random_transform(rng), random_transform(rng)
+    moved = robot.starting_at(start)
+    np.testing.assert_allclose(moved.pose(np.eye(4)), start, atol=1e-9)
+    np.testing.assert_allclose(moved.pose(T), start @ robot.pose(T), atol=1e-9)
+
+
 def test_a_robot_that_turns_on_the_spot_stays_at_the_origin_though_its_camera_does_not() -> None:
     # the camera looks forward from 0.3 m in front of base_link, 0.5 m above the ground
     config = framing("base_link", "0.3 0 0.5 0 0 0", "body")

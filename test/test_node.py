@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.config import Config, NodeConfig, parameters
+from rgbd_glue_ros.frames import T_BODY_OPTICAL, parse_pose
 from rgbd_glue_ros.message_fields import camera_info, color_image, copy_fields, depth_image, header
 from rgbd_glue_ros.messages import pose_from_message
 from rgbd_glue_ros.node_process import NodeProcess, private_domain, ros_environment
@@ -22,11 +23,13 @@ from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from diagnostic_msgs.msg import KeyValue
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import ReliabilityPolicy
 from ros_rig import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
 from sensor_msgs.msg import CameraInfo, Image
+from std_srvs.srv import Empty
 
 PERIOD_NS = NANOSECONDS // 30
 
@@ -106,6 +109,11 @@ def test_diagnostics_tell_state_rate_latency_and_drops(running: Running) -> None
     assert float(values["rate_hz"]) > 0
     assert 0 < float(values["latency_p50_ms"]) <= float(values["latency_p95_ms"])
     assert int(values["color: received"]) >= int(values["frames"]) > 0
+
+
+def blank(frame: RgbdFrame) -> RgbdFrame:
+    """The frame of a covered camera."""
+    return replace(frame, color=np.zeros_like(frame.color), depth=np.full_like(frame.depth, np.nan))
 
 
 def image(frame: RgbdFrame) -> Image:
@@ -300,9 +308,7 @@ def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: i
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0))
         for i in (1, 2):
-            seen = corner_frame(i * PERIOD_NS)
-            blank = np.zeros_like(seen.color), np.full_like(seen.depth, np.nan)
-            rig.publish(replace(seen, color=blank[0], depth=blank[1]))
+            rig.publish(blank(corner_frame(i * PERIOD_NS)))
             node.wait_for_line("Lost at 0.033", PATIENCE_S)
         pose = rig.pose_of(corner_frame(3 * PERIOD_NS))
         node.wait_for_line("Tracking again", PATIENCE_S)
@@ -318,3 +324,94 @@ def test_silence_is_explained_with_the_topic_that_is_missing(ros_domain: int) ->
         line = node.wait_for_line("No frame for 5 s", PATIENCE_S)
         assert "/depth/image (depth) has no publisher" in line
         assert "/rgb/image (color) by /rig (reliable): 0 messages" in line
+
+
+def call(rig: Rig, service: str) -> None:
+    client = rig.node.create_client(Empty, f"/rgbd_odometry/{service}")
+    rig.wait(client.service_is_ready, service)
+    answer = client.call_async(Empty.Request())
+    rig.wait(answer.done, f"the answer of {service}")
+    rig.node.destroy_client(client)
+
+
+def test_reset_starts_anew_at_the_initial_pose_whatever_the_time(ros_domain: int) -> None:
+    with node_in(ros_domain, initial_pose="'1 2 3 0 0 0.5'") as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        first = rig.pose_of(corner_frame(PERIOD_NS))
+        call(rig, "reset_odom")
+        node.wait_for_line("Told to reset", PATIENCE_S)
+        again = rig.pose_of(corner_frame(2 * PERIOD_NS))
+        assert again.pose == first.pose
+        expected = parse_pose("", "1 2 3 0 0 0.5") @ T_BODY_OPTICAL
+        np.testing.assert_allclose(pose_from_message(again, "pose"), expected, atol=1e-12)
+        rig.wait(lambda: len(rig.keyframes) == 2, "a keyframe after the reset")
+
+
+def test_paused_no_frame_is_processed_and_resumed_the_pose_goes_on(running: Running) -> None:
+    running.rig.pose_of(running.frame())
+    call(running.rig, "pause_odom")
+    poses = len(running.rig.poses)
+    running.rig.publish(running.frame())
+    running.rig.diagnostics.clear()
+
+    def dropped() -> bool:
+        return any(
+            status.message == "paused"
+            and KeyValue(key="dropped_paused", value="1") in status.values
+            for message in running.rig.diagnostics
+            for status in message.status
+        )
+
+    running.rig.wait(dropped, "the frame that was left out")
+    assert len(running.rig.poses) == poses
+    call(running.rig, "resume_odom")
+    T = pose_from_message(running.rig.pose_of(running.frame()), "pose")
+    np.testing.assert_allclose(T[:3, 3], 0, atol=2e-3)
+
+
+def test_frames_faster_than_the_update_rate_are_left_out_and_counted(ros_domain: int) -> None:
+    with node_in(ros_domain, max_update_rate=10) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        for i in range(7):
+            rig.publish(corner_frame(i * PERIOD_NS))
+            if i % 3 == 0:
+                rig.pose_at(i * PERIOD_NS)
+        node.stop()
+        assert "4 because it came sooner" in node.lines[-1]
+
+
+def test_with_exact_synchronisation_only_equal_stamps_pair(ros_domain: int) -> None:
+    with node_in(ros_domain, approx_sync=False), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.publish(replace(corner_frame(0), depth_delay_ns=1_000_000))
+        rig.pose_of(corner_frame(PERIOD_NS))
+        assert len(rig.poses) == 1
+
+
+def test_without_the_newest_frame_first_every_frame_of_a_burst_gets_its_pose(
+    ros_domain: int,
+) -> None:
+    given = {"always_process_most_recent_frame": False}
+    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        stamps = [i * PERIOD_NS for i in range(8)]
+        for stamp in stamps:
+            rig.publish(corner_frame(stamp))
+        for stamp in stamps:
+            rig.pose_at(stamp)
+
+
+def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int) -> None:
+    with node_in(ros_domain, publish_null_when_lost=True) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.pose_of(corner_frame(0))
+        rig.publish(blank(corner_frame(PERIOD_NS)))
+        node.wait_for_line("Lost at 0.033", PATIENCE_S)
+        rig.wait(lambda: rig.odoms, "the odometry of the lost frame")
+        odom = rig.odoms[-1]
+        q = odom.pose.pose.orientation
+        assert (q.x, q.y, q.z, q.w) == (0, 0, 0, 0)
+        assert (odom.header.stamp.nanosec, odom.child_frame_id) == (PERIOD_NS, OPTICAL_FRAME)
+        for covariance in (odom.pose.covariance, odom.twist.covariance):
+            np.testing.assert_array_equal(covariance.reshape(6, 6), np.eye(6) * 9999)
+        assert len(rig.poses) == 1

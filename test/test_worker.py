@@ -1,4 +1,4 @@
-"""The one-slot worker between the subscriptions and the odometry."""
+"""The worker between the subscriptions and the odometry."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from rgbd_glue_ros.worker import NewestWorker
+from rgbd_glue_ros.worker import NewestWorker, QueueWorker
 
 PATIENCE_S = 10.0
 
@@ -70,3 +70,42 @@ def test_closing_finishes_the_item_in_work_and_drops_the_one_that_waits() -> Non
     station.go_on.release(2)
     assert worker.close(PATIENCE_S)
     assert station.done == [1]
+
+
+def test_a_full_queue_makes_the_submitter_wait_and_drops_nothing() -> None:
+    station = Station()
+    worker = QueueWorker(station.work, size=2)
+    for item in (1, 2, 3):  # one in work, two that wait
+        worker.submit(item)
+        if item == 1:
+            assert station.started.get(timeout=PATIENCE_S) == 1
+    submitted = threading.Event()
+
+    def submit_one_more() -> None:
+        worker.submit(4)
+        submitted.set()
+
+    threading.Thread(target=submit_one_more, daemon=True).start()
+    assert not submitted.is_set()
+    station.go_on.release()
+    assert submitted.wait(PATIENCE_S)
+    station.go_on.release(3)
+    for item in (2, 3, 4):
+        assert station.started.get(timeout=PATIENCE_S) == item
+    assert worker.close(PATIENCE_S)
+    assert station.done == [1, 2, 3, 4]
+
+
+def test_closing_frees_a_submitter_that_waits() -> None:
+    station = Station()
+    worker = QueueWorker(station.work, size=1)
+    worker.submit(1)
+    assert station.started.get(timeout=PATIENCE_S) == 1
+    worker.submit(2)
+    waiting = threading.Thread(target=worker.submit, args=[3], daemon=True)
+    waiting.start()
+    station.go_on.release()
+    assert worker.close(PATIENCE_S)
+    waiting.join(PATIENCE_S)
+    assert not waiting.is_alive()
+    assert station.done[0] == 1
