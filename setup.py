@@ -86,6 +86,7 @@ setup(
         # methods of others, measured beside ours
         "bench": [
             *OPEN3D,
+            "networkx>=3.2",
             "small_gicp>=1.0",
         ],
         "test": [

@@ -17,8 +17,8 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 # A module imports only what stands above it; a folder's modules may also import one another.
 ORDER = """
     errors types config se3
-    camera depth_registration normals matching estimation features refinement glue peers keyframes
-    motion odometry warm_up
+    camera depth_registration normals matching estimation baselines features refinement glue peers
+    keyframes motion odometry warm_up
     sync topics worker image_files rvl message_fields messages depth_source frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
     pair_methods pair_evaluation pairs_figures pairs_report pairs bench
@@ -36,7 +36,15 @@ ROS_MODULES = {
     "node",
     "player",
 }
-OPTIONAL_LIBRARIES = {"open3d", "torch", "onnxruntime", "pyorbslam3", "small_gicp", "evo"}
+OPTIONAL_LIBRARIES = {
+    "open3d",
+    "torch",
+    "onnxruntime",
+    "pyorbslam3",
+    "small_gicp",
+    "networkx",
+    "evo",
+}
 ROSDEP_KEYS = {
     "backports": "python3-rosbags-pip",  # comes with rosbags, as lz4
     "cv2": "python3-opencv",

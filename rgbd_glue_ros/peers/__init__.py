@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rgbd_glue_ros.peers.base import NoTransformError, Peer
+from rgbd_glue_ros.peers.baselines import Mac, Sc2Pcr
 from rgbd_glue_ros.peers.open3d_features import FastGlobal, FeatureRansac
 from rgbd_glue_ros.peers.open3d_odometry import ColoredIcp, Open3dOdometry
 from rgbd_glue_ros.peers.opencv_odometry import opencv_icp, opencv_rgbd, opencv_rgbd_icp
@@ -17,6 +18,8 @@ from rgbd_glue_ros.peers.small_gicp import SmallGicp
 PEERS: dict[str, Callable[[], Peer]] = {
     "fpfh_ransac": FeatureRansac,
     "fpfh_fgr": FastGlobal,
+    "fpfh_sc2_pcr": Sc2Pcr,
+    "fpfh_mac": Mac,
     "colored_icp": ColoredIcp,
     "open3d_odometry": Open3dOdometry,
     "opencv_rgbd": opencv_rgbd,
