@@ -13,7 +13,7 @@ from rgbd_glue_ros.peers import PEERS, NoTransformError, Peer
 from rgbd_glue_ros.registration_errors import rotation_deg, translation_cm
 from rgbd_glue_ros.types import View
 
-# from, to, and what the result may be off by: registrations from the identity are for small motions,
+# from, to, and what the result may be off by: those from the identity are for small motions,
 # global ones stop at what inliers of a few cm allow
 SMALL = 0.3, 0.2, 1.0, 0.5
 LARGE = 1.4, 1.2, 4.0, 1.5
