@@ -13,9 +13,8 @@ _REFINEMENTS = 20
 
 def length_differences(matches: Correspondences) -> Float32:
     """| |p_i - p_j| - |q_i - q_j| | of every two matches, float32 [N, N], metres."""
-    return np.abs(
-        cdist(matches.source, matches.source) - cdist(matches.target, matches.target)
-    ).astype(np.float32)
+    source, target = (cdist(points, points) for points in (matches.source, matches.target))
+    return np.asarray(np.abs(source - target), np.float32)
 
 
 def refined(T: Float64, matches: Correspondences, threshold: float) -> Float64:
