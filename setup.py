@@ -89,6 +89,11 @@ setup(
             "networkx>=3.2",
             "small_gicp>=1.0",
         ],
+        # pairs and replays on many processes or machines
+        "scale": [
+            "dask>=2024.8",
+            "distributed>=2024.8",
+        ],
         "test": [
             "catkin-pkg>=1.0",
             "hypothesis>=6.98",

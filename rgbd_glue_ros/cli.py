@@ -171,18 +171,39 @@ def _add_recordings(parser: argparse.ArgumentParser) -> None:
     _add_topics(parser)
 
 
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers",
+        metavar="N",
+        type=_positive,
+        help="work in N processes on this machine (needs the extra scale)",
+    )
+    where.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="work on a Dask cluster, such as tcp://host:8786; its workers have to see the same "
+        "files",
+    )
+
+
 def _recordings(args: argparse.Namespace) -> list[Path]:
     from rgbd_glue_ros.sequences import recordings, split
 
     return recordings(args.recordings, split(args.only) if args.only else None)
 
 
-def _open(args: argparse.Namespace, path: Path) -> Recording:
+def _opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
+    """Opens recordings as the arguments say, in this process or another."""
     from rgbd_glue_ros.sequences import Topics, load_calibration, open_sequence
 
     topics = Topics(args.color_topic, args.depth_topic, args.info_topic, args.truth_topic)
     calibration = load_calibration(args.calibration) if args.calibration else None
-    return open_sequence(path, topics, calibration)
+    return partial(open_sequence, topics=topics, calibration=calibration)
+
+
+def _open(args: argparse.Namespace, path: Path) -> Recording:
+    return _opener(args)(path)
 
 
 def _add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
@@ -408,37 +429,49 @@ def _add_pairs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, required=True, help="where the results go"
     )
+    _add_workers(parser)
 
 
 def _pairs(args: argparse.Namespace) -> str:
     from tqdm import tqdm
 
     from rgbd_glue_ros.pairs import TABLES, Experiment, run_pairs
+    from rgbd_glue_ros.parallel import pool
 
     gaps = sorted({*(args.gap or [20])})
     experiment = Experiment(_config(args), gaps, args.every, _peers(args.peers))
-    with tqdm(total=0, unit=" pairs", disable=None, dynamic_ncols=True) as bar:
+    sources = _recordings(args)
+    with (
+        pool(args.workers, args.scheduler) as workers,
+        tqdm(total=0, unit=" pairs", disable=None, dynamic_ncols=True) as bar,
+    ):
 
-        def expect(recording: Recording) -> None:
-            bar.total = (bar.total or 0) + experiment.pair_count(recording.frame_count)
-            bar.set_description(recording.name)
+        def expect(total: int, done: int) -> None:
+            bar.total, bar.initial = total, done
+            bar.update(done)
+            if done:
+                logger.warning("going on after %d pairs that an earlier run left", done)
 
         def step(_: object) -> None:
             bar.update()
 
         try:
             figures = run_pairs(
-                _recordings(args),
-                partial(_open, args),
+                sources,
+                _opener(args),
                 experiment,
                 args.output,
-                on_source=expect,
+                pool=workers,
+                on_planned=expect,
                 on_pair=step,
             )
         except KeyboardInterrupt:
             bar.close()
             if experiment.results:
-                logger.warning("interrupted; what was done is in %s", args.output)
+                logger.warning(
+                    "interrupted; what was done is in %s, and the same command goes on",
+                    args.output,
+                )
             raise
     return f"{_pairs_summary(figures)}tables   {args.output / TABLES}\n"
 

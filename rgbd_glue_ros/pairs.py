@@ -4,28 +4,36 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-import numpy as np
-
-from rgbd_glue_ros.camera import grey, limit_depth, rectified
-from rgbd_glue_ros.config import CameraConfig, Config, values
+from rgbd_glue_ros.config import Config, values
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.pair_evaluation import PairFrame, PairResult, evaluate_pair
-from rgbd_glue_ros.pair_methods import PairMethod, method_of
+from rgbd_glue_ros.journal import Journal
+from rgbd_glue_ros.pair_evaluation import PairResult
+from rgbd_glue_ros.pair_jobs import (
+    Pair,
+    PairJob,
+    Results,
+    Unposed,
+    from_json,
+    pairs_of,
+    run_job,
+    to_json,
+    true_poses,
+)
+from rgbd_glue_ros.pair_methods import Estimator, method_of
 from rgbd_glue_ros.pairs_figures import gap_figures
 from rgbd_glue_ros.pairs_report import to_markdown
+from rgbd_glue_ros.parallel import Failure, Pool, Serial
 from rgbd_glue_ros.sequences import Sequence as Recording
-from rgbd_glue_ros.trajectory import MAX_TIME_DIFFERENCE_S
-from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, Trajectory, View
 
 logger = logging.getLogger(__name__)
 
-FIGURES, TABLES = "pairs.json", "pairs.md"
+JOURNAL, FIGURES, TABLES = "pairs.jsonl", "pairs.json", "pairs.md"
 
 GLUE = "glue"
 """The name of the configuration's own method among those of an experiment."""
@@ -54,63 +62,11 @@ class Experiment:
     sources: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
-    def pair_count(self, frames: int) -> int:
-        """How many pairs a recording of so many frames gives, at most."""
-        return sum(len(range(0, frames - gap, self.stride(gap))) for gap in self.gaps)
-
-    def stride(self, gap: int) -> int:
-        """Frames from the start of one pair to that of the next."""
-        return self.every or gap
-
-    def run(
-        self, recording: Recording, methods: Mapping[str, PairMethod]
-    ) -> Iterator[dict[str, PairResult]]:
-        """Registers the pairs of a recording, the later frame to the earlier one.
-
-        Every frame is read once, and described once for all pairs that it is in.
-
-        Yields:
-            The results of each pair, by method; they are in ``results`` too.
-
-        Raises:
-            InputError: there is no ground truth, or a frame cannot be read; the pairs before it
-                are in ``results``.
-        """
-        truth = recording.ground_truth
-        if truth is None:
-            raise InputError(
-                recording.name, "has no ground truth", "give a recording that has true poses"
-            )
-        self.sources.append(recording.name)
-        frames: dict[int, PairFrame] = {}
-        unposed = 0
-        for index, image in enumerate(recording):
-            starts = any(index % self.stride(gap) == 0 for gap in self.gaps)
-            ends = [g for g in self.gaps if index >= g and (index - g) % self.stride(g) == 0]
-            if not starts and not ends:
-                continue
-            pose = _pose_at(truth, image.stamp_ns)
-            if pose is None:
-                unposed += 1
-                continue
-            view = _view(image, self.config.camera)
-            frames[index] = PairFrame(recording.name, index, view, pose)
-            for gap in ends:
-                if index - gap in frames:
-                    yield self._evaluated(methods, gap, frames[index], frames[index - gap])
-            frames = {i: frame for i, frame in frames.items() if i > index - max(self.gaps)}
-        if unposed:
-            self.problems.append(
-                f"{recording.name}: frames without a true pose, left out: {unposed}"
-            )
-
-    def _evaluated(
-        self, methods: Mapping[str, PairMethod], gap: int, source: PairFrame, target: PairFrame
-    ) -> dict[str, PairResult]:
-        found = {name: evaluate_pair(m, source, target) for name, m in methods.items()}
-        for name, result in found.items():
-            self.results.setdefault(name, {}).setdefault(gap, []).append(result)
-        return found
+    def add(self, results: Results) -> None:
+        """Takes up the results of a pair."""
+        for name, result in results.items():
+            by_gap = self.results.setdefault(name, {})
+            by_gap.setdefault(result.source - result.target, []).append(result)
 
     def figures(self) -> dict[str, Any]:
         """The content of ``pairs.json``; ratios, accuracies and recall are in percent."""
@@ -144,57 +100,62 @@ def run_pairs(
     experiment: Experiment,
     folder: Path,
     *,
-    on_source: Callable[[Recording], None] = lambda _: None,
-    on_pair: Callable[[dict[str, PairResult]], None] = lambda _: None,
+    pool: Pool | None = None,
+    on_planned: Callable[[int, int], None] = lambda *_: None,
+    on_pair: Callable[[Results], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Runs an experiment over recordings; one that cannot be used is reported, the rest goes on.
+    """Runs an experiment over recordings; what cannot be used is reported, the rest goes on.
 
-    However it ends, the figures of the pairs done are written.
+    Every result is in ``JOURNAL`` as soon as it is known, and a run that broke off is gone on with.
+    However it ends, the figures of the pairs done are written, and they are the same in whatever
+    order the pairs were done.
 
     Args:
         sources: the recordings.
-        open_source: opens one.
+        open_source: opens one; with workers it has to be such as can be sent to them.
         experiment: takes up the results.
         folder: where the results go; created if it is not there.
-        on_source: called with every recording that is opened.
+        pool: where the work is done; None does it in this process.
+        on_planned: called with the number of pairs, at most, and of those done by an earlier run.
         on_pair: called after every pair with its results by method.
 
     Returns:
         The figures, as ``Experiment.figures`` gives them.
 
     Raises:
-        InputError: the folder cannot be written, or there was no pair at all.
+        InputError: the folder cannot be written, holds a part of another experiment, or there was
+            no pair at all.
         MissingExtraError: a feature needs a library that is not installed.
     """
-    methods = _methods(experiment)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
-        ) from error
-    unusable: list[InputError] = []
-
-    def run(source: Path) -> None:
+    pool = pool or Serial()
+    estimators, camera = _estimators(experiment), experiment.config.camera
+    _prepare(folder)
+    plan, unusable = _planned(sources, open_source, experiment)
+    with Journal(folder / JOURNAL, _about(experiment, estimators)) as journal:
+        collected = _Collected(journal, unusable)
+        on_planned(sum(map(len, plan.values())), len(collected.found))
+        missing = {path: collected.missing(path, pairs) for path, pairs in plan.items()}
+        size = pool.batch_size(sum(map(len, missing.values())))
+        jobs = [
+            PairJob(path, open_source, tuple(pairs[i : i + size]), estimators, camera)
+            for path, pairs in missing.items()
+            for i in range(0, len(pairs), size)
+        ]
         try:
-            with open_source(source) as recording:
-                on_source(recording)
-                for results in experiment.run(recording, methods):
-                    on_pair(results)
-        except InputError as error:
-            unusable.append(error)
-            experiment.problems.append(str(error))
-
-    try:
-        for source in sources:
-            run(source)
-    finally:
-        if experiment.results:
-            experiment.write(folder)
-            for problem in experiment.problems:
-                logger.warning("%s", problem)
+            for job, outcome in pool.run(run_job, jobs):
+                if isinstance(outcome, dict):
+                    collected.add(job.path, outcome)
+                    on_pair(outcome)
+                else:
+                    collected.report(job.path, outcome)
+            if not collected.problems:
+                journal.finish()
+        finally:
+            collected.hand_over(experiment, plan)
+            if experiment.results:
+                experiment.write(folder)
+                for problem in experiment.problems:
+                    logger.warning("%s", problem)
     if not experiment.results:
         if unusable:
             raise unusable[0]
@@ -203,35 +164,117 @@ def run_pairs(
     return experiment.figures()
 
 
-def _methods(experiment: Experiment) -> dict[str, PairMethod]:
+class _Collected:
+    """Results as they come, by recording and pair, and what went wrong.
+
+    Attributes:
+        found: results by their keys in the journal.
+        problems: that may be gone when the experiment is run again.
+        unusable: recordings, or parts of them, with the reason.
+    """
+
+    def __init__(self, journal: Journal, unusable: list[InputError]) -> None:
+        self._journal = journal
+        self._unposed: dict[Path, set[int]] = {}
+        self.found = {key: from_json(content) for key, content in journal.done.items()}
+        self.unusable = unusable
+        self.problems = [str(error) for error in unusable]
+
+    def missing(self, path: Path, pairs: Iterable[Pair]) -> list[Pair]:
+        """Those of a recording's pairs that have no results yet."""
+        return [pair for pair in pairs if _key(path, pair) not in self.found]
+
+    def add(self, path: Path, results: Results) -> None:
+        """Takes the results of a pair."""
+        one = next(iter(results.values()))
+        key = _key(path, (one.target, one.source))
+        self.found[key] = results
+        self._journal.add(key, to_json(results))
+
+    def report(self, path: Path, outcome: Unposed | InputError | Failure) -> None:
+        """Takes what came in place of results."""
+        if isinstance(outcome, Unposed):
+            self._unposed.setdefault(path, set()).add(outcome.index)
+        elif isinstance(outcome, Failure):
+            self.problems.append(f"{path}: {outcome.error}")
+        else:
+            self.problems.append(str(outcome))
+            self.unusable.append(outcome)
+
+    def hand_over(self, experiment: Experiment, plan: Mapping[Path, Iterable[Pair]]) -> None:
+        """Gives all to the experiment, the results in the order of the plan."""
+        for path, pairs in plan.items():
+            for pair in pairs:
+                if _key(path, pair) in self.found:
+                    experiment.add(self.found[_key(path, pair)])
+        # a recording that is damaged fails every batch that comes to the place
+        experiment.problems += dict.fromkeys(self.problems)
+        experiment.problems += [
+            f"{path}: frames without a true pose, left out: {len(indices)}"
+            for path, indices in self._unposed.items()
+        ]
+
+
+def _prepare(folder: Path) -> None:
+    """Makes the folder, and sure that results can be written to it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
+        ) from error
+
+
+def _planned(
+    sources: Iterable[Path], open_source: Callable[[Path], Recording], experiment: Experiment
+) -> tuple[dict[Path, list[Pair]], list[InputError]]:
+    """The pairs of each recording, and what is wrong with those that cannot be used."""
+    plan: dict[Path, list[Pair]] = {}
+    unusable: list[InputError] = []
+
+    def add(path: Path) -> None:
+        try:
+            with open_source(path) as recording:
+                true_poses(recording)
+                plan[path] = pairs_of(recording.frame_count, experiment.gaps, experiment.every)
+                experiment.sources.append(recording.name)
+        except InputError as error:
+            unusable.append(error)
+
+    for path in sources:
+        add(path)
+    return plan, unusable
+
+
+def _key(path: Path, pair: Pair) -> str:
+    return f"{path}:{pair[0]}-{pair[1]}"
+
+
+def _about(
+    experiment: Experiment, estimators: Iterable[tuple[str, Estimator]]
+) -> Mapping[str, Any]:
+    """What a pair's results depend on."""
+    return {"parameters": values(experiment.config), "methods": [name for name, _ in estimators]}
+
+
+def _estimators(experiment: Experiment) -> tuple[tuple[str, Estimator], ...]:
     """The experiment's methods, less the peers that cannot be had, which is a problem of it.
 
     Raises:
         MissingExtraError: the configuration's own method needs a library that is not installed.
     """
-    methods = {GLUE: method_of(experiment.config)}
+    method_of(experiment.config)
+    usable: list[tuple[str, Estimator]] = [(GLUE, experiment.config)]
 
     def add(peer: str) -> None:
         try:
-            methods[peer] = method_of(peer)
+            method_of(peer)
+            usable.append((peer, peer))
         except (InputError, MissingExtraError) as error:
             experiment.problems.append(str(error))
 
     for peer in experiment.peers:
         add(peer)
-    return methods
-
-
-def _view(frame: RgbdFrame, limits: CameraConfig) -> View:
-    frame = rectified(frame)
-    return View(grey(frame.color), limit_depth(frame.depth, limits), frame.intrinsics)
-
-
-def _pose_at(truth: Trajectory, stamp_ns: int) -> Float64 | None:
-    """The true pose nearest in time, None if none is near."""
-    apart = np.abs(truth.stamps_ns - stamp_ns)
-    row = int(apart.argmin())
-    if apart[row] > round(MAX_TIME_DIFFERENCE_S * NANOSECONDS):
-        return None
-    pose: Float64 = truth.poses[row]
-    return pose
+    return tuple(usable)

@@ -19,9 +19,10 @@ ORDER = """
     errors types config se3
     camera depth_registration normals matching estimation baselines features refinement glue peers
     keyframes motion odometry warm_up
+    parallel journal
     sync topics worker image_files rvl message_fields messages depth_source frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
-    pair_methods pair_evaluation pairs_figures pairs_report pairs bench
+    pair_methods pair_evaluation pair_jobs pairs_figures pairs_report pairs bench
     fetch
     node_process node_runtime node_parameters node_inputs node_depth node_outputs node_diagnostics
     node player demo cli __main__
@@ -37,6 +38,8 @@ ROS_MODULES = {
     "player",
 }
 OPTIONAL_LIBRARIES = {
+    "dask",
+    "distributed",
     "open3d",
     "torch",
     "onnxruntime",

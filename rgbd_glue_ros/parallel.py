@@ -1,0 +1,172 @@
+"""Many tasks one after the other, on several processes, or on a cluster; through Dask."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+import cv2
+
+from rgbd_glue_ros.errors import InputError, MissingExtraError
+
+logger = logging.getLogger(__name__)
+
+Task = TypeVar("Task")
+Item = TypeVar("Item")
+
+_CONNECT_S = 20
+_LARGEST_BATCH = 20
+_BATCHES_PER_WORKER = 4
+# read by BLAS, OpenMP and numba when a worker starts, and by ``_within_threads``
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What is known of a task that broke down, in place of what it would have given."""
+
+    error: str
+
+
+class Pool(Protocol):
+    """Where tasks are done."""
+
+    def batch_size(self, count: int) -> int:
+        """How many of so many items are best put into one task, at least 1."""
+
+    def run(
+        self, function: Callable[[Task], Iterable[Item]], tasks: Sequence[Task]
+    ) -> Iterator[tuple[Task, Item | Failure]]:
+        """What ``function`` gives for each task, item by item, in whatever order they come.
+
+        A task that raises ends in a ``Failure``, after the items before it where these were given
+        one by one; the others go on.
+        """
+
+
+class Serial:
+    """In this process, one after the other, every item as soon as it is there."""
+
+    def batch_size(self, count: int) -> int:
+        """All in one: what items have in common is then done once."""
+        return max(1, count)
+
+    def run(
+        self, function: Callable[[Task], Iterable[Item]], tasks: Sequence[Task]
+    ) -> Iterator[tuple[Task, Item | Failure]]:
+        """The items of each task in order."""
+        for task in tasks:
+            yield from _items(function, task)
+
+
+class DaskPool:
+    """On the workers of a Dask cluster; a worker that dies is replaced, and its task done again."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def batch_size(self, count: int) -> int:
+        """Enough to hide what a task costs, and so few that all workers have some to the end."""
+        workers: int = max(1, sum(self._client.nthreads().values()))
+        return max(1, min(_LARGEST_BATCH, count // (_BATCHES_PER_WORKER * workers)))
+
+    def run(
+        self, function: Callable[[Task], Iterable[Item]], tasks: Sequence[Task]
+    ) -> Iterator[tuple[Task, Item | Failure]]:
+        """The items of each task when it is done, in whatever order the tasks are."""
+        from distributed import as_completed  # noqa: PLC0415
+
+        futures = {
+            self._client.submit(_within_threads, function, task, pure=False): task for task in tasks
+        }
+        try:
+            for future in as_completed(futures):
+                task = futures[future]
+                error = future.exception()
+                if error is None:
+                    for item in future.result():
+                        yield task, item
+                else:
+                    yield task, _failure(error)
+                # else the scheduler would keep all results until the end
+                future.release()
+        finally:
+            self._client.cancel(list(futures))
+
+
+@contextmanager
+def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[Pool]:
+    """Workers for as long as the context lasts.
+
+    Args:
+        workers: processes to start on this machine; the cores are divided among them.
+        scheduler: address of a Dask scheduler in place of these. With neither, tasks are done in
+            this process, which needs no Dask.
+
+    Raises:
+        InputError: there is no scheduler at the address, or it has no workers.
+        MissingExtraError: Dask is not installed.
+    """
+    if workers is None and scheduler is None:
+        yield Serial()
+        return
+    try:
+        import dask  # noqa: PLC0415
+        from distributed import Client, LocalCluster  # noqa: PLC0415
+    except ImportError as error:
+        raise MissingExtraError("Dask", "scale", "working in parallel") from error
+    # how workers start, stop and come back is Dask's business
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=_CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                scheduler, "no Dask scheduler answers", "start one: dask scheduler"
+            ) from error
+        with client:
+            if not client.nthreads():
+                raise InputError(
+                    scheduler, "has no workers", f"start some: dask worker {scheduler}"
+                )
+            yield DaskPool(client)
+        return
+    assert workers is not None  # noqa: S101 - for the type checker
+    threads = str(max(1, (os.cpu_count() or 1) // workers))
+    environment = dict.fromkeys(_THREADS, threads)
+    with (
+        dask.config.set({"distributed.nanny.pre-spawn-environ": environment}),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield DaskPool(client)
+
+
+def _within_threads(function: Callable[[Task], Iterable[Item]], task: Task) -> list[Item]:
+    """A task's items, computed with as many threads as the worker was started for."""
+    cv2.setNumThreads(int(os.environ.get(_THREADS[0], "1")))
+    return list(function(task))
+
+
+def _items(
+    function: Callable[[Task], Iterable[Item]], task: Task
+) -> Iterator[tuple[Task, Item | Failure]]:
+    try:
+        for item in function(task):
+            yield task, item
+    except Exception as error:  # noqa: BLE001 - one of thousands must not end the run
+        yield task, _failure(error)
+
+
+def _failure(error: BaseException) -> Failure:
+    logger.debug("a task broke down", exc_info=error)
+    return Failure(f"{type(error).__name__}: {error}")
