@@ -8,6 +8,7 @@ dataclasses; a parameter's dotted name (``glue.k``) is its path in that tree.
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
@@ -625,7 +626,7 @@ def to_yaml(config: object) -> str:
                 lines.append("  " * (depth + 2) + f"{section}:")
         sections = path
         indent = "  " * (len(path) + 2)
-        value = yaml.safe_dump(current[parameter.name], width=1000).splitlines()[0]
+        value = yaml.safe_dump(current[parameter.name], width=math.inf).splitlines()[0]
         lines.append(f"{indent}# {parameter.description} Takes {parameter.allowed}.")
         lines.append(f"{indent}{name}: {value}")
     return "\n".join(lines) + "\n"
