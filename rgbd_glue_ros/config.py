@@ -401,7 +401,7 @@ class NodeConfig:
     camera_pose: str = _parameter(
         "",
         "Pose of the camera in frame_id: 'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'. "
-        "Has to be given with frame_id.",
+        "Empty, it is looked up on TF once it is there.",
     )
     camera_axes: str = _parameter(
         "body",
@@ -409,6 +409,20 @@ class NodeConfig:
         "camera_link of most drivers), optical has x right, y down, z forward. Without frame_id, "
         "odom starts with these axes at the camera.",
         choices=("body", "optical"),
+    )
+    publish_tf: bool = _parameter(
+        True,
+        "Whether odom_frame_id -> frame_id is broadcast on /tf. Without frame_id nothing is: the "
+        "optical frame has its parent from the driver.",
+    )
+    wait_for_transform: float = _parameter(
+        0.1, "How long a frame waits for a transform on TF.", unit="s", minimum=0.0, maximum=10.0
+    )
+    guess_frame_id: str = _parameter(
+        "",
+        "Fixed frame of another odometry, as of wheels: the motion guess_frame_id -> frame_id on "
+        "TF between two frames is where the search starts. What is broadcast is then "
+        "odom_frame_id -> guess_frame_id, since frame_id has its parent. Empty for none.",
     )
     image_transport: str = _parameter(
         "raw", "Transport of the colour image.", choices=("raw", "compressed")

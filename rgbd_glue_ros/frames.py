@@ -149,8 +149,8 @@ def framing(frame_id: str, camera_pose: str, camera_axes: str) -> Framing:
         raise InputError(
             "camera_pose",
             f"not set, so where the camera sits in {frame_id!r} is not known",
-            f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), or leave "
-            "frame_id empty to publish the camera's own pose",
+            f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), install "
+            "tf2_msgs to have it from TF, or leave frame_id empty to publish the camera's own pose",
         )
     return Framing.of_robot(parse_pose("camera_pose", camera_pose) @ AXES[camera_axes])
 

@@ -27,6 +27,7 @@ class Drop(Enum):
     SUPERSEDED = "a newer frame came while the odometry was busy"
     TOO_SOON = "it came sooner than max_update_rate allows"
     PAUSED = "the odometry was paused"
+    UNPLACED = "where the camera is on the robot was not known yet"
     UNUSABLE = "a message could not be used"
     FAILED = "an error inside"
 

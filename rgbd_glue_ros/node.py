@@ -25,18 +25,20 @@ from rclpy.node import Node
 from std_srvs.srv import Empty
 
 from rgbd_glue_ros import config as cfg
-from rgbd_glue_ros import frames, messages, topics
+from rgbd_glue_ros import messages, se3, topics
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.monitor import Drop, Monitor
 from rgbd_glue_ros.node_depth import DepthCameraInput
 from rgbd_glue_ros.node_diagnostics import NodeDiagnostics
+from rgbd_glue_ros.node_framing import NodeFraming
 from rgbd_glue_ros.node_inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node_outputs import NodeOutputs
 from rgbd_glue_ros.node_parameters import declare_parameters
 from rgbd_glue_ros.node_runtime import NodeExecutor, RosLogHandler, init
+from rgbd_glue_ros.node_tf import listen
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
-from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, TrackingState
+from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, TrackingState
 from rgbd_glue_ros.warm_up import warm_up
 from rgbd_glue_ros.worker import NewestWorker, QueueWorker, Worker
 
@@ -75,14 +77,8 @@ class OdometryNode(Node):  # type: ignore[misc]
         logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
 
         self._node_config, self._config = declare_parameters(self)
-        self._framing = frames.framing(
-            self._node_config.frame_id,
-            self._node_config.camera_pose,
-            self._node_config.camera_axes,
-        )
-        start = frames.pose_parameter("initial_pose", self._node_config.initial_pose)
-        if start is not None:
-            self._framing = self._framing.starting_at(start)
+        transforms = listen(self)
+        self._framing = NodeFraming(self, self._node_config, transforms)
         self._odometry = Odometry(self._config)
         self.monitor = Monitor()
         self._last_stamp_ns: int | None = None
@@ -96,8 +92,8 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._worker = self._create_worker()
         self._inputs: list[NodeInput] = []
-        self._depth_camera = DepthCameraInput(self, self._node_config)
-        self._outputs = NodeOutputs(self, self._node_config)
+        self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
+        self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._inputs)
         for name, serve in (
             (topics.RESET_SERVICE, self._serve_reset),
@@ -190,8 +186,18 @@ class OdometryNode(Node):  # type: ignore[misc]
         try:
             frame = self._frame(arrival.match)
             self._reset_if_earlier(frame)
-            estimate = self._odometry.process(frame)
-            self._outputs.publish(estimate, self._framing, frame.frame_id)
+            framing = self._framing.of(frame.frame_id)
+            if framing is None:
+                self.monitor.dropped(Drop.UNPLACED)
+                return
+            T_guess_child = self._framing.guess(frame.stamp_ns)
+            T_guess_camera = (
+                None
+                if T_guess_child is None
+                else T_guess_child @ se3.inverse(framing.T_camera_child)
+            )
+            estimate = self._odometry.process(frame, T_guess_camera)
+            self._outputs.publish(estimate, framing, frame.frame_id, T_guess_child)
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)
             if self.monitor.is_news(fault.where, fault.cause):
@@ -242,18 +248,10 @@ class OdometryNode(Node):  # type: ignore[misc]
         """What is subscribed and published, in the frames as the user would check them."""
         subscribed = ", ".join(i.topic for i in self._inputs)
         child = self._node_config.frame_id or "the camera's optical frame"
-        x, y, z = self._framing.T_odom_c0[:3, 3]
-        ahead, up = self._framing.T_odom_c0[:3, 2], -self._framing.T_odom_c0[:3, 1]
         return (
             f"Subscribed to {subscribed}; publishing {self._node_config.odom_frame_id} -> {child}. "
-            f"At the start the camera is at ({x:.3f} {y:.3f} {z:.3f}) in "
-            f"{self._node_config.odom_frame_id}, looks along ({_vector(ahead)}), "
-            f"and its image's top is towards ({_vector(up)})"
+            f"{self._framing.description}"
         )
-
-
-def _vector(v: Float64) -> str:
-    return " ".join(f"{x + 0.0:.2f}" for x in v)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -15,6 +15,7 @@ from rgbd_glue_ros.depth_registration import DepthCamera
 from rgbd_glue_ros.depth_source import depth_camera
 from rgbd_glue_ros.frames import parse_pose
 from rgbd_glue_ros.messages import FrameTopics
+from rgbd_glue_ros.node_tf import Transforms
 from rgbd_glue_ros.sync import Match
 from rgbd_glue_ros.types import Float64
 
@@ -29,7 +30,7 @@ class DepthCameraInput:
         topic: its full name.
     """
 
-    def __init__(self, node: Node, config: NodeConfig) -> None:
+    def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
         """Subscribes.
 
         Raises:
@@ -40,6 +41,8 @@ class DepthCameraInput:
         self._is_registered = config.depth_is_registered
         pose = config.depth_camera_pose
         self._T_color_depth = parse_pose("depth_camera_pose", pose) if pose else None
+        self._transforms = transforms
+        self._wait_s = config.wait_for_transform
         self._info: CameraInfo | None = None
         self._came = threading.Event()
         self._has_waited = False
@@ -67,5 +70,7 @@ class DepthCameraInput:
             match.color, match.depth, match.info, self._info, self._find_transform, names
         )
 
-    def _find_transform(self, _color_frame: str, _depth_frame: str) -> Float64 | None:
-        return self._T_color_depth
+    def _find_transform(self, color_frame: str, depth_frame: str) -> Float64 | None:
+        if self._T_color_depth is not None or self._transforms is None:
+            return self._T_color_depth
+        return self._transforms.lookup(color_frame, depth_frame, None, self._wait_s)

@@ -7,9 +7,10 @@ from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.node import Node
 
-from rgbd_glue_ros import message_fields, topics
+from rgbd_glue_ros import message_fields, se3, topics
 from rgbd_glue_ros.config import NodeConfig
 from rgbd_glue_ros.frames import Framing
+from rgbd_glue_ros.node_tf import Broadcaster
 from rgbd_glue_ros.types import Float64, OdometryEstimate
 
 # As rtabmap_odom has it.
@@ -19,23 +20,47 @@ NULL_VARIANCE = 9999.0
 class NodeOutputs:
     """Publishes what an estimate knows, and nothing that it does not."""
 
-    def __init__(self, node: Node, config: NodeConfig) -> None:
+    def __init__(self, node: Node, config: NodeConfig, *, has_tf: bool) -> None:
+        """Creates the publishers.
+
+        Args:
+            node: publishes.
+            config: what, and in which frames.
+            has_tf: whether /tf can be published.
+        """
         self._config = config
+        # without a robot frame, the child is the optical frame, whose parent is the driver's
+        does_broadcast = has_tf and config.publish_tf and config.frame_id
+        self._broadcaster = Broadcaster(node) if does_broadcast else None
         self._pose = node.create_publisher(PoseStamped, topics.POSE, 10)
         self._odom = node.create_publisher(OdometryMessage, topics.ODOM, 10)
         self._keyframe = node.create_publisher(PoseStamped, topics.KEYFRAME_POSE, 10)
 
-    def publish(self, estimate: OdometryEstimate, framing: Framing, camera_frame: str) -> None:
-        """Publishes an estimate; ``camera_frame`` is the child where no robot frame is set."""
+    def publish(
+        self,
+        estimate: OdometryEstimate,
+        framing: Framing,
+        camera_frame: str,
+        T_guess_child: Float64 | None,
+    ) -> None:
+        """Publishes an estimate.
+
+        Args:
+            estimate: what is known after a frame.
+            framing: from the camera to the frames that are published.
+            camera_frame: the child where no robot frame is set.
+            T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
+        """
         if estimate.T_odom_camera is None:
             if self._config.publish_null_when_lost:
                 self._odom.publish(self._null(estimate.stamp_ns, camera_frame))
             return
         head = message_fields.header(estimate.stamp_ns, self._config.odom_frame_id)
+        T_odom_child = framing.pose(estimate.T_odom_camera)
         pose = message_fields.copy_fields(
-            message_fields.pose_stamped(framing.pose(estimate.T_odom_camera), head),
-            PoseStamped(),
+            message_fields.pose_stamped(T_odom_child, head), PoseStamped()
         )
+        self._broadcast(T_odom_child, T_guess_child, estimate.stamp_ns)
         self._pose.publish(pose)
         if estimate.is_keyframe:
             self._keyframe.publish(pose)
@@ -54,6 +79,21 @@ class NodeOutputs:
         odom.twist.twist = _twist_message(framing.twist(estimate.twist))
         odom.twist.covariance = framing.twist_covariance(estimate.twist_covariance).ravel()
         self._odom.publish(odom)
+
+    def _broadcast(
+        self, T_odom_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
+    ) -> None:
+        """Publishes /tf, where that leaves every frame with one parent."""
+        config = self._config
+        if self._broadcaster is None:
+            return
+        if not config.guess_frame_id:
+            self._broadcaster.publish(config.odom_frame_id, config.frame_id, T_odom_child, stamp_ns)
+        elif T_guess_child is not None:
+            T_odom_guess = T_odom_child @ se3.inverse(T_guess_child)
+            self._broadcaster.publish(
+                config.odom_frame_id, config.guess_frame_id, T_odom_guess, stamp_ns
+            )
 
     def _null(self, stamp_ns: int, camera_frame: str) -> OdometryMessage:
         """What rtabmap_odom publishes for a frame without a pose."""

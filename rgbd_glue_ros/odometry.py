@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -69,14 +69,27 @@ class Odometry:
         self._motion: Motion | None = None
         self._last_stamp_ns: int | None = None
         self._missed = 0
+        self._T_guess_last: Float64 | None = None
 
-    def process(self, frame: RgbdFrame) -> OdometryEstimate:
+    def process(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
         """Registers a frame and returns what is known after it.
+
+        Args:
+            frame: later than the one before.
+            T_guess_camera: float64 [4, 4], the camera's pose by another odometry, in a fixed frame
+                of its own; None if there is none. Its motion since the last pose is where the
+                search starts.
 
         Raises:
             InputError: the frame is not later than the one before. Nothing else raises: an image
                 that shows nothing gives an estimate without a pose.
         """
+        estimate = self._process(frame, T_guess_camera)
+        if estimate.T_odom_camera is not None:
+            self._T_guess_last = T_guess_camera
+        return estimate
+
+    def _process(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
         start = perf_counter()
         if self._last_stamp_ns is not None and frame.stamp_ns <= self._last_stamp_ns:
             raise InputError(
@@ -92,6 +105,9 @@ class Odometry:
         if self._motion is None:
             return self._begin(frame.stamp_ns, features, stages)
         predicted = self._motion.predicted(frame.stamp_ns, self._config.motion)
+        if self._T_guess_last is not None and T_guess_camera is not None:
+            step = se3.inverse(self._T_guess_last) @ T_guess_camera
+            predicted = replace(predicted, T_odom_camera=self._motion.T_odom_camera @ step)
         tracked = self._track(features, predicted.T_odom_camera)
         if isinstance(tracked, _Fix):
             return self._accept(predicted, features, tracked, stages)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import rclpy
@@ -39,6 +39,9 @@ def corner_frame(stamp_ns: int, width: int = 320, height: int = 240) -> RgbdFram
     blocks = np.random.default_rng(0).integers(0, 255, (height // 4, width // 4, 3), np.uint8)
     color = np.kron(blocks, np.ones((4, 4, 1), np.uint8))
     return RgbdFrame(stamp_ns, color, depth, camera, OPTICAL_FRAME)
+
+
+R = TypeVar("R", bound="Rig")
 
 
 class Rig:
@@ -84,7 +87,7 @@ class Rig:
         ):
             self.node.create_subscription(kind, topic, received.append, 10)
 
-    def __enter__(self) -> Rig:
+    def __enter__(self: R) -> R:
         return self
 
     def __exit__(

@@ -20,17 +20,20 @@ ORDER = """
     camera depth_registration normals matching estimation baselines features refinement glue peers
     keyframes motion odometry warm_up
     parallel journal
-    sync topics worker image_files rvl message_fields messages depth_source frames monitor
+    sync topics worker transform_tree image_files rvl message_fields messages
+    depth_source frames monitor
     trajectory sequences evaluation registration_errors charts run report replay convert
     pair_methods pair_evaluation pair_jobs pairs_figures pairs_report pairs bench
     fetch
-    node_process node_runtime node_parameters node_inputs node_depth node_outputs node_diagnostics
-    node player demo cli __main__
+    node_process node_runtime node_parameters node_inputs node_tf node_framing node_depth
+    node_outputs node_diagnostics node player demo cli __main__
 """.split()  # noqa: SIM905 - a line a layer
 ROS_MODULES = {
     "node_runtime",
     "node_parameters",
     "node_inputs",
+    "node_tf",
+    "node_framing",
     "node_depth",
     "node_outputs",
     "node_diagnostics",

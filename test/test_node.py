@@ -217,7 +217,7 @@ def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_doma
         ({"glue.k": 0.1}, "glue.k: 0.1 is out of range; give a number from 1 to 100"),
         ({"features.visual": "surf"}, "features.visual: 'surf' is not known; give one of none,"),
         ({"glue.k": "many"}, "glue.k: 'many' is no float"),
-        ({"frame_id": "base_link"}, "where the camera sits in 'base_link' is not known"),
+        ({"guess_frame_id": "wheels"}, "guess_frame_id: needs frame_id, and TF"),
     ],
 )
 def test_a_bad_value_ends_the_node_with_exit_code_2_and_a_line_that_says_why(

@@ -16,6 +16,7 @@ import pytest
 from bag_frames import recorded_frames, true_poses
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from room_rig import room_frame, true_pose
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import Config, load_preset, with_values
@@ -486,3 +487,17 @@ def test_no_image_stops_it(height: int, width: int, depths: float, seed: int) ->
             assert estimate.covariance is not None
             assert np.isfinite(estimate.T_odom_camera).all()
             assert np.isfinite(estimate.covariance).all()
+
+
+def test_the_motion_by_another_odometry_leads_where_the_images_alone_do_not() -> None:
+    # walls without a pattern, and a third of a metre between the frames
+    first, second = (blacked_out(room_frame(time_s)) for time_s in (0.0, 1.6))
+    alone, led = Odometry(PATIENT), Odometry(PATIENT)
+    alone.process(first)
+    assert alone.process(second).state is LOST
+    elsewhere = se3.exp(np.array([5.0, -3.0, 1.0, 0.2, -0.4, 2.0]))  # in a frame of its own
+    led.process(first, elsewhere @ true_pose(0.0))
+    T = led.process(second, elsewhere @ true_pose(1.6)).T_odom_camera
+    assert T is not None
+    error = se3.inverse(T) @ se3.inverse(true_pose(0.0)) @ true_pose(1.6)
+    assert np.linalg.norm(error[:3, 3]) < 0.01
