@@ -114,6 +114,8 @@ def _parameter(
 
 
 VISUAL_FEATURES = ("none", "orb", "sift", "brisk")
+FIT_METHODS = ("randomised", "procrustes", "ransac")
+FALLBACK_METHODS = ("none", "sc2_pcr")
 GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid")
 
 
@@ -198,6 +200,12 @@ class GlueConfig:
     filter: bool = _parameter(
         True, "Whether the consistency filter (equation 8) is applied at all."
     )
+    fallback: str = _parameter(
+        "none",
+        "What gives the rough transform where visual matches are too few for it: none skips the "
+        "filter as in the paper, sc2_pcr finds one from the geometric matches.",
+        choices=FALLBACK_METHODS,
+    )
 
 
 @dataclass(frozen=True)
@@ -214,10 +222,14 @@ class RansacConfig:
 class FitConfig:
     """The fit to all credible correspondences (section 3.3)."""
 
+    method: str = _parameter(
+        "randomised",
+        "Fit to the credible matches: randomised weighted Procrustes as in the paper, procrustes "
+        "of all of them at once, or ransac.",
+        choices=FIT_METHODS,
+    )
     subsets: int = _parameter(
-        10,
-        "Random subsets of the randomised weighted Procrustes; 0 fits all matches at once.",
-        minimum=0,
+        10, "Random subsets of the randomised weighted Procrustes.", minimum=1
     )
     fraction: float = _parameter(
         0.2, "Part of the matches in each random subset.", minimum=0.01, maximum=1.0

@@ -14,9 +14,11 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.stats import chi2
 
+from rgbd_glue_ros.baselines.sc2_pcr import sc2_pcr
 from rgbd_glue_ros.config import Config
 from rgbd_glue_ros.estimation import (
     distances,
+    procrustes,
     procrustes_information,
     randomised_procrustes,
     ransac,
@@ -33,6 +35,9 @@ from rgbd_glue_ros.types import (
 )
 
 R = TypeVar("R")
+
+# The publication of SC2-PCR takes 10 cm indoors.
+_GEOMETRIC_INLIER_M = 0.1
 
 
 def assumed_inliers(
@@ -55,6 +60,33 @@ def adaptive_threshold(variance: float, confidence: float = 0.95) -> float:
 def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspondences:
     """Equation 8: C_geo^in = {p, q in C_geo : |T p - q| <= epsilon}."""
     return matches.select(distances(T, matches) <= epsilon)
+
+
+def geometric_rough(matches: Correspondences, config: Config) -> Rough | None:
+    """A rough transform from geometric matches alone, with the epsilon of equations 4 to 7."""
+    T, agreeing = sc2_pcr(matches)
+    if T is None or agreeing < config.glue.min_credible:
+        return None
+    glue = config.glue
+    inliers = matches.select(distances(T, matches) <= _GEOMETRIC_INLIER_M)
+    return Rough(T, adaptive_threshold(error_variance(inliers, T), glue.confidence))
+
+
+FALLBACKS: dict[str, Callable[[Correspondences, Config], Rough | None]] = {
+    "sc2_pcr": geometric_rough
+}
+"""What ``glue.fallback`` names beside none."""
+
+FITS: dict[str, Callable[[Correspondences, Config, np.random.Generator], Float64 | None]] = {
+    "randomised": lambda C, config, rng: randomised_procrustes(
+        C, config.fit.subsets, config.fit.fraction, rng
+    ),
+    "procrustes": lambda C, _config, _rng: procrustes(C.source, C.target, C.weights),
+    "ransac": lambda C, config, rng: ransac(
+        C, config.glue.inlier_threshold, config.ransac.iterations, rng
+    )[0],
+}
+"""What ``fit.method`` names (section 3.3)."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +137,7 @@ class Glue:
         Returns:
             The result; its status says why where there is no transform.
         """
-        glue, fit = self._config.glue, self._config.fit
+        glue = self._config.glue
         rng = np.random.default_rng(self._config.seed)
         clock = _Stopwatch()
 
@@ -123,7 +155,12 @@ class Glue:
                 variance = error_variance(C_vis_in, T)
                 sigma = float(np.sqrt(variance))
                 rough = Rough(T, adaptive_threshold(variance, glue.confidence))
-        C_geo = self._geometric.match(source.geometric, target.geometric, rough)
+        if rough is None and glue.filter and glue.fallback in FALLBACKS:
+            unguided = self._geometric.match(source.geometric, target.geometric, None)
+            rough = FALLBACKS[glue.fallback](unguided, self._config)
+            clock.lap("fallback")
+        guide = rough if glue.filter else None
+        C_geo = self._geometric.match(source.geometric, target.geometric, guide)
         clock.lap("geometric_matching")
 
         C_geo_in, filtered = C_geo, False
@@ -146,10 +183,10 @@ class Glue:
         )
         if len(C) < glue.min_visual or not C.weights.any():
             return found
-        T = randomised_procrustes(C, fit.subsets, fit.fraction, rng)
+        T = FITS[self._config.fit.method](C, self._config, rng)
         clock.lap("fit")
-        covariance = fit_covariance(T, C)
-        if covariance is None:
+        covariance = None if T is None else fit_covariance(T, C)
+        if T is None or covariance is None:
             return found.refused(RegistrationStatus.DEGENERATE)
         return found.accepted(T, covariance)
 

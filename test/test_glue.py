@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -22,12 +22,21 @@ from room_rig import room_view, true_pose
 from scipy.stats import chi2
 
 from rgbd_glue_ros import se3
-from rgbd_glue_ros.config import Config, FeaturesConfig, FitConfig, GlueConfig
+from rgbd_glue_ros.config import (
+    FALLBACK_METHODS,
+    FIT_METHODS,
+    Config,
+    FeaturesConfig,
+    FitConfig,
+    GlueConfig,
+)
 from rgbd_glue_ros.estimation import distances, procrustes
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.features.visual import VisualMatches
 from rgbd_glue_ros.glue import (
+    FALLBACKS,
+    FITS,
     Glue,
     adaptive_threshold,
     assumed_inliers,
@@ -35,6 +44,7 @@ from rgbd_glue_ros.glue import (
     error_variance,
     fit_covariance,
 )
+from rgbd_glue_ros.registration_errors import rotation_deg, translation_cm
 from rgbd_glue_ros.types import (
     Correspondences,
     Float64,
@@ -177,19 +187,24 @@ class SilentVisual:
         return VisualMatches(uv, uv, np.ones(3))
 
 
-Told = Callable[[Correspondences, str, GlueConfig], tuple[Glue, KnownMatches]]
+class Told(Protocol):
+    """Makes a ``Glue`` whose geometric matches are given."""
+
+    def __call__(
+        self, matches: Correspondences, visual: str, glue: GlueConfig, fit: str = "procrustes"
+    ) -> tuple[Glue, KnownMatches]: ...
 
 
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch) -> Told:
-    """Makes a ``Glue`` whose geometric matches are given."""
-
-    def make(matches: Correspondences, visual: str, glue: GlueConfig) -> tuple[Glue, KnownMatches]:
+    def make(
+        matches: Correspondences, visual: str, glue: GlueConfig, fit: str = "procrustes"
+    ) -> tuple[Glue, KnownMatches]:
         feature = KnownMatches(matches)
         monkeypatch.setitem(GEOMETRIC, "known", lambda _: feature)
         monkeypatch.setitem(VISUAL, "silent", lambda _: SilentVisual())
         features = FeaturesConfig(visual=visual, geometric="known")
-        return Glue(Config(features=features, glue=glue, fit=FitConfig(subsets=0))), feature
+        return Glue(Config(features=features, glue=glue, fit=FitConfig(method=fit))), feature
 
     return make
 
@@ -302,6 +317,52 @@ def test_without_visual_matches_a_prior_takes_the_place_of_the_rough_transform(t
     assert result.epsilon_m == prior.radius
     assert (result.credible.weights == 1.0).sum() > 295
     assert len(result.credible) < 310
+
+
+def test_without_visual_matches_geometry_can_give_the_rough_transform(told: Told) -> None:
+    matches = geometric_matches(right=300, wrong=700)
+    glue, feature = told(matches, "none", GlueConfig(fallback="sc2_pcr"))
+    result = registered(glue)
+    assert feature.rough is not None
+    assert result.filtered
+    assert result.epsilon_m == feature.rough.radius < 0.1
+    assert (result.credible.weights == 1.0).sum() > 0.9 * 300
+    assert len(result.credible) < 310
+
+
+def test_visual_matches_and_a_prior_go_before_the_fallback(told: Told) -> None:
+    fallback = GlueConfig(fallback="sc2_pcr")
+    glue, feature = told(geometric_matches(right=0, wrong=100), "sift", fallback)
+    assert registered(glue).epsilon_m != 0.123
+    assert feature.rough is not None
+    glue, feature = told(geometric_matches(right=0, wrong=100), "none", fallback)
+    prior = Rough(true_transform(), 0.123)
+    registered(glue, prior)
+    assert feature.rough is prior
+
+
+@pytest.mark.parametrize("right", [0, 2, 9])
+def test_geometry_of_which_hardly_any_match_agrees_gives_no_rough_transform(
+    told: Told, right: int
+) -> None:
+    matches = geometric_matches(right, wrong=50)
+    glue, feature = told(matches, "none", GlueConfig(fallback="sc2_pcr", min_credible=20))
+    assert not registered(glue).filtered
+    assert feature.rough is None
+
+
+@pytest.mark.parametrize("fit", FIT_METHODS)
+def test_every_fit_finds_the_transform_of_credible_matches(told: Told, fit: str) -> None:
+    glue, _ = told(geometric_matches(right=300, wrong=700), "sift", GlueConfig(), fit)
+    result = registered(glue)
+    assert result.T_target_source is not None
+    assert translation_cm(result.T_target_source, true_transform()) < 1
+    assert rotation_deg(result.T_target_source, true_transform()) < 0.5
+
+
+def test_every_fit_and_fallback_that_can_be_configured_is_in_the_tables() -> None:
+    assert {*FITS} == {*FIT_METHODS}
+    assert {"none", *FALLBACKS} == {*FALLBACK_METHODS}
 
 
 @pytest.mark.parametrize(
