@@ -17,6 +17,8 @@ Item = TypeVar("Item")
 
 # Reordering in a network is shorter than this, the jump of a looping bag is longer.
 BACKWARD_JUMP_NS = NANOSECONDS // 2
+# A camera that is followed does not pause for so long between two images.
+FORWARD_JUMP_NS = 10 * NANOSECONDS
 
 # Gaps between stamps that a channel's period is taken from: enough to get over lost messages,
 # few enough to forget a burst soon.
@@ -69,6 +71,7 @@ class ChannelCounts:
         duplicates: dropped because of a stamp seen before.
         late: dropped because a later one had been used or dropped already.
         backward_jumps: times that the stamps went back by more than ``BACKWARD_JUMP_NS``.
+        strays: dropped because of a stamp far from those before and after.
     """
 
     received: int = 0
@@ -77,6 +80,7 @@ class ChannelCounts:
     duplicates: int = 0
     late: int = 0
     backward_jumps: int = 0
+    strays: int = 0
 
 
 @dataclass(frozen=True)
@@ -96,11 +100,39 @@ class _Queue(Generic[Item]):
     waiting: list[_Stamped[Item]] = field(default_factory=list)
     newest_ns: int | None = None
     passed_ns: int | None = None
+    held: tuple[int, Item] | None = None
     gaps_ns: deque[int] = field(default_factory=lambda: deque(maxlen=PERIOD_WINDOW))
 
     def add(self, stamp_ns: int, item: Item) -> None:
-        """Takes in a message, unless it is a duplicate or late."""
+        """Takes in a message, unless it is a duplicate, late or of another time.
+
+        A message of another time is held until the next one shows whether time has jumped, so
+        that one wrong stamp does no harm.
+        """
         self.counts.received += 1
+        held, self.held = self.held, None
+        if self._is_of_another_time(stamp_ns):
+            if held is None or stamp_ns <= held[0]:
+                self.counts.strays += held is not None
+                self.held = stamp_ns, item
+                return
+            self._take_in(*held)
+        else:
+            self.counts.strays += held is not None
+        self._take_in(stamp_ns, item)
+
+    def flush(self) -> None:
+        """Takes in what is held; nothing more will come."""
+        if self.held is not None:
+            self._take_in(*self.held)
+            self.held = None
+
+    def _is_of_another_time(self, stamp_ns: int) -> bool:
+        if self.newest_ns is None:
+            return False
+        return not -BACKWARD_JUMP_NS <= stamp_ns - self.newest_ns <= FORWARD_JUMP_NS
+
+    def _take_in(self, stamp_ns: int, item: Item) -> None:
         if self.newest_ns is not None and stamp_ns < self.newest_ns - BACKWARD_JUMP_NS:
             self.counts.backward_jumps += 1
             self.counts.unmatched += len(self.waiting)
@@ -143,8 +175,10 @@ class Synchronizer(Generic[Item]):
     are taken to be sent once or rarely, and nothing waits for them any more.
 
     As long as no queue overflows and no stamp goes backward, the matches do not depend on how the
-    channels' messages interleave on arrival. A backward jump empties the channel it happens in,
-    and pairing goes on by the new time. Not thread-safe.
+    channels' messages interleave on arrival. A message whose stamp is far from those before it is
+    held until the next one of its channel: either that is of the same new time, and a jump backward
+    empties the channel and pairing goes on by the new time, or the stamp was wrong and is dropped.
+    Not thread-safe.
 
     Attributes:
         max_interval_ns: greatest interval of a pair, nanoseconds.
@@ -177,6 +211,8 @@ class Synchronizer(Generic[Item]):
 
     def flush(self) -> list[Match[Item]]:
         """The matches that were still waiting for something nearer; nothing more will come."""
+        for queue in self._queues.values():
+            queue.flush()
         self._pair(is_last=True)
         return self._complete(is_last=True)
 
@@ -190,9 +226,14 @@ class Synchronizer(Generic[Item]):
         while colors.waiting and depths.waiting:
             color, depth = colors.waiting[0], depths.waiting[0]
             interval = abs(color.stamp_ns - depth.stamp_ns)
-            earlier, later = (colors, depth) if color.stamp_ns < depth.stamp_ns else (depths, color)
+            earlier, later_queue = (
+                (colors, depths) if color.stamp_ns < depth.stamp_ns else (depths, colors)
+            )
             first, *rest = earlier.waiting
+            later = later_queue.waiting[0]
             if interval > self.max_interval_ns:
+                if not is_last and self._may_be_of_another_time(earlier, later_queue):
+                    return
                 self.closest_miss_ns = min(interval, self.closest_miss_ns or interval)
                 earlier.counts.unmatched += 1
                 earlier.take()
@@ -207,6 +248,20 @@ class Synchronizer(Generic[Item]):
                     continue
             self._pairs.append((colors.take(), depths.take()))
             self._last_interval_ns = interval
+
+    @staticmethod
+    def _may_be_of_another_time(earlier: _Queue[Item], later: _Queue[Item]) -> bool:
+        """Whether it is too soon to say which of two images far apart has no partner.
+
+        Where time jumped, one channel shows it before the other. The next message of either tells.
+        """
+        distance = later.waiting[0].stamp_ns - earlier.waiting[0].stamp_ns
+        if distance <= BACKWARD_JUMP_NS or len(later.waiting) > 1:
+            return False
+        followers = earlier.waiting[1:]
+        return not any(
+            s.stamp_ns >= later.waiting[0].stamp_ns - BACKWARD_JUMP_NS for s in followers
+        )
 
     def _is_usual(self, interval: int, period_ns: int | None) -> bool:
         """Whether images this far apart may be paired without a look at the next one.
@@ -223,7 +278,11 @@ class Synchronizer(Generic[Item]):
         while self._pairs:
             color, depth = self._pairs[0]
             is_overdue = len(self._pairs) > self._queue_size
-            is_settled = bool(infos) and infos[-1].stamp_ns >= color.stamp_ns
+            # a single info of the time before a jump is no sign that this image's will not come
+            is_settled = bool(infos) and (
+                0 <= infos[-1].stamp_ns - color.stamp_ns <= BACKWARD_JUMP_NS
+                or (len(infos) > 1 and infos[-1].stamp_ns >= color.stamp_ns)
+            )
             if infos and (is_settled or self._infos_are_rare or is_overdue or is_last):
                 self._infos_are_rare |= is_overdue and not is_settled
                 matches.append(self._match(color, depth))

@@ -222,3 +222,46 @@ def test_without_depth_the_oldest_colour_images_are_dropped_and_counted() -> Non
     matches, sync = synchronized([(Channel.COLOR, i * PERIOD) for i in range(100)], queue_size=10)
     assert matches == []
     assert sync.counts[Channel.COLOR].overflowed == 90
+
+
+def interleaved(streams: dict[Channel, list[int]], data: st.DataObject) -> list[Event]:
+    """The streams in one, none of them ahead of another by a whole frame."""
+    left = {channel: list(stamps) for channel, stamps in streams.items()}
+    events = []
+    while any(left.values()):
+        longest = max(map(len, left.values()))
+        channel = data.draw(st.sampled_from([c for c in Channel if len(left[c]) == longest]))
+        events.append((channel, left[channel].pop(0)))
+    return events
+
+
+def matched_at_once(events: list[Event]) -> list[Match[int]]:
+    """The matches without those that only the end of the stream gives."""
+    sync: Synchronizer[int] = Synchronizer(20 * MS, 10)
+    return [match for channel, stamp in events for match in sync.add(channel, stamp, stamp)]
+
+
+@pytest.mark.parametrize("wrong_ns", [0, 2**31 * 10**9])
+@given(data=st.data())
+def test_wrong_stamps_of_one_frame_cost_no_other_frame_however_the_channels_interleave(
+    wrong_ns: int, data: st.DataObject
+) -> None:
+    good = [1_700_000_000 * 10**9 + i * PERIOD for i in range(6)]
+    wrong = data.draw(st.sets(st.sampled_from(Channel), min_size=1))
+    streams = {c: [*good[:3], *([wrong_ns] if c in wrong else []), *good[3:]] for c in Channel}
+    matches = matched_at_once(interleaved(streams, data))
+    assert [(m.color, m.depth) for m in matches] == [(t, t) for t in good]
+    # infos of neighbours are as good
+    assert all(abs(m.info - m.color) <= PERIOD for m in matches)
+
+
+@pytest.mark.parametrize("jump_ns", [-(10**18), -20 * PERIOD, 10**18])
+@given(data=st.data())
+def test_a_jump_of_time_costs_no_frame_however_the_channels_interleave(
+    jump_ns: int, data: st.DataObject
+) -> None:
+    before = [2 * 10**18 + i * PERIOD for i in range(4)]
+    stamps = [*before, *(t + jump_ns for t in before)]
+    matches = matched_at_once(interleaved(dict.fromkeys(Channel, stamps), data))
+    assert [(m.color, m.depth) for m in matches] == [(t, t) for t in stamps]
+    assert [m.restarted for m in matches] == [i == 4 and jump_ns < 0 for i in range(8)]
