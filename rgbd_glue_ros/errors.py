@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+# A damaged or hostile message may hold texts of megabytes, and its words are quoted.
+_LONGEST = 1000
+
+
+def _readable(text: str) -> str:
+    """The text in one line, without its middle if it is long."""
+    line = " ".join(text.split())
+    half = _LONGEST // 2
+    return line if len(line) <= _LONGEST else f"{line[:half]} ... {line[-half:]}"
+
 
 class InputError(ValueError):
     """Input that cannot be used.
@@ -13,10 +23,10 @@ class InputError(ValueError):
     """
 
     def __init__(self, where: object, cause: str, remedy: str) -> None:
-        super().__init__(f"{where}: {cause}; {remedy}")
-        self.where = str(where)
-        self.cause = cause
+        self.where = _readable(str(where))
+        self.cause = _readable(cause)
         self.remedy = remedy
+        super().__init__(f"{self.where}: {self.cause}; {self.remedy}")
 
 
 class MissingExtraError(ImportError):

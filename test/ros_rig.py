@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -41,6 +42,33 @@ def corner_frame(stamp_ns: int, width: int = 320, height: int = 240) -> RgbdFram
     return RgbdFrame(stamp_ns, color, depth, camera, OPTICAL_FRAME)
 
 
+@dataclass
+class Triple:
+    """The messages of a frame."""
+
+    color: Any
+    depth: Any
+    info: Any
+
+
+def frame_messages(frame: RgbdFrame, *, is_compressed: bool) -> Triple:
+    """A frame's three messages."""
+    head = message_fields.header(frame.stamp_ns, frame.frame_id)
+    info = copy_fields(message_fields.camera_info(frame.intrinsics, head), CameraInfo())
+    depth_head = message_fields.header(frame.stamp_ns + frame.depth_delay_ns, frame.frame_id)
+    if is_compressed:
+        color = message_fields.compressed_color_image(frame.color, head)
+        depth = message_fields.compressed_depth_image(frame.depth, depth_head)
+        return Triple(
+            copy_fields(color, CompressedImage()), copy_fields(depth, CompressedImage()), info
+        )
+    return Triple(
+        copy_fields(message_fields.color_image(frame.color, head), Image()),
+        copy_fields(message_fields.depth_image(frame.depth, depth_head), Image()),
+        info,
+    )
+
+
 R = TypeVar("R", bound="Rig")
 
 
@@ -64,7 +92,7 @@ class Rig:
         self.node = Node("rig", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self._compressed = compressed
+        self.is_compressed = compressed
         self._qos = QoSProfile(depth=10, reliability=reliability)
         image = CompressedImage if compressed else Image
         color, depth = remapped[Channel.COLOR], remapped[Channel.DEPTH]
@@ -132,27 +160,15 @@ class Rig:
 
         self.wait(is_matched, "the node's subscriptions")
 
+    def send(self, triple: Triple) -> None:
+        """Publishes three messages."""
+        self.color.publish(triple.color)
+        self.depth.publish(triple.depth)
+        self.info.publish(triple.info)
+
     def publish(self, frame: RgbdFrame) -> None:
         """Publishes a frame's three messages."""
-        head = message_fields.header(frame.stamp_ns, frame.frame_id)
-        depth_head = message_fields.header(frame.stamp_ns + frame.depth_delay_ns, frame.frame_id)
-        plain: tuple[Any, ...]
-        if self._compressed:
-            plain = (
-                message_fields.compressed_color_image(frame.color, head),
-                message_fields.compressed_depth_image(frame.depth, depth_head),
-            )
-            kind: type = CompressedImage
-        else:
-            plain = (
-                message_fields.color_image(frame.color, head),
-                message_fields.depth_image(frame.depth, depth_head),
-            )
-            kind = Image
-        info = message_fields.camera_info(frame.intrinsics, head)
-        self.color.publish(copy_fields(plain[0], kind()))
-        self.depth.publish(copy_fields(plain[1], kind()))
-        self.info.publish(copy_fields(info, CameraInfo()))
+        self.send(frame_messages(frame, is_compressed=self.is_compressed))
 
     def pose_of(self, frame: RgbdFrame) -> PoseStamped:
         """Publishes a frame and waits for its pose."""

@@ -1,0 +1,154 @@
+"""What the node does when things go wrong around it, over real DDS; docs/robustness.md lists it."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bag_frames import recorded_frames
+
+from rgbd_glue_ros.config import load_preset
+from rgbd_glue_ros.depth_source import depth_camera
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages import FrameTopics, frame_from_messages, pose_from_message, stamp_ns
+from rgbd_glue_ros.monitor import Drop, Summary
+from rgbd_glue_ros.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.odometry import Odometry
+from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from diagnostic_msgs.msg import DiagnosticArray
+from malformed import COMPRESSED, INFOS, RAW, Breaker
+from ros_rig import Rig, Triple, frame_messages
+
+PERIOD_NS = NANOSECONDS // 30
+START_NS = 1_700_000_000 * NANOSECONDS
+# What the allocator keeps or gives back from one moment to the next.
+BREATH_MB = 25
+
+
+@contextmanager
+def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
+    with NodeProcess(parameters, ros_environment(domain)) as node:
+        try:
+            yield node
+            assert node.is_running
+            assert not [line for line in node.lines if "Traceback" in line]
+        finally:
+            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
+
+
+def moving_camera() -> Iterator[RgbdFrame]:
+    """The recorded motion there and back for ever, at 30 Hz."""
+    there = recorded_frames()
+    for i, frame in enumerate(itertools.cycle([*there, *there[-2:0:-1]])):
+        yield replace(frame, stamp_ns=START_NS + i * PERIOD_NS)
+
+
+def rss_mb(node: NodeProcess) -> float:
+    status = Path(f"/proc/{node.pid}/status").read_text(encoding="ascii")
+    found = re.search(r"VmRSS:\s*(\d+) kB", status)
+    assert found
+    return int(found[1]) / 1024
+
+
+def play_with_malformed(
+    rig: Rig, breakers: Mapping[str, Breaker], rounds: int, seen: Callable[[], None]
+) -> Float64:
+    """Publishes good frames, a malformed one after each, and waits for the poses of the good.
+
+    Args:
+        rig: the camera.
+        breakers: ways to break a frame, taken in turn.
+        rounds: how many of both.
+        seen: called after every round.
+
+    Returns:
+        The poses that the good frames have without a node and without disturbance. The node has
+        the time of their computation for the malformed frame before.
+    """
+    random = np.random.default_rng(0)
+    broken = itertools.cycle(breakers.items())
+    odometry = Odometry(load_preset("live"))
+    poses = []
+    name = "nothing"
+    for i, frame in enumerate(itertools.islice(moving_camera(), rounds)):
+        good = frame_messages(frame, is_compressed=rig.is_compressed)
+        poses.append(odometry.process(read_as_the_node_does(good)).T_odom_camera)
+        rig.send(good)
+        rig.wait(partial(has_poses, rig, i + 1), f"the pose of the frame after {name}")
+        seen()
+        name, breaker = next(broken)
+        bad = frame_messages(frame, is_compressed=rig.is_compressed)
+        breaker(bad, random)
+        bad_ns = frame.stamp_ns + PERIOD_NS // 2
+        if (i // len(breakers)) % 2 == 1:  # the clock is wrong as well
+            bad_ns = int(random.choice([0, 2**31 * NANOSECONDS - 1]))
+        for message in (bad.color, bad.depth, bad.info):
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(bad_ns, NANOSECONDS)
+        rig.send(bad)
+    return np.array(poses)
+
+
+def summary(diagnostics: DiagnosticArray) -> Summary:
+    return Summary.parse({item.key: item.value for item in diagnostics.status[0].values})
+
+
+def has_poses(rig: Rig, count: int) -> bool:
+    return len(rig.poses) >= count
+
+
+def read_as_the_node_does(sent: Triple) -> RgbdFrame:
+    topics = FrameTopics("/color", "/depth", "/info")
+    taken_by = depth_camera(sent.color, sent.depth, sent.info, None, lambda *_: None, topics)
+    return frame_from_messages(sent.color, sent.depth, sent.info, topics, taken_by)
+
+
+@pytest.mark.parametrize("name", [*RAW, *COMPRESSED])
+def test_a_malformed_frame_is_refused_with_one_line_of_readable_length(name: str) -> None:
+    frame = recorded_frames()[0]
+    sent = frame_messages(frame, is_compressed=name in COMPRESSED and name not in INFOS)
+    {**RAW, **COMPRESSED}[name](sent, np.random.default_rng(0))
+    with pytest.raises(InputError) as refused:
+        read_as_the_node_does(sent)
+    assert len(str(refused.value)) < 1500
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("breakers", "rounds"),
+    [
+        pytest.param(RAW, 2 * len(RAW), id="raw"),
+        pytest.param(COMPRESSED, 2 * len(COMPRESSED), id="compressed"),
+        pytest.param(RAW, 2500, id="raw-long", marks=pytest.mark.slow),
+        pytest.param(COMPRESSED, 2500, id="compressed-long", marks=pytest.mark.slow),
+    ],
+)
+def test_malformed_frames_change_neither_the_poses_of_the_good_ones_nor_the_memory(
+    ros_domain: int, breakers: Mapping[str, Breaker], rounds: int
+) -> None:
+    is_compressed = breakers is COMPRESSED
+    transports = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
+    given = {"camera_axes": "optical", **(transports if is_compressed else {})}
+    memory: list[float] = []
+    with node_in(ros_domain, **given) as node, Rig(ros_domain, compressed=is_compressed) as rig:
+        rig.wait_until_matched()
+        expected = play_with_malformed(rig, breakers, rounds, lambda: memory.append(rss_mb(node)))
+        rig.diagnostics.clear()
+        rig.wait(lambda: rig.diagnostics, "diagnostics")
+        refused = summary(rig.diagnostics[-1]).drops[Drop.UNUSABLE]
+        assert refused > 0.8 * rounds / 2  # of the others, the time was wrong or a newer frame came
+        poses = np.array([pose_from_message(pose, "pose") for pose in rig.poses])
+        stamps = [stamp_ns(pose.header.stamp) for pose in rig.poses]
+        assert stamps == [START_NS + i * PERIOD_NS for i in range(rounds)]
+        np.testing.assert_allclose(poses, expected, rtol=0, atol=1e-9)
+        assert max(memory[rounds // 2 :]) - max(memory[: rounds // 2]) < BREATH_MB
