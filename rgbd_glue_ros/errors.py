@@ -8,7 +8,7 @@ _LONGEST = 1000
 
 def _readable(text: str) -> str:
     """The text in one line, without its middle if it is long."""
-    line = " ".join(text.split())
+    line = " ".join(text.splitlines())
     half = _LONGEST // 2
     return line if len(line) <= _LONGEST else f"{line[:half]} ... {line[-half:]}"
 

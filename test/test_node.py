@@ -174,6 +174,7 @@ def test_a_backward_jump_of_time_starts_anew_and_is_logged(running: Running) -> 
     np.testing.assert_allclose(pose_from_message(pose, "pose")[:3, 3], 0, atol=2e-3)
     running.node.wait_for_line("Time went back", PATIENCE_S)
     running.rig.pose_of(corner_frame(next(earlier)))
+    running.rig.publish(running.frame())  # and forward again
 
 
 def test_every_parameter_is_declared_with_its_description_and_cannot_be_changed_later(
