@@ -280,7 +280,7 @@ def _demo(args: argparse.Namespace) -> str:
 
 
 def _add_replay(parser: argparse.ArgumentParser) -> None:
-    _add_recording(parser)
+    _add_recordings(parser)
     _add_config(parser)
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, required=True, help="where the results go"
@@ -292,9 +292,52 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
         help="true trajectory (TUM format) in place of the recording's",
     )
     parser.add_argument("--limit", metavar="N", type=_positive, help="stop after N frames")
+    _add_workers(parser)
 
 
 def _replay(args: argparse.Namespace) -> str:
+    sources = _recordings(args)
+    return _replay_one(args, sources[0]) if len(sources) == 1 else _replay_many(args, sources)
+
+
+def _replay_many(args: argparse.Namespace, sources: list[Path]) -> str:
+    from tqdm import tqdm
+
+    from rgbd_glue_ros.parallel import pool
+    from rgbd_glue_ros.replays import TABLE, run_replays
+
+    if args.ground_truth:
+        raise InputError("--ground-truth", "is of one recording", "give one SRC")
+    config = _config(args)
+    with (
+        pool(args.workers, args.scheduler) as workers,
+        tqdm(total=len(sources), unit=" recordings", disable=None, dynamic_ncols=True) as bar,
+    ):
+
+        def expect(_: int, done: int) -> None:
+            bar.update(done)
+            if done:
+                logger.warning("going on after %d recordings that an earlier run left", done)
+
+        def step(name: str) -> None:
+            bar.set_postfix_str(name, refresh=False)
+            bar.update()
+
+        run_replays(
+            sources,
+            _opener(args),
+            config,
+            args.output,
+            pool=workers,
+            limit=args.limit,
+            on_planned=expect,
+            on_replayed=step,
+        )
+    table = args.output / TABLE
+    return f"{table.read_text(encoding='utf-8')}table    {table}\n"
+
+
+def _replay_one(args: argparse.Namespace, source: Path) -> str:
     from tqdm import tqdm
 
     from rgbd_glue_ros.replay import METRICS, REPORT, replay
@@ -302,7 +345,7 @@ def _replay(args: argparse.Namespace) -> str:
 
     config = _config(args)
     truth = read_tum(args.ground_truth) if args.ground_truth else None
-    with _open(args, args.recording) as recording:
+    with _open(args, source) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
         # None: no bar where nobody watches
         with tqdm(total=total, unit=" frames", disable=None, dynamic_ncols=True) as bar:

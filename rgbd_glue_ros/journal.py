@@ -7,6 +7,7 @@ import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import TracebackType
 from typing import Any, TextIO
 
@@ -122,3 +123,19 @@ class Journal:
         if self._length == 0:
             file.write(json.dumps(self._about) + "\n")
         return file
+
+
+def prepare(folder: Path) -> None:
+    """Makes a folder, and sure that results can be written to it.
+
+    Raises:
+        InputError: they cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
+        ) from error

@@ -7,12 +7,11 @@ import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 from rgbd_glue_ros.config import Config, values
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.journal import Journal
+from rgbd_glue_ros.journal import Journal, prepare
 from rgbd_glue_ros.pair_evaluation import PairResult
 from rgbd_glue_ros.pair_jobs import (
     Pair,
@@ -129,7 +128,7 @@ def run_pairs(
     """
     pool = pool or Serial()
     estimators, camera = _estimators(experiment), experiment.config.camera
-    _prepare(folder)
+    prepare(folder)
     plan, unusable = _planned(sources, open_source, experiment)
     with Journal(folder / JOURNAL, _about(experiment, estimators)) as journal:
         collected = _Collected(journal, unusable)
@@ -213,18 +212,6 @@ class _Collected:
             f"{path}: frames without a true pose, left out: {len(indices)}"
             for path, indices in self._unposed.items()
         ]
-
-
-def _prepare(folder: Path) -> None:
-    """Makes the folder, and sure that results can be written to it."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
-        ) from error
 
 
 def _planned(

@@ -108,6 +108,6 @@ def _candidates(folder: Path) -> Iterator[Path]:
 
 def _names(path: Path) -> set[str]:
     """What a recording may be called: its last folders, and each with those in it."""
-    parts = path.resolve().with_suffix("").parts if path.is_file() else path.resolve().parts
-    last = parts[-3:]
+    full = path.absolute()
+    last = (full.with_suffix("") if path.is_file() else full).parts[-3:]
     return {"/".join(last[i:j]) for i, j in combinations(range(len(last) + 1), 2)}
