@@ -11,7 +11,7 @@ from collections.abc import Callable
 from rgbd_glue_ros.peers.base import NoTransformError, Peer
 from rgbd_glue_ros.peers.baselines import Mac, Sc2Pcr
 from rgbd_glue_ros.peers.open3d_features import FastGlobal, FeatureRansac
-from rgbd_glue_ros.peers.open3d_odometry import ColoredIcp, Open3dOdometry
+from rgbd_glue_ros.peers.open3d_odometry import ColoredIcp, Open3dOdometry, Open3dTensorOdometry
 from rgbd_glue_ros.peers.opencv_odometry import opencv_icp, opencv_rgbd, opencv_rgbd_icp
 from rgbd_glue_ros.peers.small_gicp import SmallGicp
 
@@ -22,6 +22,7 @@ PEERS: dict[str, Callable[[], Peer]] = {
     "fpfh_mac": Mac,
     "colored_icp": ColoredIcp,
     "open3d_odometry": Open3dOdometry,
+    "open3d_tensor_odometry": Open3dTensorOdometry,
     "opencv_rgbd": opencv_rgbd,
     "opencv_icp": opencv_icp,
     "opencv_rgbd_icp": opencv_rgbd_icp,

@@ -90,3 +90,33 @@ class Open3dOdometry:
         if not found or not np.any(information - np.diag(np.diag(information))):
             raise NoTransformError("too few pixels correspond")
         return np.array(T, np.float64)
+
+
+class Open3dTensorOdometry:
+    """The same term in the library's newer, tensor part, over three scales."""
+
+    def __init__(self) -> None:
+        self._open3d = load_open3d("open3d_tensor_odometry")
+
+    def prepare(self, view: View) -> tuple[Any, Any]:
+        """The frame's image and camera."""
+        o3d = self._open3d
+        color = np.repeat(view.grey[..., None], 3, axis=2)
+        image = o3d.t.geometry.RGBDImage(
+            o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(color))),
+            o3d.t.geometry.Image(o3d.core.Tensor(np.nan_to_num(view.depth).astype(np.float32))),
+        )
+        return image, o3d.core.Tensor(view.intrinsics.matrix)
+
+    def register(self, source: tuple[Any, Any], target: tuple[Any, Any]) -> Float64:
+        """T_target_source; the frames are of one camera."""
+        odometry = self._open3d.t.pipelines.odometry
+        try:
+            result = odometry.rgbd_odometry_multi_scale(
+                source[0], target[0], target[1], depth_scale=1.0, depth_max=_FAR_M
+            )
+        except RuntimeError as error:
+            raise NoTransformError(str(error).strip()) from error
+        if result.fitness == 0:
+            raise NoTransformError("too few pixels correspond")
+        return np.asarray(result.transformation.numpy(), np.float64)
