@@ -155,7 +155,8 @@ def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajecto
     keyframes: list[tuple[OdometryEstimate, Float64]] = []
     errors = []
     for estimate, true in zip(posed, truth, strict=True):
-        if estimate.registration is not None and estimate.keyframe_id < len(keyframes):
+        # a frame that starts anew has its own number
+        if estimate.keyframe_id < len(keyframes):
             errors.append(_normalised_error(estimate, true, *keyframes[estimate.keyframe_id]))
         if estimate.is_keyframe:
             keyframes.append((estimate, true))

@@ -23,12 +23,9 @@ from rgbd_glue_ros.evaluation import evaluate, interpolated, normalised_errors, 
 from rgbd_glue_ros.trajectory import read_tum, write_tum
 from rgbd_glue_ros.types import (
     NANOSECONDS,
-    Correspondences,
     Float64,
     Int64,
     OdometryEstimate,
-    RegistrationResult,
-    RegistrationStatus,
     TrackingState,
     Trajectory,
 )
@@ -208,12 +205,6 @@ def test_errors_against_denser_real_ground_truth_are_those_that_evo_gives(
     assert evaluate(estimate, true).ape.rmse_m == pytest.approx(ape["rmse"], rel=1e-6)
 
 
-NO_MATCHES = Correspondences.empty()
-REGISTERED = RegistrationResult(
-    None, RegistrationStatus.OK, NO_MATCHES, NO_MATCHES, NO_MATCHES, NO_MATCHES
-)
-
-
 def estimated(
     truth: Trajectory, covariance: Float64, keyframe_every: int, seed: int, scale: float = 1.0
 ) -> list[OdometryEstimate]:
@@ -236,7 +227,6 @@ def estimated(
                 se3.pose_covariance(estimate, P_estimate),
                 is_keyframe=is_keyframe,
                 keyframe_id=max(number, 0),
-                registration=REGISTERED if i else None,
             )
         )
         if is_keyframe:
