@@ -16,6 +16,7 @@ from rgbd_glue_ros.sequences.degraded import (
     depth_holes,
     dropped,
     every,
+    first,
     no_color,
     no_depth,
 )
@@ -61,9 +62,23 @@ def times(frames: list[RgbdFrame]) -> list[float]:
     return [frame.stamp_ns / NANOSECONDS for frame in frames]
 
 
+@pytest.mark.parametrize("count", [1, 7, FRAMES, 100])
+def test_of_the_first_frames_there_are_as_many_as_asked_for_and_had(count: int) -> None:
+    frames = degraded(first(count))
+    assert times(frames) == times(list(Grey()))[:count]
+    assert DegradedSequence(Grey(), first(count)).frame_count == len(frames)
+
+
+def test_degradations_on_top_of_each_other_count_from_what_is_left() -> None:
+    sequence = DegradedSequence(DegradedSequence(Grey(), first(20)), no_color(1.0))
+    assert [i for i, frame in enumerate(sequence) if not frame.color.any()] == list(range(10, 20))
+
+
 @pytest.mark.parametrize("step", [2, 3, 5])
 def test_of_every_nth_frame_the_first_is_there_and_those_a_step_apart(step: int) -> None:
-    assert times(degraded(every(step))) == times(list(Grey()))[::step]
+    frames = degraded(every(step))
+    assert times(frames) == times(list(Grey()))[::step]
+    assert DegradedSequence(Grey(), every(step)).frame_count == len(frames)
 
 
 def test_about_the_share_of_frames_is_dropped_and_never_the_first() -> None:

@@ -26,10 +26,12 @@ class Degradation:
     Attributes:
         name: in words.
         apply: gives the worse frames, from the frames and how many there are, about.
+        kept: how many are left of so many frames, at most.
     """
 
     name: str
     apply: Callable[[Iterable[RgbdFrame], int], Iterator[RgbdFrame]]
+    kept: Callable[[int], int] = lambda count: count
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class DegradedSequence:
     @property
     def frame_count(self) -> int:
         """At most as many as the original has."""
-        return self.original.frame_count
+        return self.degradation.kept(self.original.frame_count)
 
     @property
     def ground_truth(self) -> Trajectory | None:
@@ -83,13 +85,23 @@ class DegradedSequence:
         self.close()
 
 
+def first(count: int) -> Degradation:
+    """The first frames alone."""
+
+    def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
+        return islice(frames, count)
+
+    return Degradation(f"first {count} frames", apply, lambda frames: min(frames, count))
+
+
 def every(step: int) -> Degradation:
     """Every ``step``-th frame alone: a slow camera, or one that moves as much faster."""
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
         return islice(frames, 0, None, step)
 
-    return Degradation(f"every {step}{_ORDINALS.get(step, 'th')} frame", apply)
+    name = f"every {step}{_ORDINALS.get(step, 'th')} frame"
+    return Degradation(name, apply, lambda frames: -(-frames // step))
 
 
 _ORDINALS = {2: "nd", 3: "rd"}
