@@ -71,6 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     args = _parser(words).parse_args(words)
+    args.words = words
     logging.basicConfig(format=f"{PROGRAM}: %(levelname)s: %(message)s")
     # what Ctrl-C leaves in order (results written, the demonstration's node ended), a kill does too
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -605,6 +606,96 @@ def _fetch(args: argparse.Namespace) -> str:
         raise
 
 
+def _add_bench(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "recordings",
+        metavar="SRC",
+        type=Path,
+        nargs="*",
+        help=f"{_RECORDING}; the bundled recording if none is given",
+    )
+    _add_topics(parser)
+    _add_config(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, required=True, help="where the results go"
+    )
+    parser.add_argument("--limit", metavar="N", type=_positive, help="stop after N frames")
+    parser.add_argument(
+        "--peer",
+        metavar="NAME",
+        action="append",
+        help="peer to measure beside ours (default: those for odometry); may be repeated",
+    )
+    parser.add_argument(
+        "--patience",
+        metavar="S",
+        type=_positive_number,
+        default=120.0,
+        help="seconds for each peer and recording; what it got done by then counts "
+        "(default: %(default)g)",
+    )
+    parser.add_argument(
+        "--robustness", action="store_true", help="also with frames missing, dark, blind, patchy"
+    )
+    parser.add_argument(
+        "--live", action="store_true", help="also played to the node over DDS, at its own rate"
+    )
+    parser.add_argument(
+        "--memory",
+        metavar="N",
+        type=_positive,
+        default=0,
+        help="also watch the memory over N frames of the first recording, over and over",
+    )
+
+
+def _bench(args: argparse.Namespace) -> str:
+    import shlex
+    from functools import partial
+
+    from tqdm import tqdm
+
+    from rgbd_glue_ros.bench import ODOMETRIES, TABLES, Plan, run_bench
+    from rgbd_glue_ros.bench.part import Part
+    from rgbd_glue_ros.demo import bundled_bag
+
+    plan = Plan(
+        _config(args),
+        args.peer or ODOMETRIES,
+        args.limit,
+        args.patience,
+        args.robustness,
+        args.live,
+        args.memory,
+        command=shlex.join([PROGRAM, *args.words]),
+    )
+    with tqdm(total=0, unit=" frames", disable=None, dynamic_ncols=True) as bar:
+
+        def begin(part: Part, recording: Recording) -> None:
+            bar.reset(part.frame_count)
+            bar.set_description(f"{recording.name}, {part.title}")
+
+        def step() -> None:
+            bar.update()
+
+        try:
+            run_bench(
+                args.recordings or [bundled_bag()],
+                partial(_open, args),
+                plan,
+                args.output,
+                on_part=begin,
+                on_frame=step,
+            )
+        except KeyboardInterrupt:
+            bar.close()
+            logger.warning("interrupted; what was measured is in %s", args.output)
+            raise
+    return (
+        f"{(args.output / TABLES).read_text(encoding='utf-8')}\ntables   {args.output / TABLES}\n"
+    )
+
+
 def _add_params(parser: argparse.ArgumentParser) -> None:
     _add_config(parser)
     parser.add_argument("--markdown", action="store_true", help="print a table, not YAML")
@@ -629,5 +720,6 @@ COMMANDS = (
     ),
     Command("pairs", "register pairs of frames as in the paper's experiments", _add_pairs, _pairs),
     Command("fetch", "download public data sets", _add_fetch, _fetch),
+    Command("bench", "measure speed and error beside others, in one run", _add_bench, _bench),
     Command("params", "print all parameters with unit, range and meaning", _add_params, _params),
 )

@@ -65,7 +65,7 @@ def convert(source: Sequence, target: Path, compressed: bool) -> None:
                     folder.write(files)
         else:
             with BagWriter(target, COMPRESSED if compressed else RAW) as bag:
-                _write_bag(progress, source.ground_truth, bag)
+                write_bag(progress, source.ground_truth, bag)
     except OSError as error:
         raise InputError(
             target,
@@ -77,8 +77,8 @@ def convert(source: Sequence, target: Path, compressed: bool) -> None:
         raise
 
 
-def _write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWriter) -> None:
-    """Frames and poses, merged in order of time."""
+def write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWriter) -> None:
+    """Writes frames and poses, merged in order of time."""
     streams: list[Iterable[_Write]] = [
         ((f.stamp_ns, partial(bag.write, f)) for f in mapped_ahead(bag.encode, frames))
     ]

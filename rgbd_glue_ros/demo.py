@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,11 +52,13 @@ class DemoResult:
     Attributes:
         figures: as in ``metrics.json``.
         frames: colour images published.
+        ready_s: from the start of the node's process until it listened, seconds.
         summary: what the node said of itself at the end; None if it did not.
     """
 
     figures: dict[str, Any]
     frames: int
+    ready_s: float
     summary: Summary | None
 
 
@@ -94,11 +97,14 @@ def demo(
         except ImportError as error:
             raise MissingExtraError("rclpy", "ros", "the demonstration") from error
         recording = Recording.load(bag)
+        start = time.monotonic()
         with (
             NodeProcess(_parameters(recording), environment) as node,
             Player(recording, domain) as player,
         ):
             try:
+                _wait_until_ready(player, node)
+                ready_s = time.monotonic() - start
                 _play(player, recording, node, rate, on_progress)
             finally:
                 measured = _measured(player, node)
@@ -112,7 +118,7 @@ def demo(
         raise RuntimeError(f"the node ended with exit code {code}; its log is in {log}")
     if not figures:
         raise RuntimeError(f"the node gave no pose; its log is in {log}")
-    return DemoResult(figures, recording.frame_count, player.summary)
+    return DemoResult(figures, recording.frame_count, ready_s, player.summary)
 
 
 def _parameters(recording: Recording) -> dict[str, object]:
@@ -125,6 +131,16 @@ def _parameters(recording: Recording) -> dict[str, object]:
     }
 
 
+def _waits(player: Player, node: NodeProcess, condition: Callable[[], bool], time_s: float) -> bool:
+    """Receives until ``condition`` holds; False where time is up or the node has ended."""
+    return player.wait(lambda: not node.is_running or condition(), time_s) and node.is_running
+
+
+def _wait_until_ready(player: Player, node: NodeProcess) -> None:
+    if not _waits(player, node, player.is_matched, READY_S):
+        raise RuntimeError(f"the node did not become ready: {node.last_words}")
+
+
 def _play(
     player: Player,
     recording: Recording,
@@ -132,19 +148,12 @@ def _play(
     rate: float,
     on_progress: Callable[[Progress], None],
 ) -> None:
-    """Waits for the node, plays all of the recording, waits for the node's last word on it."""
-
-    def waits(condition: Callable[[], bool], timeout_s: float) -> bool:
-        return player.wait(lambda: not node.is_running or condition(), timeout_s) and (
-            node.is_running
-        )
+    """Plays all of the recording, and waits for the node's last word on it."""
 
     def is_done() -> bool:
         said = player.summary
         return said is not None and said.frames + sum(said.drops.values()) >= played
 
-    if not waits(player.is_matched, READY_S):
-        raise RuntimeError(f"the node did not become ready: {node.last_words}")
     played = 0
     for message in player.play(rate):
         if not node.is_running:
@@ -152,7 +161,7 @@ def _play(
         if message.channel is Channel.COLOR:
             played += 1
             on_progress(Progress(recording.frame_count, played, len(player.poses)))
-    waits(is_done, LAST_WORD_S)
+    _waits(player, node, is_done, LAST_WORD_S)
     on_progress(Progress(recording.frame_count, played, len(player.poses)))
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
+from rgbd_glue_ros.markdown import number, table
 from rgbd_glue_ros.registration_errors import THRESHOLDS
 
 _TITLES = {
@@ -63,7 +63,7 @@ def _registration(gaps: dict[str, dict[str, Any]]) -> str:
             row += [f"{percent:.1f}" for percent in error["accuracy"].values()]
             row += [f"{error['mean']:.2f}", f"{error['median']:.2f}"]
         rows.append(row)
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _correspondences(gaps: dict[str, dict[str, Any]]) -> str:
@@ -71,13 +71,13 @@ def _correspondences(gaps: dict[str, dict[str, Any]]) -> str:
     for gap, content in gaps.items():
         for side in ("before", "after"):
             ratio, amount = content["inlier_ratio"][side], content["inlier_amount"][side]
-            recall = _number(content["filter_recall"], 1) if side == "after" else "–"
-            figures = [_number(v, 1) for v in ratio.values()]
-            figures += [_number(v, 0) for v in amount.values()]
+            recall = number(content["filter_recall"], 1) if side == "after" else "–"
+            figures = [number(v, 1) for v in ratio.values()]
+            figures += [number(v, 0) for v in amount.values()]
             rows.append([gap, side, *figures, recall])
     limits = next(iter(gaps.values()))["inlier_ratio"]["before"]
     head = [f"{figure} {limit} cm" for figure in ("ratio (%)", "amount") for limit in limits]
-    return _table(["frames apart", "filter", *head, "filter recall"], rows)
+    return table(["frames apart", "filter", *head, "filter recall"], rows)
 
 
 def _times(gaps: dict[str, dict[str, Any]]) -> str:
@@ -85,18 +85,9 @@ def _times(gaps: dict[str, dict[str, Any]]) -> str:
     rows = [
         [
             gap,
-            *(_number(content["stages_ms"].get(stage), 1) for stage in stages),
+            *(number(content["stages_ms"].get(stage), 1) for stage in stages),
             f"{content['seconds_per_pair']:.2f}",
         ]
         for gap, content in gaps.items()
     ]
-    return _table(["frames apart", *(s.replace("_", " ") for s in stages), "pair (s)"], rows)
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
-
-
-def _table(head: list[str], rows: Iterable[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return table(["frames apart", *(s.replace("_", " ") for s in stages), "pair (s)"], rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from statistics import median
 from typing import Any
@@ -141,7 +142,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
             "p99": float(p99),
             "max": max(latencies),
         },
-        "stages_ms": stage_medians(run),
+        "stages_ms": stage_medians(frame.stages_ms for frame in run.frames),
         # ru_maxrss is in kilobytes on Linux
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         "path_m": path_length(run.trajectory.poses),
@@ -152,10 +153,10 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     return content
 
 
-def stage_medians(run: Run) -> dict[str, float]:
+def stage_medians(frames: Iterable[Mapping[str, float]]) -> dict[str, float]:
     """The median time of every stage over the frames that had it, milliseconds."""
     times: dict[str, list[float]] = {}
-    for frame in run.frames:
-        for stage, milliseconds in frame.stages_ms.items():
+    for stages in frames:
+        for stage, milliseconds in stages.items():
             times.setdefault(stage, []).append(milliseconds)
     return {stage: median(values) for stage, values in times.items()}

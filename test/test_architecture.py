@@ -22,12 +22,12 @@ ORDER = """
     parallel journal
     sync topics worker transform_tree image_files rvl message_fields messages
     depth_source frames monitor
-    trajectory sequences evaluation registration_errors charts run report replay
+    trajectory sequences evaluation registration_errors charts markdown run report replay
     replays convert
-    pair_methods pair_evaluation pair_jobs pairs_figures pairs_report pairs bench
+    pair_methods pair_evaluation pair_jobs pairs_figures pairs_report pairs
     fetch
     node_process node_runtime node_parameters node_inputs node_tf node_framing node_depth
-    node_outputs node_diagnostics node player demo cli __main__
+    node_outputs node_diagnostics node player demo bench cli __main__
 """.split()  # noqa: SIM905 - a line a layer
 ROS_MODULES = {
     "node_runtime",

@@ -1,0 +1,24 @@
+"""What a part of a benchmark is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+
+class Part(Protocol):
+    """A measurement; however it ends, ``figures`` gives what was measured until then."""
+
+    @property
+    def title(self) -> str:
+        """What it does, for the progress bar."""
+
+    @property
+    def frame_count(self) -> int:
+        """How many frames it is about to process, at most."""
+
+    def run(self, step: Callable[[], None]) -> None:
+        """Measures; calls ``step`` after every frame."""
+
+    def figures(self) -> dict[str, Any]:
+        """What was measured, ready for JSON."""
