@@ -11,12 +11,12 @@ from html import escape
 
 import numpy as np
 
+from rgbd_glue_ros.chart_axes import Axis, linear, rising, ticks
 from rgbd_glue_ros.types import Float64
 
 SIDE = 1000
 _COLUMNS = 800
 _ROW_REM = 1.7
-_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 CSS = """
 .chart { margin: 0; }
@@ -37,6 +37,7 @@ CSS = """
 .plot .dashed { stroke-dasharray: 5 4; stroke-width: 1.3; }
 .plot .thick { stroke-width: 3.2; }
 .plot .dot { stroke-width: 9; }
+.plot .dots { stroke-width: 4; opacity: .45; }
 .tick { position: absolute; color: var(--quiet); font-size: .72rem; line-height: 1;
   font-variant-numeric: tabular-nums; white-space: nowrap; }
 .tick.y { right: calc(100% + .5rem); transform: translateY(50%); }
@@ -85,34 +86,65 @@ def chart(title: str, lines: Sequence[Line], x_range: tuple[float, float], rows:
         rows: of grid lines, about; the height follows from it.
     """
     highest = max((float(np.nanmax(line.y)) for line in lines if _known(line)), default=1.0)
-    y_ticks = ticks(0.0, highest, rows)
-    top = y_ticks[-1] or 1.0
-    left, right = x_range
-    width = (right - left) or 1.0
+    return plot(title, lines, linear(*x_range, " s"), rising(highest, rows), rows)
+
+
+def plot(
+    title: str,
+    lines: Sequence[Line],
+    x: Axis,
+    y: Axis,
+    rows: int,
+    dots: Sequence[Line] = (),
+) -> str:
+    """Lines and dots in a plane.
+
+    Args:
+        title: of the figure.
+        lines: to draw, the last on top.
+        x: the axis to the right.
+        y: the axis upward, with a grid line at each tick.
+        rows: that make up the height.
+        dots: drawn as dots at their points, below the lines.
+    """
+    heights = SIDE * (1 - y.at(np.array([value for value, _ in y.ticks])))
     shapes = [
-        f'<line class="grid" x1="0" x2="{SIDE}" y1="{y:.1f}" y2="{y:.1f}"/>'
-        for y in (SIDE * (1 - value / top) for value in y_ticks)
+        f'<line class="grid" x1="0" x2="{SIDE}" y1="{at:.1f}" y2="{at:.1f}"/>' for at in heights
     ]
     shapes += [
-        _path(line, *_thinned((line.x - left) / width * SIDE, (1 - line.y / top) * SIDE))
+        f'<path class="dots {cloud.style}" style="--c:{cloud.color}" d="'
+        + "".join(
+            f"M{px:.0f} {py:.0f}h0"
+            for px, py in zip(x.at(cloud.x) * SIDE, (1 - y.at(cloud.y)) * SIDE, strict=True)
+        )
+        + '"/>'
+        for cloud in dots
+    ]
+    shapes += [
+        _path(line, *_thinned(x.at(line.x) * SIDE, (1 - y.at(line.y)) * SIDE))
         for line in lines
         if _known(line)
     ]
     words = [
-        f'<span class="tick y" style="bottom:{100 * value / top:.2f}%">{value:g}</span>'
-        for value in y_ticks
+        f'<span class="tick y" style="bottom:{100 * at:.2f}%">{escape(text)}</span>'
+        for at, text in _placed(y)
     ]
     words += [
-        f'<span class="tick x" style="left:{100 * (value - left) / width:.2f}%">{value:g} s</span>'
-        for value in ticks(left, right)
-        if value <= right
+        f'<span class="tick x" style="left:{100 * at:.2f}%">{escape(text)}</span>'
+        for at, text in _placed(x)
     ]
     return (
-        f'<figure class="chart time">{_caption(title, lines)}'
+        f'<figure class="chart time">{_caption(title, [*lines, *dots])}'
         f'<div class="plot" style="--h:{_ROW_REM * rows + 1}rem">'
         f'<svg viewBox="0 0 {SIDE} {SIDE}" preserveAspectRatio="none" role="img" '
         f'aria-label="{escape(title)}">{"".join(shapes)}</svg>{"".join(words)}</div></figure>'
     )
+
+
+def _placed(axis: Axis) -> list[tuple[float, str]]:
+    """Where along the axis each tick's text is."""
+    at = axis.at(np.array([value for value, _ in axis.ticks]))
+    return [(float(place), text) for place, (_, text) in zip(at, axis.ticks, strict=True)]
 
 
 def plan(title: str, lines: Sequence[Line]) -> str:
@@ -190,17 +222,6 @@ def bars(values: dict[str, float], unit: str, color: str) -> str:
         for name, value in values.items()
     ]
     return f'<div class="bars">{"".join(rows)}</div>'
-
-
-def ticks(low: float, high: float, count: int = 6) -> list[float]:
-    """Round numbers from ``low`` on until ``high`` is covered, about ``count`` of them."""
-    if not high > low:
-        return [low]
-    rough = (high - low) / count
-    power = 10.0 ** np.floor(np.log10(rough))
-    step = next(s * power for s in _STEPS if s * power >= rough * (1 - 1e-9))
-    first, last = np.ceil(low / step - 1e-9), np.ceil(high / step - 1e-9)
-    return [float(f"{i * step:.12g}") for i in range(int(first), int(last) + 1)]
 
 
 def _known(line: Line) -> bool:

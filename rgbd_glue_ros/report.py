@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from html import escape
 from itertools import groupby
 from typing import Any
 
@@ -11,46 +10,11 @@ import numpy as np
 
 from rgbd_glue_ros import charts, se3
 from rgbd_glue_ros.charts import Line, Span
-from rgbd_glue_ros.config import Config, parameters, values
 from rgbd_glue_ros.evaluation import RPE_DELTA_S, Evaluation
+from rgbd_glue_ros.page import changed_parameters, page, tiles
 from rgbd_glue_ros.run import FrameRecord, Run
 from rgbd_glue_ros.trajectory import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, TrackingState
-
-_CSS = """
-:root { --page: #fff; --card: #f6f7f9; --text: #16202c; --quiet: #5d6b7b; --line: #e3e7ec;
-  --estimate: #1d5fd1; --truth: #a9b4c0; --geometric: #c2620a; --good: #1a8f5a; --bad: #cf2f3c;
-  --wait: #d9a514; color-scheme: light dark; }
-@media (prefers-color-scheme: dark) { :root { --page: #11161d; --card: #1a212b; --text: #e6ebf1;
-  --quiet: #93a1b1; --line: #2a3441; --estimate: #6aa5ff; --truth: #66727f; --geometric: #f0963c;
-  --good: #35b57c; --bad: #f0626c; --wait: #e2bb45; } }
-* { box-sizing: border-box; }
-body { margin: 0; background: var(--page); color: var(--text);
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", sans-serif; }
-main { max-width: 66rem; margin: 0 auto; padding: 2rem 1.25rem 3rem; }
-h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .3rem; overflow-wrap: anywhere; }
-h2 { font-size: 1.1rem; margin: 2.6rem 0 1rem; padding-top: 1.1rem;
-  border-top: 1px solid var(--line); }
-p { margin: 0 0 1rem; color: var(--quiet); max-width: 46rem; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .7rem;
-  margin: 1.5rem 0 0; }
-.tile { background: var(--card); border-radius: 10px; padding: .8rem 1rem .75rem; }
-.tile b { display: block; font-size: 1.55rem; line-height: 1.25; font-weight: 650;
-  font-variant-numeric: tabular-nums; white-space: nowrap; }
-.tile b small { font-size: .95rem; font-weight: 500; color: var(--quiet); }
-.tile span { color: var(--quiet); font-size: .82rem; display: block; }
-.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr));
-  gap: 1.5rem 2.5rem; align-items: start; }
-table { border-collapse: collapse; width: 100%; font-size: .9rem; }
-td, th { text-align: left; padding: .38rem .8rem .38rem 0; border-bottom: 1px solid var(--line);
-  vertical-align: top; font-weight: 400; }
-th { color: var(--quiet); }
-.n { text-align: right; padding: .38rem 0 .38rem .8rem; font-variant-numeric: tabular-nums;
-  white-space: nowrap; }
-code { font: .86em ui-monospace, "SF Mono", Consolas, monospace; overflow-wrap: anywhere; }
-td small { color: var(--quiet); }
-caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
-"""
 
 _STATES = {
     TrackingState.TRACKING: ("tracking", "var(--good)"),
@@ -70,7 +34,6 @@ def render(run: Run, figures: Mapping[str, Any], evaluation: Evaluation | None) 
     """
     seconds = _seconds(run, np.array([frame.stamp_ns for frame in run.frames], np.int64))
     parts = [
-        f"<h1>{escape(run.sequence)}</h1>",
         _summary(run, seconds),
         _tiles(figures),
         _trajectory(run, evaluation),
@@ -83,14 +46,9 @@ def render(run: Run, figures: Mapping[str, Any], evaluation: Evaluation | None) 
         "<h2>All figures</h2>",
         _figures(figures),
         "<h2>Parameters that differ from the defaults</h2>",
-        _changes(run.config),
+        changed_parameters(run.config),
     ]
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(run.sequence)} · rgbd-glue</title><style>{_CSS}{charts.CSS}</style>"
-        f"</head><body><main>{''.join(parts)}</main></body></html>\n"
-    )
+    return page(run.sequence, parts)
 
 
 def _summary(run: Run, seconds: Float64) -> str:
@@ -107,23 +65,19 @@ def _seconds(run: Run, stamps_ns: Int64) -> Float64:
 
 def _tiles(figures: Mapping[str, Any]) -> str:
     tracked = f"{100 * figures['tracked'] / figures['frames']:.4g}"
-    tiles = []
+    shown = []
     if "ape" in figures:
-        tiles.append((f"{100 * figures['ape']['rmse_m']:.2f}", "cm", "position error, rmse (APE)"))
+        shown.append((f"{100 * figures['ape']['rmse_m']:.2f}", "cm", "position error, rmse (APE)"))
     if figures.get("rpe"):
         rpe = figures["rpe"]
-        tiles.append((f"{100 * rpe['trans_rmse_m']:.2f}", "cm/s", "drift, rmse (RPE)"))
-        tiles.append((f"{rpe['rot_rmse_deg']:.2f}", "°/s", "rotation drift, rmse (RPE)"))
-    tiles += [
+        shown.append((f"{100 * rpe['trans_rmse_m']:.2f}", "cm/s", "drift, rmse (RPE)"))
+        shown.append((f"{rpe['rot_rmse_deg']:.2f}", "°/s", "rotation drift, rmse (RPE)"))
+    shown += [
         (tracked, "%", f"of frames tracked, {figures['lost']} lost"),
         (f"{figures['latency_ms']['p50']:.1f}", "ms", "median latency of a frame"),
         (f"{figures['fps']:.1f}", "fps", "whole replay, decoding included"),
     ]
-    body = "".join(
-        f'<div class="tile"><b>{value} <small>{unit}</small></b><span>{text}</span></div>'
-        for value, unit, text in tiles
-    )
-    return f'<div class="tiles">{body}</div>'
+    return tiles(shown)
 
 
 def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
@@ -247,18 +201,3 @@ def _figures(figures: Mapping[str, Any]) -> str:
         for title, rows in tables
     )
     return f'{note}<div class="two">{body}</div>'
-
-
-def _changes(config: Config) -> str:
-    chosen = values(config)
-    rows = [
-        f"<tr><td><code>{p.name}</code><br><small>{escape(p.description)}</small></td>"
-        f'<td class="n">{escape(str(chosen[p.name]))} {escape(p.unit)}</td>'
-        f'<td class="n">{escape(str(p.default))}</td></tr>'
-        for p in parameters(config)
-        if chosen[p.name] != p.default
-    ]
-    if not rows:
-        return "<p>None does.</p>"
-    head = '<tr><th>parameter</th><th class="n">value</th><th class="n">default</th></tr>'
-    return f"<table>{head}{''.join(rows)}</table>"

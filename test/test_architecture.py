@@ -22,8 +22,8 @@ ORDER = """
     parallel journal
     sync topics worker transform_tree image_files rvl message_fields messages
     depth_source frames monitor
-    trajectory sequences evaluation registration_errors charts markdown run report replay
-    replays convert
+    trajectory sequences evaluation registration_errors chart_axes charts page markdown
+    run report replay replays convert
     pair_methods pair_evaluation pair_jobs pairs_figures pairs_report pairs
     fetch
     node_process node_runtime node_parameters node_inputs node_tf node_framing node_depth

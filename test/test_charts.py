@@ -8,7 +8,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rgbd_glue_ros.charts import SIDE, Line, chart, ticks
+from rgbd_glue_ros.chart_axes import linear, logarithmic, rising, ticks
+from rgbd_glue_ros.charts import SIDE, Line, chart, plot
 
 
 @given(st.floats(1e-6, 1e9))
@@ -24,6 +25,20 @@ def test_ticks_are_numbers_that_people_count_in() -> None:
     assert ticks(0, 33.3, 4) == [0, 10, 20, 30, 40]
     assert ticks(0, 0.012, 5) == [0, 0.0025, 0.005, 0.0075, 0.01, 0.0125]
     assert ticks(5, 5) == [5]
+
+
+def test_values_lie_along_an_axis_by_their_differences_or_by_their_ratios() -> None:
+    values = np.array([1.0, 10.0, 100.0, 1000.0])
+    np.testing.assert_allclose(linear(1, 100).at(values), (values - 1) / 99)
+    np.testing.assert_allclose(logarithmic(1, 5, 100).at(values), [0, 0.5, 1, 1.5])
+    assert logarithmic(1, 5, 100).ticks == ((1, "1"), (5, "5"), (100, "100"))
+    assert rising(33.3, 4).high == 40
+
+
+def test_dots_are_where_their_points_are() -> None:
+    cloud = Line("pairs", "red", np.array([1.0, 100.0]), np.array([0.0, 50.0]))
+    page = plot("dots", [], logarithmic(1, 100), rising(100, 4), 4, [cloud])
+    assert f'd="M0 {SIDE}h0M{SIDE} {SIDE // 2}h0"' in page
 
 
 def points(page: str, css_class: str) -> list[tuple[float, float]]:
