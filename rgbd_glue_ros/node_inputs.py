@@ -70,12 +70,16 @@ class NodeInput:
         )
 
     def _publishers_changed(self, _event: object) -> None:
-        offered = {
-            info.qos_profile.reliability
-            for info in self._node.get_publishers_info_by_topic(self.topic)
-        }
-        if not offered:
+        publishers = self._node.get_publishers_info_by_topic(self.topic)
+        if not publishers:
             return
+        if len(publishers) > 1:
+            self._node.get_logger().warning(
+                f"{self.topic} has {len(publishers)} publishers, whose messages mix: "
+                f"{', '.join(self.publishers)}; keep one. One that was killed is still counted "
+                "for a while"
+            )
+        offered = {info.qos_profile.reliability for info in publishers}
         best = (
             ReliabilityPolicy.RELIABLE
             if offered == {ReliabilityPolicy.RELIABLE}

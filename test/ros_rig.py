@@ -145,6 +145,12 @@ class Rig:
             # matches of other participants wake nothing here, so look for them now and then
             self._executor.spin_once(timeout_sec=min(left, 0.02))
 
+    def spin_for(self, seconds: float) -> None:
+        """Handles events for a while, as a driver between two frames."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left)
+
     def wait_until_matched(self) -> None:
         """Waits until the node listens, with the reliability it settles on, and is listened to."""
 

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import itertools
-import re
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,31 +16,18 @@ from rgbd_glue_ros.depth_source import depth_camera
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages import FrameTopics, frame_from_messages, pose_from_message, stamp_ns
 from rgbd_glue_ros.monitor import Drop, Summary
-from rgbd_glue_ros.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from diagnostic_msgs.msg import DiagnosticArray
+from fault_rig import BREATH_MB, node_in, rss_mb
 from malformed import COMPRESSED, INFOS, RAW, Breaker
 from ros_rig import Rig, Triple, frame_messages
 
 PERIOD_NS = NANOSECONDS // 30
 START_NS = 1_700_000_000 * NANOSECONDS
-# What the allocator keeps or gives back from one moment to the next.
-BREATH_MB = 25
-
-
-@contextmanager
-def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
-    with NodeProcess(parameters, ros_environment(domain)) as node:
-        try:
-            yield node
-            assert node.is_running
-            assert not [line for line in node.lines if "Traceback" in line]
-        finally:
-            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
 
 
 def moving_camera() -> Iterator[RgbdFrame]:
@@ -52,13 +35,6 @@ def moving_camera() -> Iterator[RgbdFrame]:
     there = recorded_frames()
     for i, frame in enumerate(itertools.cycle([*there, *there[-2:0:-1]])):
         yield replace(frame, stamp_ns=START_NS + i * PERIOD_NS)
-
-
-def rss_mb(node: NodeProcess) -> float:
-    status = Path(f"/proc/{node.pid}/status").read_text(encoding="ascii")
-    found = re.search(r"VmRSS:\s*(\d+) kB", status)
-    assert found
-    return int(found[1]) / 1024
 
 
 def play_with_malformed(

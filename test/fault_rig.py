@@ -1,0 +1,34 @@
+"""The node under test for faults, and its memory."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rgbd_glue_ros.node_process import NodeProcess, ros_environment
+
+# What the allocator keeps or gives back from one moment to the next.
+BREATH_MB = 25
+
+
+@contextmanager
+def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
+    """A node that has to be alive in the end and must not have logged an error of its own."""
+    with NodeProcess(parameters, ros_environment(domain)) as node:
+        try:
+            yield node
+            assert node.is_running
+            assert not [line for line in node.lines if "Traceback" in line]
+        finally:
+            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
+
+
+def rss_mb(node: NodeProcess) -> float:
+    """The memory that the node holds now."""
+    status = Path(f"/proc/{node.pid}/status").read_text(encoding="ascii")
+    found = re.search(r"VmRSS:\s*(\d+) kB", status)
+    assert found
+    return int(found[1]) / 1024
