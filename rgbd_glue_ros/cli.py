@@ -16,13 +16,14 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.config import Config
     from rgbd_glue_ros.evaluation import Evaluation
+    from rgbd_glue_ros.paper_tables import PaperTable
     from rgbd_glue_ros.sequences import Sequence as Recording
     from rgbd_glue_ros.types import OdometryEstimate
 
@@ -159,9 +160,9 @@ def _add_topics(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_recordings(parser: argparse.ArgumentParser) -> None:
+def _add_recordings(parser: argparse.ArgumentParser, least: Literal["+", "*"] = "+") -> None:
     parser.add_argument(
-        "recordings", metavar="SRC", type=Path, nargs="+", help=f"{_RECORDING}, or one of many"
+        "recordings", metavar="SRC", type=Path, nargs=least, help=f"{_RECORDING}, or one of many"
     )
     parser.add_argument(
         "--only",
@@ -449,7 +450,16 @@ def _convert(args: argparse.Namespace) -> str:
 
 
 def _add_pairs(parser: argparse.ArgumentParser) -> None:
-    _add_recordings(parser)
+    _add_recordings(parser, least="*")
+    parser.add_argument(
+        "--data",
+        metavar="SRC",
+        dest="recordings",
+        type=Path,
+        action="extend",
+        nargs="+",
+        help="the same as SRC",
+    )
     _add_config(parser, preset="paper")
     parser.add_argument(
         "--gap",
@@ -463,6 +473,11 @@ def _add_pairs(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=_positive,
         help="start a pair at every N-th frame (default: the gap)",
+    )
+    parser.add_argument(
+        "--table",
+        metavar="NUMBER",
+        help="fill in a table of the paper, 1 to 6 or S1 to S3, at its gaps and with its methods",
     )
     parser.add_argument(
         "--peers",
@@ -482,8 +497,15 @@ def _pairs(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.pairs import TABLES, Experiment, run_pairs
     from rgbd_glue_ros.parallel import pool
 
-    gaps = sorted({*(args.gap or [20])})
-    experiment = Experiment(_config(args), gaps, args.every, _peers(args.peers))
+    table = _paper_table(args)
+    config = _config(args)
+    others = {peer: peer for peer in _peers(args.peers)} | (
+        table.estimators(config)[0] if table else {}
+    )
+    gaps = sorted({*(args.gap or (table.gaps if table else [20]))})
+    experiment = Experiment(config, gaps, args.every, others)
+    if not args.recordings:
+        raise InputError("pairs", "no recording is given", "name a data set or a bag")
     sources = _recordings(args)
     with (
         pool(args.workers, args.scheduler) as workers,
@@ -517,7 +539,25 @@ def _pairs(args: argparse.Namespace) -> str:
                     args.output,
                 )
             raise
-    return f"{_pairs_summary(figures)}tables   {args.output / TABLES}\n"
+    summary = f"{_pairs_summary(figures)}tables   {args.output / TABLES}\n"
+    return summary if table is None else summary + _write_table(table, config, figures, args.output)
+
+
+def _paper_table(args: argparse.Namespace) -> PaperTable | None:
+    from rgbd_glue_ros.paper_tables import paper_table
+
+    return paper_table(args.table) if args.table else None
+
+
+def _write_table(table: PaperTable, config: Config, figures: dict[str, Any], folder: Path) -> str:
+    from rgbd_glue_ros.paper_tables import render
+
+    measured = {name: content["gaps"] for name, content in figures["others"].items()}
+    absent = {**figures["absent"], **table.estimators(config)[1]}
+    text = render(table, measured, absent, figures["sources"])
+    path = folder / f"table_{table.number}.md"
+    path.write_text(text, encoding="utf-8")
+    return f"table    {path}\n\n{text}"
 
 
 def _peers(text: str) -> list[str]:

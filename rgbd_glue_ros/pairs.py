@@ -47,19 +47,21 @@ class Experiment:
         gaps: frames between the two of a pair.
         every: a pair starts at every so many frames; None takes the gap itself, so that each pair
             starts where the last one ended, as in UR&R's test split.
-        peers: registrations of others, to be measured on the same pairs.
+        others: methods that are measured on the same pairs, by name.
         results: of every pair, by method and gap.
         sources: recordings that pairs were taken of.
         problems: what kept others, or a part of these, from being used.
+        absent: why a method could not be had, by its name.
     """
 
     config: Config
     gaps: Sequence[int]
     every: int | None = None
-    peers: Sequence[str] = ()
+    others: Mapping[str, Estimator] = field(default_factory=dict)
     results: dict[str, dict[int, list[PairResult]]] = field(default_factory=dict)
     sources: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    absent: dict[str, str] = field(default_factory=dict)
 
     def add(self, results: Results) -> None:
         """Takes up the results of a pair."""
@@ -80,7 +82,8 @@ class Experiment:
             "problems": self.problems,
             "every": self.every,
             "gaps": by_method[GLUE],
-            "peers": {name: {"gaps": gaps} for name, gaps in by_method.items() if name != GLUE},
+            "others": {name: {"gaps": gaps} for name, gaps in by_method.items() if name != GLUE},
+            "absent": self.absent,
             "parameters": parameters,
         }
 
@@ -243,11 +246,17 @@ def _about(
     experiment: Experiment, estimators: Iterable[tuple[str, Estimator]]
 ) -> Mapping[str, Any]:
     """What a pair's results depend on."""
-    return {"parameters": values(experiment.config), "methods": [name for name, _ in estimators]}
+    return {
+        "parameters": values(experiment.config),
+        "methods": {
+            name: values(estimator) if isinstance(estimator, Config) else estimator
+            for name, estimator in estimators
+        },
+    }
 
 
 def _estimators(experiment: Experiment) -> tuple[tuple[str, Estimator], ...]:
-    """The experiment's methods, less the peers that cannot be had, which is a problem of it.
+    """The experiment's methods, less the others that cannot be had, which is a problem of it.
 
     Raises:
         MissingExtraError: the configuration's own method needs a library that is not installed.
@@ -255,13 +264,14 @@ def _estimators(experiment: Experiment) -> tuple[tuple[str, Estimator], ...]:
     method_of(experiment.config)
     usable: list[tuple[str, Estimator]] = [(GLUE, experiment.config)]
 
-    def add(peer: str) -> None:
+    def add(name: str, estimator: Estimator) -> None:
         try:
-            method_of(peer)
-            usable.append((peer, peer))
+            method_of(estimator)
+            usable.append((name, estimator))
         except (InputError, MissingExtraError) as error:
-            experiment.problems.append(str(error))
+            experiment.absent[name] = str(error)
+            experiment.problems.append(f"{name}: {error}")
 
-    for peer in experiment.peers:
-        add(peer)
+    for name, estimator in experiment.others.items():
+        add(name, estimator)
     return tuple(usable)

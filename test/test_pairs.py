@@ -232,10 +232,10 @@ def test_seconds_are_those_of_both_frames_features_even_if_one_was_known() -> No
 
 def test_peers_are_measured_on_the_same_pairs(tmp_path: Path) -> None:
     pytest.importorskip("small_gicp")
-    experiment = Experiment(BLIND, [3], peers=["small_gicp"])
+    experiment = Experiment(BLIND, [3], others={"small_gicp": "small_gicp"})
     run_pairs([Path("walk")], opened(Walk()), experiment, tmp_path)
     figures = figures_in(tmp_path)
-    gap = figures["peers"]["small_gicp"]["gaps"]["3"]
+    gap = figures["others"]["small_gicp"]["gaps"]["3"]
     assert gap["pairs"] == figures["gaps"]["3"]["pairs"] == 3
     assert gap["failed"] == 0
     assert set(gap["stages_ms"]) == {"features", "registration"}
@@ -245,10 +245,10 @@ def test_a_peer_that_is_not_there_is_reported_and_the_rest_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "small_gicp", None)
-    experiment = Experiment(BLIND, [3], peers=["small_gicp"])
+    experiment = Experiment(BLIND, [3], others={"small_gicp": "small_gicp"})
     run_pairs([Path("walk")], opened(Walk()), experiment, tmp_path)
     figures = figures_in(tmp_path)
-    assert figures["peers"] == {}
+    assert figures["others"] == {}
     assert "small_gicp is not installed" in figures["problems"][0]
 
 
