@@ -1,17 +1,16 @@
-"""What a live odometry tells of itself: counts, latency, and why nothing comes."""
+"""What a live odometry tells of itself: counts and latency."""
 
 from __future__ import annotations
 
 import re
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
-from rgbd_glue_ros.sync import Channel
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 
 # Frames that the latency is taken over: the last half minute.
@@ -148,53 +147,3 @@ class Monitor:
                 float(p50),
                 float(p95),
             )
-
-
-@dataclass(frozen=True)
-class Input:
-    """A subscribed topic over the last while.
-
-    Attributes:
-        channel: what it carries.
-        topic: its full name.
-        publishers: who publishes it, in words; none if there is no publisher.
-        received: messages that came.
-    """
-
-    channel: Channel
-    topic: str
-    publishers: tuple[str, ...]
-    received: int
-
-    def __str__(self) -> str:
-        if not self.publishers:
-            return f"{self.topic} ({self.channel.value}) has no publisher"
-        by = ", ".join(self.publishers)
-        return f"{self.topic} ({self.channel.value}) by {by}: {self.received} messages"
-
-
-def explain_silence(
-    inputs: Sequence[Input], closest_miss_ns: int | None, max_interval_ns: int
-) -> str:
-    """Why no frame was complete, as far as can be told, and what to do.
-
-    Args:
-        inputs: the topics.
-        closest_miss_ns: least distance of colour and depth stamps that did not pair, nanoseconds;
-            None if there was none.
-        max_interval_ns: distance up to which they pair, nanoseconds.
-    """
-    seen = "; ".join(map(str, inputs))
-    if any(not i.publishers for i in inputs):
-        remedy = "start the camera, or remap the topics to the names it uses"
-    elif any(not i.received for i in inputs):
-        remedy = "see whether the camera runs, and whether type and QoS of its topics fit"
-    elif closest_miss_ns is not None:
-        remedy = (
-            f"the stamps of colour and depth are {closest_miss_ns / 1e6:.1f} ms apart at best, "
-            f"and pair up to {max_interval_ns / 1e6:.1f} ms: synchronise the camera's streams, or "
-            "raise approx_sync_max_interval"
-        )
-    else:
-        remedy = "the stamps of colour, depth and camera info do not meet"
-    return f"{seen}; {remedy}"

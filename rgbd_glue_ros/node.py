@@ -36,6 +36,7 @@ from rgbd_glue_ros.node_outputs import NodeOutputs
 from rgbd_glue_ros.node_parameters import declare_parameters
 from rgbd_glue_ros.node_runtime import NodeExecutor, RosLogHandler, init
 from rgbd_glue_ros.node_tf import listen
+from rgbd_glue_ros.node_watch import NodeWatch
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sync import Channel, Match, Synchronizer
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, TrackingState
@@ -94,7 +95,8 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._inputs: list[NodeInput] = []
         self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
-        self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._inputs)
+        watch = NodeWatch(self, self._synchronizer, self._inputs)
+        self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, watch)
         for name, serve in (
             (topics.RESET_SERVICE, self._serve_reset),
             (topics.PAUSE_SERVICE, self._serve_pause),

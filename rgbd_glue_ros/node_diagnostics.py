@@ -1,9 +1,8 @@
-"""What the node tells of itself: /diagnostics, and a line when nothing arrives."""
+"""What the node tells of itself on /diagnostics."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -13,9 +12,9 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from rgbd_glue_ros import topics
-from rgbd_glue_ros.monitor import Input, Monitor, explain_silence
-from rgbd_glue_ros.node_inputs import NodeInput
-from rgbd_glue_ros.sync import Channel, Synchronizer
+from rgbd_glue_ros.monitor import Monitor
+from rgbd_glue_ros.node_watch import NodeWatch
+from rgbd_glue_ros.sync import Synchronizer
 from rgbd_glue_ros.types import TrackingState
 
 DIAGNOSTIC_LEVELS = {
@@ -23,73 +22,41 @@ DIAGNOSTIC_LEVELS = {
     TrackingState.TRACKING: DiagnosticStatus.OK,
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
-SILENCE_S = 5.0
 DIAGNOSTICS_S = 1.0
 
 
 class NodeDiagnostics:
-    """Publishes the counts once a second, and says why no frame comes."""
+    """Publishes the counts once a second."""
 
     def __init__(
         self,
         node: Node,
         monitor: Monitor,
         synchronizer: Synchronizer[Any],
-        inputs: Sequence[NodeInput],
+        watch: NodeWatch,
     ) -> None:
-        """Starts the timers.
+        """Starts the timer.
 
         Args:
             node: whose diagnostics these are.
             monitor: counts frames.
             synchronizer: counts messages.
-            inputs: the subscriptions; may be filled later.
+            watch: says when nothing arrives.
         """
         self._node = node
         self._monitor = monitor
         self._synchronizer = synchronizer
-        self._inputs = inputs
+        self._watch = watch
         self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
-        self._counts_at_last_look = self._counts()
-        self._silence = ""
-        # not the node's clock: simulated time may stand still just when silence is to be reported
+        # not the node's clock: simulated time may stand still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(SILENCE_S, self._report_silence, clock=steady)
         node.create_timer(DIAGNOSTICS_S, self._publish, clock=steady)
-
-    def _counts(self) -> tuple[int, dict[Channel, int]]:
-        """Complete frames, and messages of each channel, so far."""
-        counts = self._synchronizer.counts
-        return self._synchronizer.matches, {c: counts[c].received for c in Channel}
-
-    def _report_silence(self) -> None:
-        matches, received = self._counts()
-        matches_before, received_before = self._counts_at_last_look
-        self._counts_at_last_look = matches, received
-        if matches > matches_before or not self._inputs:
-            self._silence = ""
-            return
-        inputs = [
-            Input(
-                i.channel,
-                i.topic,
-                i.publishers,
-                received[i.channel] - received_before[i.channel],
-            )
-            for i in self._inputs
-        ]
-        why = explain_silence(
-            inputs, self._synchronizer.closest_miss_ns, self._synchronizer.max_interval_ns
-        )
-        if why != self._silence:
-            self._node.get_logger().warning(f"No frame for {SILENCE_S:.0f} s: {why}")
-        self._silence = why
 
     def _verdict(self, state: TrackingState) -> tuple[bytes, str]:
         if self._monitor.is_paused:
             return DiagnosticStatus.WARN, "paused"
-        if self._silence:
-            return DiagnosticStatus.STALE, self._silence
+        if self._watch.silence:
+            return DiagnosticStatus.STALE, self._watch.silence
         return DIAGNOSTIC_LEVELS[state], state.value
 
     def _publish(self) -> None:

@@ -7,12 +7,13 @@ from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from rgbd_glue_ros import topics
 from rgbd_glue_ros.config import NodeConfig
+from rgbd_glue_ros.node_runtime import say_later
 from rgbd_glue_ros.sync import Channel
 
 Receive = Callable[[Channel, Any], None]
@@ -32,8 +33,7 @@ class NodeInput:
         message_type: type,
         topic: str,
         receive: Receive,
-        depth: int,
-        qos: int,
+        config: NodeConfig,
     ) -> None:
         """Subscribes.
 
@@ -43,15 +43,16 @@ class NodeInput:
             message_type: of the topic.
             topic: its full name.
             receive: called with each message.
-            depth: messages that wait to be received, at most.
-            qos: as the parameter of that name.
+            config: says which QoS.
         """
         self.channel = channel
         self.topic = topic
         self._node = node
         self._type = message_type
         self._receive = receive
-        self._depth = depth
+        self._depth = config.topic_queue_size
+        self._parameter = "qos_camera_info" if channel is Channel.INFO else "qos"
+        qos = config.qos_camera_info if channel is Channel.INFO else config.qos
         self._matches_publisher = qos == 0
         self._reliability = (
             ReliabilityPolicy.RELIABLE if qos == 1 else ReliabilityPolicy.BEST_EFFORT
@@ -89,25 +90,30 @@ class NodeInput:
             return
         if not self._matches_publisher:
             if self._reliability == ReliabilityPolicy.RELIABLE:
-                self._node.get_logger().error(
-                    f"{self.topic} is published with best effort, but qos:=1 asks for a reliable "
-                    "subscription, which gets nothing from it; set qos to 0"
-                )
+                say_later(self._node, self._refusal)
             return
         self._node.get_logger().info(f"{self.topic}: subscribing {_words(best)}, as published")
         self._reliability = best
         self._node.destroy_subscription(self._subscription)
         self._subscription = self._subscribe()
 
+    def _refusal(self) -> str:
+        return (
+            f"{self.topic} is published by {', '.join(self.publishers)}, but "
+            f"{self._node.get_fully_qualified_name()} subscribes reliable ({self._parameter}:=1) "
+            f"and gets nothing from a publisher with best effort; set {self._parameter} to 0"
+        )
+
     @property
     def publishers(self) -> tuple[str, ...]:
-        """Who publishes the topic, with its type where that is another, and its reliability."""
+        """Who publishes the topic, its type and its reliability."""
         words = []
         for info in self._node.get_publishers_info_by_topic(self.topic):
             name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             expected = self._type.__module__.split(".")[0] + "/msg/" + self._type.__name__
-            wrong = "" if info.topic_type == expected else f"as {info.topic_type}, not {expected}, "
-            words.append(f"{name} ({wrong}{_words(info.qos_profile.reliability)})")
+            wrong = "" if info.topic_type == expected else f", not {expected}"
+            reliability = _words(info.qos_profile.reliability)
+            words.append(f"{name} ({info.topic_type}{wrong}, {reliability})")
         return tuple(words)
 
 
@@ -126,12 +132,14 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> list[NodeIn
             message_type = Image if transport == topics.RAW else CompressedImage
         # as image_transport does it: what users remap is the base topic
         topic = topics.transported(node.resolve_topic_name(topics.SUBSCRIBED[channel]), transport)
-        qos = config.qos_camera_info if channel is Channel.INFO else config.qos
-        inputs.append(
-            NodeInput(node, channel, message_type, topic, receive, config.topic_queue_size, qos)
-        )
+        inputs.append(NodeInput(node, channel, message_type, topic, receive, config))
     return inputs
 
 
-def _words(reliability: ReliabilityPolicy) -> str:
-    return str(reliability.name).lower().replace("_", " ")
+def qos_words(profile: QoSProfile) -> str:
+    """What publisher and subscription have to agree on, as ``reliable, volatile``."""
+    return f"{_words(profile.reliability)}, {_words(profile.durability)}"
+
+
+def _words(policy: ReliabilityPolicy | DurabilityPolicy) -> str:
+    return str(policy.name).lower().replace("_", " ")

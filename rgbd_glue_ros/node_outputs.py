@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 from rgbd_glue_ros import message_fields, se3, topics
 from rgbd_glue_ros.config import NodeConfig
 from rgbd_glue_ros.frames import Framing
+from rgbd_glue_ros.node_inputs import qos_words
+from rgbd_glue_ros.node_runtime import say_later
 from rgbd_glue_ros.node_tf import Broadcaster
 from rgbd_glue_ros.types import Float64, OdometryEstimate
 
@@ -28,13 +32,32 @@ class NodeOutputs:
             config: what, and in which frames.
             has_tf: whether /tf can be published.
         """
+        self._node = node
         self._config = config
         # without a robot frame, the child is the optical frame, whose parent is the driver's
         does_broadcast = has_tf and config.publish_tf and config.frame_id
         self._broadcaster = Broadcaster(node) if does_broadcast else None
-        self._pose = node.create_publisher(PoseStamped, topics.POSE, 10)
-        self._odom = node.create_publisher(OdometryMessage, topics.ODOM, 10)
-        self._keyframe = node.create_publisher(PoseStamped, topics.KEYFRAME_POSE, 10)
+        self._pose = self._publisher(PoseStamped, topics.POSE)
+        self._odom = self._publisher(OdometryMessage, topics.ODOM)
+        self._keyframe = self._publisher(PoseStamped, topics.KEYFRAME_POSE)
+
+    def _publisher(self, message_type: type, topic: str) -> Publisher:
+        def refusal() -> str:
+            subscriptions = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
+            asked = ", ".join(
+                f"{i.node_namespace.rstrip('/')}/{i.node_name} ({qos_words(i.qos_profile)})"
+                for i in subscriptions
+            )
+            return (
+                f"{publisher.topic_name} is published {qos_words(publisher.qos_profile)}, and a "
+                f"subscription that asks for more gets nothing; subscribed by {asked}"
+            )
+
+        callbacks = PublisherEventCallbacks(
+            incompatible_qos=lambda _: say_later(self._node, refusal)
+        )
+        publisher = self._node.create_publisher(message_type, topic, 10, event_callbacks=callbacks)
+        return publisher
 
     def publish(
         self,

@@ -8,11 +8,15 @@ from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ConditionReachedException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from rgbd_glue_ros.errors import InputError
+
+# DDS tells of a node's topics before it tells its name.
+NAMES_S = 1.0
 
 logger = logging.getLogger(__name__)
 
@@ -65,6 +69,17 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
         except Exception as error:
             if self._is_news("a callback", repr(error)):
                 logger.exception("A callback failed; going on")
+
+
+def say_later(node: Node, line: Callable[[], str]) -> None:
+    """Logs an error after ``NAMES_S``, when the names of nodes just met are known."""
+
+    def say() -> None:
+        timer.cancel()
+        node.destroy_timer(timer)
+        node.get_logger().error(line())
+
+    timer = node.create_timer(NAMES_S, say, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class RosLogHandler(logging.Handler):

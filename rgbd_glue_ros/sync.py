@@ -9,6 +9,7 @@ from bisect import insort
 from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
+from statistics import median
 from typing import Generic, TypeVar
 
 from rgbd_glue_ros.types import NANOSECONDS
@@ -23,6 +24,12 @@ FORWARD_JUMP_NS = 10 * NANOSECONDS
 # Gaps between stamps that a channel's period is taken from: enough to get over lost messages,
 # few enough to forget a burst soon.
 PERIOD_WINDOW = 8
+
+# A longer gap between stamps is a pause of the camera, and no loss of messages.
+LONGEST_LOSS_NS = NANOSECONDS
+
+# Pairs that their usual interval is taken from.
+INTERVAL_WINDOW = 31
 
 
 # A partner counts as nearer when it is so by this part of the greatest interval. Streams half a
@@ -70,6 +77,7 @@ class ChannelCounts:
         overflowed: dropped because the queue was full.
         duplicates: dropped because of a stamp seen before.
         late: dropped because a later one had been used or dropped already.
+        missing: messages that never came, by gaps in the stamps.
         backward_jumps: times that the stamps went back by more than ``BACKWARD_JUMP_NS``.
         strays: dropped because of a stamp far from those before and after.
     """
@@ -79,6 +87,7 @@ class ChannelCounts:
     overflowed: int = 0
     duplicates: int = 0
     late: int = 0
+    missing: int = 0
     backward_jumps: int = 0
     strays: int = 0
 
@@ -145,15 +154,34 @@ class _Queue(Generic[Item]):
             return
         if self.passed_ns is not None and stamp_ns < self.passed_ns:
             self.counts.late += 1
+            self._is_not_missing()
             return
         if self.newest_ns is not None and stamp_ns > self.newest_ns:
+            self.counts.missing += self._left_out(stamp_ns - self.newest_ns)
             self.gaps_ns.append(stamp_ns - self.newest_ns)
+        else:
+            self._is_not_missing()
         self.newest_ns = stamp_ns if self.newest_ns is None else max(stamp_ns, self.newest_ns)
         period_ns = min(self.gaps_ns, default=None)
         insort(self.waiting, _Stamped(stamp_ns, period_ns, item), key=lambda s: s.stamp_ns)
         if len(self.waiting) > self.size:
             self.counts.overflowed += 1
             self.take()
+
+    def _left_out(self, gap_ns: int) -> int:
+        """How many messages are missing in a gap between stamps."""
+        if len(self.gaps_ns) < PERIOD_WINDOW or gap_ns > LONGEST_LOSS_NS:
+            return 0
+        return max(round(gap_ns / self.period_ns) - 1, 0)
+
+    def _is_not_missing(self) -> None:
+        """Takes back what was counted when a later message came before this one."""
+        self.counts.missing = max(self.counts.missing - 1, 0)
+
+    @property
+    def period_ns(self) -> int:
+        """Usual time between stamps; 0 while it is not known."""
+        return int(median(self.gaps_ns)) if self.gaps_ns else 0
 
     def take(self) -> _Stamped[Item]:
         """Removes the oldest message."""
@@ -194,6 +222,7 @@ class Synchronizer(Generic[Item]):
         self._pairs: deque[tuple[_Stamped[Item], _Stamped[Item]]] = deque()
         self._infos_are_rare = False
         self._last_interval_ns = 0
+        self._intervals_ns: deque[int] = deque(maxlen=INTERVAL_WINDOW)
         self._last_match_ns: int | None = None
         self.matches = 0
         self.closest_miss_ns: int | None = None
@@ -202,6 +231,16 @@ class Synchronizer(Generic[Item]):
     def counts(self) -> dict[Channel, ChannelCounts]:
         """What became of the messages so far; the objects keep counting."""
         return {channel: queue.counts for channel, queue in self._queues.items()}
+
+    @property
+    def interval_ns(self) -> int:
+        """Usual distance of the stamps of a pair lately; 0 before the first."""
+        return int(median(self._intervals_ns)) if self._intervals_ns else 0
+
+    @property
+    def period_ns(self) -> int:
+        """Usual time between the stamps of colour images lately; 0 before there are two."""
+        return self._queues[Channel.COLOR].period_ns
 
     def add(self, channel: Channel, stamp_ns: int, item: Item) -> list[Match[Item]]:
         """Takes in a message; returns the matches that it completes, in order of time."""
@@ -248,6 +287,7 @@ class Synchronizer(Generic[Item]):
                     continue
             self._pairs.append((colors.take(), depths.take()))
             self._last_interval_ns = interval
+            self._intervals_ns.append(interval)
 
     @staticmethod
     def _may_be_of_another_time(earlier: _Queue[Item], later: _Queue[Item]) -> bool:

@@ -21,13 +21,13 @@ ORDER = """
     keyframes motion odometry warm_up
     parallel journal
     sync topics worker transform_tree image_files rvl message_fields messages
-    depth_source frames monitor
+    depth_source frames monitor arrivals
     trajectory sequences evaluation registration_errors chart_axes charts page markdown
     run report replay replays convert
     pair_methods pair_evaluation paper_tables pair_jobs pairs_figures pairs_report pairs
     fetch
     node_process node_runtime node_parameters node_inputs node_tf node_framing node_depth
-    node_outputs node_diagnostics node player demo bench cli __main__
+    node_outputs node_watch node_diagnostics node player demo bench cli __main__
 """.split()  # noqa: SIM905 - a line a layer
 ROS_MODULES = {
     "node_runtime",
@@ -37,6 +37,7 @@ ROS_MODULES = {
     "node_framing",
     "node_depth",
     "node_outputs",
+    "node_watch",
     "node_diagnostics",
     "node",
     "player",

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.monitor import MAX_FAULTS, Drop, Input, Monitor, Summary, explain_silence
-from rgbd_glue_ros.sync import Channel
+from rgbd_glue_ros.monitor import MAX_FAULTS, Drop, Monitor, Summary
 from rgbd_glue_ros.types import OdometryEstimate, TrackingState
 
 MS = 1_000_000
@@ -40,7 +39,11 @@ def test_frames_without_a_pose_and_dropped_frames_are_told_apart() -> None:
     monitor.dropped(Drop.UNUSABLE)
     summary = monitor.summary(MS)
     assert (summary.state, summary.frames, summary.tracked) == (TrackingState.LOST, 1, 0)
-    assert summary.drops == {Drop.SUPERSEDED: 2, Drop.UNUSABLE: 1, Drop.FAILED: 0}
+    assert summary.drops == dict.fromkeys(Drop, 0) | {
+        Drop.SUPERSEDED: 2,
+        Drop.UNUSABLE: 1,
+        Drop.FAILED: 0,
+    }
     assert "2 because a newer frame came" in str(summary)
 
 
@@ -62,33 +65,3 @@ def test_a_fault_is_news_once_and_the_memory_of_faults_is_bounded() -> None:
     assert not monitor.is_news("/rgb/image", "120 bytes instead of 900")
     news = [monitor.is_news("/rgb/image", "x" * i) for i in range(500)]
     assert sum(news) == MAX_FAULTS - 1
-
-
-def silence(closest_miss_ns: int | None = None, **received: int | None) -> str:
-    inputs = [
-        Input(
-            Channel[name.upper()],
-            f"/{name}",
-            () if count is None else ("/camera (best effort)",),
-            count or 0,
-        )
-        for name, count in received.items()
-    ]
-    return explain_silence(inputs, closest_miss_ns, 20 * MS)
-
-
-def test_a_topic_without_publisher_is_named_with_the_remedy_to_remap() -> None:
-    line = silence(color=150, depth=None, info=150)
-    assert "/depth (depth) has no publisher" in line
-    assert "/color (color) by /camera (best effort): 150 messages" in line
-    assert "remap" in line
-
-
-def test_a_topic_that_is_published_but_does_not_arrive_points_at_type_and_qos() -> None:
-    assert "type and QoS" in silence(color=150, depth=0, info=150)
-
-
-def test_stamps_too_far_apart_are_said_with_both_times() -> None:
-    line = silence(closest_miss_ns=31 * MS, color=150, depth=150, info=150)
-    assert "31.0 ms apart" in line
-    assert "up to 20.0 ms" in line

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,15 +19,16 @@ from rgbd_glue_ros.message_fields import camera_info, color_image, copy_fields, 
 from rgbd_glue_ros.messages import pose_from_message
 from rgbd_glue_ros.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.sync import Channel
-from rgbd_glue_ros.topics import SUBSCRIBED
+from rgbd_glue_ros.topics import POSE, SUBSCRIBED
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from diagnostic_msgs.msg import KeyValue
+from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_rig import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Empty
@@ -301,8 +303,17 @@ def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
         node_in(ros_domain, qos=1) as node,
         Rig(ros_domain, reliability=ReliabilityPolicy.BEST_EFFORT),
     ):
-        line = node.wait_for_line("is published with best effort", PATIENCE_S)
-        assert "qos" in line
+        line = node.wait_for_line("/rgb/image is published by /rig", PATIENCE_S)
+        assert "(sensor_msgs/msg/Image, best effort)" in line
+        assert "/rgbd_odometry subscribes reliable (qos:=1)" in line
+
+
+def test_a_subscription_that_asks_for_more_than_is_published_is_named(ros_domain: int) -> None:
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.node.create_subscription(PoseStamped, POSE, print, latched)
+        line = node.wait_for_line("/pose is published reliable, volatile", PATIENCE_S)
+        assert "/rig (reliable, transient local)" in line
 
 
 def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: int) -> None:
@@ -325,7 +336,7 @@ def test_silence_is_explained_with_the_topic_that_is_missing(ros_domain: int) ->
         rig.node.destroy_publisher(rig.depth)
         line = node.wait_for_line("No frame for 5 s", PATIENCE_S)
         assert "/depth/image (depth) has no publisher" in line
-        assert "/rgb/image (color) by /rig (reliable): 0 messages" in line
+        assert "/rgb/image (color) by /rig (sensor_msgs/msg/Image, reliable): 0 messages" in line
 
 
 def call(rig: Rig, service: str) -> None:
@@ -417,3 +428,17 @@ def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int)
         for covariance in (odom.pose.covariance, odom.twist.covariance):
             np.testing.assert_array_equal(covariance.reshape(6, 6), np.eye(6) * 9999)
         assert len(rig.poses) == 1
+
+
+def test_frames_that_never_came_and_stamps_too_far_apart_are_said(ros_domain: int) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        stamps = [i * PERIOD_NS for i in range(20) if i not in {12, 15}]
+        rig.publish(replace(corner_frame(stamps[0]), depth_delay_ns=18_000_000))
+        for before, stamp in pairwise(stamps):
+            rig.publish(replace(corner_frame(stamp), depth_delay_ns=18_000_000))
+            rig.pose_at(before)  # so far apart, they pair when the next shows to be no nearer
+        line = node.wait_for_line("never came", PATIENCE_S)
+        assert "2 of 20 color and 2 of 20 depth" in line
+        line = node.wait_for_line("ms apart", PATIENCE_S)
+        assert "18.0 ms apart, more than half of the 33.3 ms" in line

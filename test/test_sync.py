@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import random
 from itertools import chain
 
 import pytest
@@ -265,3 +266,26 @@ def test_a_jump_of_time_costs_no_frame_however_the_channels_interleave(
     matches = matched_at_once(interleaved(dict.fromkeys(Channel, stamps), data))
     assert [(m.color, m.depth) for m in matches] == [(t, t) for t in stamps]
     assert [m.restarted for m in matches] == [i == 4 and jump_ns < 0 for i in range(8)]
+
+
+@given(st.sets(st.integers(12, 60), max_size=3), st.integers(0, 2**32 - 1))
+def test_messages_that_never_came_are_counted_by_the_gaps_in_the_stamps(
+    lost: set[int], seed: int
+) -> None:
+    jitter = random.Random(seed)
+    stamps = [i * PERIOD + jitter.randint(-4 * MS, 4 * MS) for i in range(64) if i not in lost]
+    _, sync = synchronized(triples(stamps))
+    assert sync.counts[Channel.COLOR].missing == len(lost)
+
+
+def test_a_message_out_of_order_is_not_missing_and_a_pause_of_the_camera_is_no_loss() -> None:
+    stamps = [i * PERIOD for i in range(20)]
+    stamps[12], stamps[13] = stamps[13], stamps[12]
+    later = [stamps[-1] + 10_000 * MS + i * PERIOD for i in range(5)]
+    _, sync = synchronized(triples([*stamps, *later]))
+    assert sync.counts[Channel.DEPTH].missing == 0
+
+
+def test_the_usual_interval_and_period_are_those_of_the_stamps() -> None:
+    _, sync = synchronized(triples([i * PERIOD for i in range(20)], depth_offset=7 * MS))
+    assert (sync.interval_ns, sync.period_ns) == (7 * MS, PERIOD)
