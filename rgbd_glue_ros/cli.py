@@ -691,13 +691,13 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
 
 def _bench(args: argparse.Namespace) -> str:
     import shlex
-    from functools import partial
 
     from tqdm import tqdm
 
     from rgbd_glue_ros.bench import ODOMETRIES, TABLES, Plan, run_bench
     from rgbd_glue_ros.bench.part import Part
     from rgbd_glue_ros.demo import bundled_bag
+    from rgbd_glue_ros.sequences import recordings
 
     plan = Plan(
         _config(args),
@@ -720,8 +720,8 @@ def _bench(args: argparse.Namespace) -> str:
 
         try:
             run_bench(
-                args.recordings or [bundled_bag()],
-                partial(_open, args),
+                recordings(args.recordings or [bundled_bag()]),
+                _opener(args),
                 plan,
                 args.output,
                 on_part=begin,

@@ -21,6 +21,7 @@ from rgbd_glue_ros.bench import FIGURES, TABLES, Plan, run_bench
 from rgbd_glue_ros.bench.contest import OURS, Contest, FrameToFrame
 from rgbd_glue_ros.bench.figures import losses, times
 from rgbd_glue_ros.bench.floors import FLOORS, Floors
+from rgbd_glue_ros.bench.live import Live
 from rgbd_glue_ros.bench.machine import machine, resident_mb
 from rgbd_glue_ros.bench.memory import Memory, endless
 from rgbd_glue_ros.bench.picture import PICTURE, picture
@@ -245,6 +246,17 @@ def test_resident_memory_grows_by_what_is_allocated() -> None:
     del block
 
 
+def test_the_node_is_measured_over_dds() -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    part = Live(Room())
+    part.run(step)
+    live = part.figures()["live"]
+    assert live["frames"] + sum(live["dropped"].values()) == FRAMES
+    assert 0 < live["node_latency_ms"]["p50"] <= live["latency_ms"]["p95"]
+    assert live["ready_s"] > 0
+    assert live["ape"]["rmse_m"] < 0.05
+
+
 def test_the_machine_has_cores_and_the_versions_of_its_libraries() -> None:
     found = machine()
     assert found["cores"] >= 1
@@ -322,6 +334,12 @@ def test_a_recording_that_cannot_be_used_is_named_and_the_others_are_measured(
     assert "is no recording" in (tmp_path / TABLES).read_text()
     with pytest.raises(InputError, match="is no recording"):
         run_bench(sources[:1], opened, plan(), tmp_path)
+
+
+@pytest.mark.usefixtures("_peers")
+def test_recordings_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+    figures = run_bench([tmp_path] * 2, lambda _: Room(), plan(limit=3), tmp_path)
+    assert list(figures["sequences"]) == ["room, first 3 frames", "room, first 3 frames (2)"]
 
 
 def test_labels_of_a_picture_do_not_lie_upon_each_other() -> None:

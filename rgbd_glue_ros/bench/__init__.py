@@ -108,7 +108,7 @@ class _Bench:
         finally:
             figures |= floors.figures()
             if figures["contest"][OURS]["frames"]:
-                self.sequences[recording.name] = figures
+                self.sequences[self._title(recording)] = figures
                 self.write()
         if self.plan.robustness:
             self._run(Robustness(recording, config), recording, figures)
@@ -124,6 +124,14 @@ class _Bench:
         finally:
             figures |= part.figures()
             self.write()
+
+    def _title(self, recording: Recording) -> str:
+        """The recording's name, numbered where others have the same."""
+        name, count = recording.name, 1
+        while name in self.sequences:
+            count += 1
+            name = f"{recording.name} ({count})"
+        return name
 
     def figures(self) -> dict[str, Any]:
         return {

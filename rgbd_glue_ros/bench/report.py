@@ -138,11 +138,15 @@ def _stages(sequences: _Figures) -> str:
 
 
 def _honesty(sequences: _Figures) -> str:
+    known = {name: c["nees"] for name, c in sequences.items() if "nees" in c}
     rows = [
         [name, f"{nees['mean']:.1f}", f"{nees['median']:.1f}", str(nees["count"])]
-        for name, content in sequences.items()
-        if (nees := content.get("nees"))
+        for name, nees in known.items()
     ]
+    if len(rows) > 1:
+        count = sum(nees["count"] for nees in known.values())
+        mean = sum(nees["mean"] * nees["count"] for nees in known.values()) / count
+        rows.append(["all", f"{mean:.1f}", NOTHING, str(count)])
     return table(["", "mean", "median", "transforms"], rows) if rows else ""
 
 
