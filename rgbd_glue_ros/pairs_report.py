@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from rgbd_glue_ros.markdown import number, table
@@ -22,6 +23,10 @@ nearest point, summed over both directions, in m² times 1000, as UR&R has it.""
 _INLIERS = """\
 Mean over all pairs with geometric matches. Inliers: matches that the true transform maps upon each
 other within the distance. Filter recall: percent of all pairs that the filter was applied to."""
+
+_OTHERS = """\
+Every method starts from the two frames alone. The time is that of a whole pair, both frames'
+features included."""
 
 _STAGES = """\
 Median of each stage in milliseconds, that of the features for both frames, visual and geometric
@@ -45,25 +50,67 @@ def to_markdown(figures: dict[str, Any]) -> str:
         _times(gaps),
         _STAGES,
     ]
+    others = [
+        (name, gap, content)
+        for gap in gaps
+        for name, figured in figures["others"].items()
+        for content in [figured["gaps"][gap]]
+    ]
+    if others:
+        own = [("ours", gap, content) for gap, content in gaps.items()]
+        by_gap = sorted([*own, *others], key=lambda row: int(row[1]))
+        parts += ["## Others on the same pairs", comparison(by_gap), _OTHERS]
     if figures["problems"]:
         parts += ["## Left out", "\n".join(f"- {problem}" for problem in figures["problems"])]
     return "\n\n".join(parts) + "\n"
 
 
 def _registration(gaps: dict[str, dict[str, Any]]) -> str:
-    head = ["frames apart", "pairs", "failed"]
+    head = ["frames apart", "pairs", "failed", *_error_head()]
+    return table(
+        head,
+        (
+            [gap, str(content["pairs"]), str(content["failed"]), *_errors(content)]
+            for gap, content in gaps.items()
+        ),
+    )
+
+
+def comparison(rows: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
+    """A table of several methods.
+
+    Args:
+        rows: name of the method, frames apart, and figures as ``gap_figures`` gives them.
+    """
+    head = ["frames apart", "method", "pairs", "failed", *_error_head(), "pair (s)"]
+    return table(
+        head,
+        (
+            [
+                *(gap, method, str(content["pairs"]), str(content["failed"])),
+                *_errors(content),
+                f"{content['seconds_per_pair']:.2f}",
+            ]
+            for method, gap, content in rows
+        ),
+    )
+
+
+def _error_head() -> list[str]:
+    head = []
     for name, limits in THRESHOLDS.items():
         head += [f"{_TITLES[name]} ≤ {limits[0]:g}", *(f"≤ {limit:g}" for limit in limits[1:])]
         head += ["mean", "med."]
-    rows = []
-    for gap, content in gaps.items():
-        row = [gap, str(content["pairs"]), str(content["failed"])]
-        for name in THRESHOLDS:
-            error = content[name]
-            row += [f"{percent:.1f}" for percent in error["accuracy"].values()]
-            row += [f"{error['mean']:.2f}", f"{error['median']:.2f}"]
-        rows.append(row)
-    return table(head, rows)
+    return head
+
+
+def _errors(content: dict[str, Any]) -> list[str]:
+    cells = []
+    for name in THRESHOLDS:
+        error = content[name]
+        cells += [f"{percent:.1f}" for percent in error["accuracy"].values()]
+        cells += [f"{error['mean']:.2f}", f"{error['median']:.2f}"]
+    return cells
 
 
 def _correspondences(gaps: dict[str, dict[str, Any]]) -> str:

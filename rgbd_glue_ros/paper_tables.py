@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from rgbd_glue_ros import markdown
 from rgbd_glue_ros.config import Config, with_values
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.pair_evaluation import INLIER_THRESHOLDS_CM
@@ -243,11 +244,13 @@ def render(
         f"Paper: on {table.data}, as printed. Here: on {', '.join(recordings)}.",
     ]
     for group, rows in groupby(table.rows, key=lambda row: row.group):
-        lines += ["", f"**{group}**", ""]
-        lines.append("| | | pairs | " + " | ".join(column.title for column in columns) + " |")
-        lines.append("|---" * (3 + len(columns)) + "|")
-        for row in rows:
-            lines += _lines(row, columns, measured.get(row.method, {}), absent)
+        cells = [
+            line
+            for row in rows
+            for line in _lines(row, columns, measured.get(row.method, {}), absent)
+        ]
+        head = ["", "", "pairs", *(column.title for column in columns)]
+        lines += ["", f"**{group}**", "", markdown.table(head, cells)]
     return "\n".join(lines) + "\n"
 
 
@@ -256,20 +259,20 @@ def _lines(
     columns: Sequence[Column],
     measured: Mapping[str, Mapping[str, Any]],
     absent: Mapping[str, str],
-) -> list[str]:
+) -> list[list[str]]:
     lines = []
     if row.paper:
         source = "paper" if row.method else "paper, cited, not measured"
-        figures = [_text(v, c.digits) for v, c in zip(row.paper, columns, strict=True)]
+        figures = [markdown.number(v, c.digits) for v, c in zip(row.paper, columns, strict=True)]
         lines.append([row.name, source, "", *figures])
     if str(row.gap) in measured:
         figures_here = measured[str(row.gap)]
-        figures = [_text(_at(figures_here, row, c), c.digits) for c in columns]
+        figures = [markdown.number(_at(figures_here, row, c), c.digits) for c in columns]
         lines.append([row.name, "here", str(_pairs(figures_here, row, columns)), *figures])
     elif row.method:
         why = absent.get(row.method, f"no pairs {row.gap} frames apart")
         lines.append([row.name, f"here: {why}", "", *[""] * len(columns)])
-    return [f"| {' | '.join(line)} |" for line in lines]
+    return lines
 
 
 def _pairs(figures: Mapping[str, Any], row: Row, columns: Sequence[Column]) -> int:
@@ -285,7 +288,3 @@ def _at(figures: Any, row: Row, column: Column) -> float | None:
         figures = figures[int(key)] if isinstance(figures, list) else figures[key]
     value: float | None = figures
     return value
-
-
-def _text(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"

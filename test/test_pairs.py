@@ -239,6 +239,7 @@ def test_peers_are_measured_on_the_same_pairs(tmp_path: Path) -> None:
     assert gap["pairs"] == figures["gaps"]["3"]["pairs"] == 3
     assert gap["failed"] == 0
     assert set(gap["stages_ms"]) == {"features", "registration"}
+    assert "| 3 | small_gicp | 3 | 0 | 100.0 |" in (tmp_path / TABLES).read_text()
 
 
 def test_a_peer_that_is_not_there_is_reported_and_the_rest_goes_on(
