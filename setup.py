@@ -52,7 +52,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         *shared("bags", "*.mcap", "*.md", "*.yaml"),
-        *shared("config", "*.xml", "*.yaml"),
+        *shared("config", "*.rviz", "*.xml", "*.yaml"),
         *shared("launch", "*.py"),
     ],
     entry_points={

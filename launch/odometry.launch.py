@@ -1,64 +1,114 @@
-"""Starts the odometry beside a camera driver.
+"""Starts the odometry beside a camera driver, or on a bag.
 
-ros2 launch rgbd_glue_ros odometry.launch.py color:=/camera/color/image_raw \
-  depth:=/camera/aligned_depth_to_color/image_raw camera_info:=/camera/color/camera_info
+ros2 launch rgbd_glue_ros odometry.launch.py camera:=realsense_d400
+ros2 launch rgbd_glue_ros odometry.launch.py color:=/my/color depth:=/my/depth camera_info:=/my/info
+ros2 launch rgbd_glue_ros odometry.launch.py camera:=oak_d bag:=drive compressed:=true rviz:=true
 """
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    OpaqueFunction,
+    SetEnvironmentVariable,
+)
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchContext, LaunchDescription
+from rgbd_glue_ros.cameras import TOPIC_ARGUMENTS, camera_names, load_camera, remappings
 from rgbd_glue_ros.config import PACKAGE, NodeConfig, parameters, share_directory
-from rgbd_glue_ros.topics import SUBSCRIBED
 
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+COMPRESSED = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
 
 
-def odometry(context: LaunchContext) -> list[Node]:
-    file = LaunchConfiguration("params_file").perform(context)
-    types = {p.name: p.type for p in parameters(NodeConfig())} | {"use_sim_time": bool}
-    given = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+def actions(context: LaunchContext) -> list[Node | ExecuteProcess]:
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    bag, file = given("bag"), given("params_file")
+    is_simulated = bool(bag) or given("use_sim_time") == "true"
+    camera = load_camera(given("camera")) if given("camera") else None
+    types = {p.name: p.type for p in parameters(NodeConfig())}
+    arguments = {
+        name: ParameterValue(given(name), value_type=kind)
         for name, kind in types.items()
-        if LaunchConfiguration(name).perform(context)
+        if given(name)
     }
-    node = Node(
+    odometry = Node(
         package=PACKAGE,
         executable="odometry",
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[*([file] if file else []), given],
-        remappings=[
-            (topic, LaunchConfiguration(channel.value)) for channel, topic in SUBSCRIBED.items()
+        namespace=given("namespace"),
+        # each wins over those before it
+        parameters=[
+            *([dict(camera.parameters)] if camera else []),
+            *([COMPRESSED] if given("compressed") == "true" else []),
+            *([file] if file else []),
+            {**arguments, "use_sim_time": is_simulated},
         ],
+        remappings=remappings(camera, {name: given(name) for name in TOPIC_ARGUMENTS}),
         output="screen",
     )
-    return [node]
+    player = ExecuteProcess(cmd=["ros2", "bag", "play", bag, "--clock"], output="screen")
+    rviz = Node(
+        package="rviz2",
+        executable="rviz2",
+        namespace=given("namespace"),
+        arguments=["-d", str(share_directory() / "config" / "odometry.rviz")],
+        parameters=[{"use_sim_time": is_simulated}],
+    )
+    return [
+        odometry,
+        *([player] if bag else []),
+        *([rviz] if given("rviz") == "true" else []),
+    ]
 
 
 def generate_launch_description() -> LaunchDescription:
-    arguments = {
-        "namespace": ("", "Namespace of the node."),
-        "params_file": ("", "Parameter file; what is given as an argument goes before it."),
-        "use_sim_time": ("false", "Whether time comes from /clock, as with a bag."),
-    }
-    for channel, topic in SUBSCRIBED.items():
-        arguments[channel.value] = topic, f"Topic of the {channel.value}, without the transport."
-    for parameter in parameters(NodeConfig()):
-        meaning = f"{parameter.description} Without it: {parameter.default!r}."
-        arguments[parameter.name] = "", meaning
+    switch = {"choices": ["true", "false"], "default_value": "false"}
+    arguments = [
+        DeclareLaunchArgument(
+            "camera",
+            default_value="",
+            choices=["", *camera_names()],
+            description="Preset that gives topics and parameters.",
+        ),
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes."),
+        DeclareLaunchArgument(
+            "params_file",
+            default_value="",
+            description="Parameter file; only arguments win over it.",
+        ),
+        DeclareLaunchArgument(
+            "compressed",
+            **switch,
+            description="Whether images come as compressed and compressedDepth.",
+        ),
+        DeclareLaunchArgument(
+            "use_sim_time", **switch, description="Whether time comes from /clock; so with bag."
+        ),
+        DeclareLaunchArgument("bag", default_value="", description="Bag to play, with its clock."),
+        DeclareLaunchArgument("rviz", **switch, description="Whether to start RViz."),
+        *(
+            DeclareLaunchArgument(
+                name, default_value="", description=f"Topic for {own}, without the transport."
+            )
+            for name, own in TOPIC_ARGUMENTS.items()
+        ),
+        *(
+            DeclareLaunchArgument(
+                parameter.name,
+                default_value="",
+                description=f"{parameter.description} Without it: {parameter.default!r}.",
+            )
+            for parameter in parameters(NodeConfig())
+        ),
+    ]
     # without the profile, images of 640x480 are lost between processes
     profiles = EnvironmentVariable(
         PROFILES, default_value=str(share_directory() / "config" / "fastdds.xml")
     )
     return LaunchDescription(
-        [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=meaning)
-                for name, (default, meaning) in arguments.items()
-            ),
-            SetEnvironmentVariable(PROFILES, profiles),
-            OpaqueFunction(function=odometry),
-        ]
+        [*arguments, SetEnvironmentVariable(PROFILES, profiles), OpaqueFunction(function=actions)]
     )

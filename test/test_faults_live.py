@@ -34,8 +34,8 @@ from rgbd_glue_ros.player import PlayedMessage, Player, Recording
 HERE = Path(__file__).parent
 START_NS = 1_700_000_000 * NANOSECONDS
 PERIOD_NS = NANOSECONDS // 30
-# Far above what any frame takes on a busy machine, far below what a queue of frames would take.
-BOUNDED_S = 1.0
+# A frame waits for the one in work and then for itself; a queue of frames would be far longer.
+BOUND = 5
 
 
 @contextmanager
@@ -159,6 +159,11 @@ def next_summary(player: Player) -> Summary:
     return player.summary
 
 
+def pace_s(player: Player) -> float:
+    """The usual time between two poses."""
+    return float(np.median(np.diff(sorted(player.arrived_ns.values())))) / NANOSECONDS
+
+
 def play_to_the_end(player: Player, recording: Recording, rate: float) -> None:
     """Plays the recording and waits for the pose of its last frame."""
     for _ in player.play(rate):
@@ -175,7 +180,7 @@ def test_120_frames_a_second_are_thinned_to_the_newest_without_a_growing_latency
         play_to_the_end(player, recording, 4.0)
         waits = latencies_s(player)
         sys.stdout.write(f"latency of {len(waits)} frames: {np.percentile(waits, [50, 95, 100])} s")
-        assert np.percentile(waits, 95) < BOUNDED_S
+        assert np.percentile(waits, 95) < BOUND * pace_s(player)
         assert len(player.poses) < recording.frame_count
         assert next_summary(player).drops[Drop.SUPERSEDED] > 0
 
@@ -191,7 +196,7 @@ def test_on_half_a_core_frames_are_left_out_and_the_latency_stays_bounded(ros_do
         for thread in Path(f"/proc/{node.pid}/task").iterdir():
             os.sched_setaffinity(int(thread.name), core)
         play_to_the_end(player, recording, 1.0)
-        assert np.percentile(latencies_s(player), 95) < 2 * BOUNDED_S
+        assert np.percentile(latencies_s(player), 95) < BOUND * pace_s(player)
 
 
 def test_a_subscriber_that_never_reads_holds_up_nothing(ros_domain: int) -> None:
@@ -205,7 +210,7 @@ def test_a_subscriber_that_never_reads_holds_up_nothing(ros_domain: int) -> None
         deaf.send_signal(signal.SIGSTOP)
         before_mb = rss_mb(node)
         play_to_the_end(player, recording, 1.0)
-        assert np.percentile(latencies_s(player), 95) < BOUNDED_S
+        assert np.percentile(latencies_s(player), 95) < BOUND * pace_s(player)
         assert rss_mb(node) - before_mb < BREATH_MB
 
 

@@ -4,18 +4,47 @@ from __future__ import annotations
 
 import runpy
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from rgbd_glue_ros.cameras import TOPIC_ARGUMENTS, camera_names
 from rgbd_glue_ros.config import NodeConfig, parameters
+
+pytest.importorskip(
+    "launch_ros", reason="launch_ros is not installed (it comes with apt's ROS, not from PyPI)"
+)
 
 FILE = Path(__file__).resolve().parents[1] / "launch" / "odometry.launch.py"
 
 
+def started(**arguments: str) -> list[Any]:
+    """The actions of the launch file with these arguments."""
+    from launch import LaunchContext
+
+    module = runpy.run_path(str(FILE))
+    context = LaunchContext()
+    for argument in module["generate_launch_description"]().get_launch_arguments():
+        context.launch_configurations[argument.name] = ""
+    context.launch_configurations.update(arguments)
+    actions: list[Any] = module["actions"](context)
+    return actions
+
+
 def test_every_parameter_of_the_node_is_an_argument_of_the_launch_file() -> None:
-    pytest.importorskip(
-        "launch_ros", reason="launch_ros is not installed (it comes with apt's ROS, not from PyPI)"
-    )
     description = runpy.run_path(str(FILE))["generate_launch_description"]()
     names = {argument.name for argument in description.get_launch_arguments()}
-    assert {parameter.name for parameter in parameters(NodeConfig())} < names
+    own = {"camera", "namespace", "params_file", "compressed", "use_sim_time", "bag", "rviz"}
+    assert names == {p.name for p in parameters(NodeConfig())} | own | set(TOPIC_ARGUMENTS)
+
+
+@pytest.mark.parametrize("camera", ["", *camera_names()])
+def test_the_odometry_alone_is_started_beside_a_camera(camera: str) -> None:
+    (node,) = started(camera=camera, frame_id="base_link", compressed="true")
+    assert node.node_package == "rgbd_glue_ros"
+    assert node.node_executable == "odometry"
+
+
+def test_a_bag_and_rviz_are_started_where_asked_for() -> None:
+    assert len(started(bag="drive")) == 2
+    assert len(started(bag="drive", rviz="true")) == 3
