@@ -20,7 +20,7 @@ ORDER = """
     camera depth_registration normals matching estimation baselines features refinement glue peers
     keyframes motion odometry warm_up
     parallel journal
-    sync topics worker transform_tree image_files rvl message_fields messages
+    sync topics cameras worker transform_tree image_files rvl message_fields messages
     depth_source frames monitor arrivals
     trajectory sequences evaluation registration_errors chart_axes charts page markdown
     run report replay replays convert
