@@ -23,6 +23,7 @@ from rgbd_glue_ros.errors import InputError, MissingExtraError
 if TYPE_CHECKING:
     from rgbd_glue_ros.config import Config
     from rgbd_glue_ros.evaluation import Evaluation
+    from rgbd_glue_ros.pair_methods import Estimator
     from rgbd_glue_ros.paper_tables import PaperTable
     from rgbd_glue_ros.sequences import Sequence as Recording
     from rgbd_glue_ros.types import OdometryEstimate
@@ -454,10 +455,9 @@ def _add_pairs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--data",
         metavar="SRC",
-        dest="recordings",
         type=Path,
-        action="extend",
-        nargs="+",
+        action="append",
+        default=[],
         help="the same as SRC",
     )
     _add_config(parser, preset="paper")
@@ -499,11 +499,13 @@ def _pairs(args: argparse.Namespace) -> str:
 
     table = _paper_table(args)
     config = _config(args)
-    others = {peer: peer for peer in _peers(args.peers)} | (
-        table.estimators(config)[0] if table else {}
-    )
+    others: dict[str, Estimator] = {peer: peer for peer in _peers(args.peers)}
+    others |= table.estimators(config)[0] if table else {}
+    # a row that is the configuration itself is measured already
+    others = {name: other for name, other in others.items() if other != config}
     gaps = sorted({*(args.gap or (table.gaps if table else [20]))})
     experiment = Experiment(config, gaps, args.every, others)
+    args.recordings += args.data
     if not args.recordings:
         raise InputError("pairs", "no recording is given", "name a data set or a bag")
     sources = _recordings(args)
@@ -552,9 +554,13 @@ def _paper_table(args: argparse.Namespace) -> PaperTable | None:
 def _write_table(table: PaperTable, config: Config, figures: dict[str, Any], folder: Path) -> str:
     from rgbd_glue_ros.paper_tables import render
 
-    measured = {name: content["gaps"] for name, content in figures["others"].items()}
-    absent = {**figures["absent"], **table.estimators(config)[1]}
-    text = render(table, measured, absent, figures["sources"])
+    estimators, absent = table.estimators(config)
+    measured = {
+        name: figures["gaps"] if estimator == config else figures["others"][name]["gaps"]
+        for name, estimator in estimators.items()
+        if name not in figures["absent"]
+    }
+    text = render(table, measured, {**figures["absent"], **absent}, figures["sources"])
     path = folder / f"table_{table.number}.md"
     path.write_text(text, encoding="utf-8")
     return f"table    {path}\n\n{text}"

@@ -366,3 +366,22 @@ def test_the_command_registers_the_bundled_recording_by_the_papers_method(
     assert gap["inlier_ratio"]["after"]["10"] > 90 > gap["inlier_ratio"]["before"]["10"]
     row = (tmp_path / TABLES).read_text().split("| 20 | 2 | 0 |")[1].splitlines()[0]
     assert row.startswith(" 100.0 | 100.0 | 100.0 |")
+
+
+def test_the_command_fills_in_a_table_of_the_paper(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = str(make_bag.FOLDER)
+    arguments = ["pairs", "--table", "S1", "--data", data, "--every", "70", "-o", str(tmp_path)]
+    assert cli.main([*arguments, "--set", "features.voxel=0.05"]) == 0
+    text = (tmp_path / "table_S1.md").read_text()
+    assert capsys.readouterr().out.endswith(text)
+    assert "| Before Filtering, LightGlue + FCGF | here: features.visual 'lightglue'" in text
+    assert text.count("| After Filtering, SIFT + FPFH | here | 1 |") == 2
+    # the row is the configuration itself, which is not measured twice
+    assert figures_in(tmp_path)["others"] == {}
+
+
+def test_without_a_recording_it_is_said_what_to_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["pairs", "-o", "out"]) == cli.BAD_INPUT
+    assert "no recording is given; name a data set or a bag" in capsys.readouterr().err
