@@ -13,7 +13,7 @@ from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.sequences import Sequence as Recording
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 
-_SAMPLES = 200
+_EVERY = 50
 
 
 class Memory:
@@ -42,10 +42,9 @@ class Memory:
     def run(self, step: Callable[[], None]) -> None:
         """Runs the odometry, looking at the memory now and then."""
         odometry = Odometry(self._config)
-        interval = max(1, self.frame_count // _SAMPLES)
         for i, frame in enumerate(islice(endless(self._recording), self.frame_count), 1):
             odometry.process(frame)
-            if i % interval == 0:
+            if i % _EVERY == 0 or i == self.frame_count:
                 self._frames.append(i)
                 self._resident_mb.append(resident_mb())
             step()

@@ -78,7 +78,9 @@ Written {written}, by
 
 on {machine["cores"]} cores of {machine["processor"]}, {machine["memory_gb"]} GB, \
 {machine["system"]}, Python {machine["python"]}; {versions}. \
-Processes that wanted to run on the whole machine, over a minute: {load}."""
+Processes that wanted to run on the whole machine, over a minute: {load}.
+
+The peers come with `pip install 'rgbd_glue_ros[bench]'`; `scripts/bench` does all of it."""
 
 
 def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
