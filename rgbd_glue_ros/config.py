@@ -490,6 +490,18 @@ class NodeConfig:
         "quaternion and twist all zero, covariances 9999 on their diagonals, as rtabmap_odom does. "
         "Without it nothing is published for such a frame.",
     )
+    path_poses: int = _parameter(
+        1000,
+        "Poses that path holds, at most; the oldest go. One is kept every path_period.",
+        minimum=1,
+        maximum=100000,
+    )
+    path_period: float = _parameter(
+        0.5,
+        "Time between poses of path, and between its messages, at least.",
+        unit="s",
+        minimum=0.0,
+    )
     initial_pose: str = _parameter(
         "",
         "Pose in odom_frame_id that the odometry starts at, and starts anew at when it is reset: "

@@ -11,7 +11,7 @@ from enum import Enum
 
 import numpy as np
 
-from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
+from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RegistrationResult, TrackingState
 
 # Frames that the latency is taken over: the last half minute.
 LATENCY_WINDOW = 1000
@@ -105,6 +105,8 @@ class Monitor:
         self._faults: set[tuple[str, str]] = set()
         self._latencies_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
+        self._evidence: dict[str, str] = {}
+        self._last_error = ""
 
     def processed(self, estimate: OdometryEstimate, arrived_ns: int, published_ns: int) -> None:
         """A frame got an estimate, which was published if it holds a pose."""
@@ -114,6 +116,8 @@ class Monitor:
             self._tracked += estimate.T_odom_camera is not None
             self._latencies_ns.append(published_ns - arrived_ns)
             self._published_ns.append(published_ns)
+            if estimate.registration is not None:
+                self._evidence = _evidence(estimate.registration)
 
     def dropped(self, reason: Drop) -> None:
         """A frame got no estimate."""
@@ -127,10 +131,22 @@ class Monitor:
         """
         kind = re.sub(r"\d+", "#", where), re.sub(r"\d+", "#", cause)
         with self._lock:
+            self._last_error = f"{where}: {cause}"
             if kind in self._faults or len(self._faults) >= MAX_FAULTS:
                 return False
             self._faults.add(kind)
             return True
+
+    def values(self, now_ns: int) -> dict[str, str]:
+        """Name and value of all there is to tell, as diagnostics want them."""
+        summary = self.summary(now_ns).values()
+        with self._lock:
+            return {**summary, **self._evidence, "last_error": self._last_error}
+
+    @property
+    def state(self) -> TrackingState:
+        """Tracking state after the last frame."""
+        return self._state
 
     def summary(self, now_ns: int) -> Summary:
         """The counts at ``now_ns``."""
@@ -147,3 +163,16 @@ class Monitor:
                 float(p50),
                 float(p95),
             )
+
+
+def _evidence(result: RegistrationResult) -> dict[str, str]:
+    """What the last pose rests on, or why there was none."""
+    return {
+        "registration": result.status.value,
+        "visual_matches": str(len(result.visual)),
+        "visual_inliers": str(len(result.visual_inliers)),
+        "geometric_matches": str(len(result.geometric)),
+        "credible_matches": str(len(result.credible)),
+        "sigma_m": f"{result.sigma_m:.5f}",
+        "epsilon_m": f"{result.epsilon_m:.5f}",
+    }

@@ -199,7 +199,7 @@ class OdometryNode(Node):  # type: ignore[misc]
                 else T_guess_child @ se3.inverse(framing.T_camera_child)
             )
             estimate = self._odometry.process(frame, T_guess_camera)
-            self._outputs.publish(estimate, framing, frame.frame_id, T_guess_child)
+            self._outputs.publish(estimate, framing, frame, T_guess_child)
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)
             if self.monitor.is_news(fault.where, fault.cause):
@@ -231,6 +231,7 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _reset(self) -> None:
         self._odometry.reset()
+        self._outputs.forget_path()
         self._last_stamp_ns = None
 
     def _announce(self, before: TrackingState, estimate: OdometryEstimate) -> None:

@@ -60,11 +60,10 @@ class NodeDiagnostics:
         return DIAGNOSTIC_LEVELS[state], state.value
 
     def _publish(self) -> None:
-        summary = self._monitor.summary(time.monotonic_ns())
-        values: dict[str, object] = {**summary.values()}
+        values: dict[str, object] = {**self._monitor.values(time.monotonic_ns())}
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
-        level, message = self._verdict(summary.state)
+        level, message = self._verdict(self._monitor.state)
         status = DiagnosticStatus(
             level=level,
             name=f"{self._node.get_fully_qualified_name()}: odometry",

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry as OdometryMessage
+from nav_msgs.msg import Path
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from sensor_msgs.msg import Image
 
 from rgbd_glue_ros import message_fields, se3, topics
 from rgbd_glue_ros.config import NodeConfig
 from rgbd_glue_ros.frames import Framing
+from rgbd_glue_ros.match_image import match_image
+from rgbd_glue_ros.messages import stamp_ns
 from rgbd_glue_ros.node_inputs import qos_words
 from rgbd_glue_ros.node_runtime import say_later
 from rgbd_glue_ros.node_tf import Broadcaster
-from rgbd_glue_ros.types import Float64, OdometryEstimate
+from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame
 
 # As rtabmap_odom has it.
 NULL_VARIANCE = 9999.0
@@ -40,6 +46,9 @@ class NodeOutputs:
         self._pose = self._publisher(PoseStamped, topics.POSE)
         self._odom = self._publisher(OdometryMessage, topics.ODOM)
         self._keyframe = self._publisher(PoseStamped, topics.KEYFRAME_POSE)
+        self._path = self._publisher(Path, topics.PATH)
+        self._matches = self._publisher(Image, topics.MATCHES)
+        self._way: deque[PoseStamped] = deque(maxlen=config.path_poses)
 
     def _publisher(self, message_type: type, topic: str) -> Publisher:
         def refusal() -> str:
@@ -63,7 +72,7 @@ class NodeOutputs:
         self,
         estimate: OdometryEstimate,
         framing: Framing,
-        camera_frame: str,
+        frame: RgbdFrame,
         T_guess_child: Float64 | None,
     ) -> None:
         """Publishes an estimate.
@@ -71,12 +80,14 @@ class NodeOutputs:
         Args:
             estimate: what is known after a frame.
             framing: from the camera to the frames that are published.
-            camera_frame: the child where no robot frame is set.
+            frame: that it is of.
             T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
         """
+        child = self._config.frame_id or frame.frame_id
+        self._show_matches(frame, estimate)
         if estimate.T_odom_camera is None:
             if self._config.publish_null_when_lost:
-                self._odom.publish(self._null(estimate.stamp_ns, camera_frame))
+                self._odom.publish(self._null(estimate.stamp_ns, child))
             return
         head = message_fields.header(estimate.stamp_ns, self._config.odom_frame_id)
         T_odom_child = framing.pose(estimate.T_odom_camera)
@@ -85,6 +96,7 @@ class NodeOutputs:
         )
         self._broadcast(T_odom_child, T_guess_child, estimate.stamp_ns)
         self._pose.publish(pose)
+        self._extend_path(pose)
         if estimate.is_keyframe:
             self._keyframe.publish(pose)
         if (
@@ -94,7 +106,7 @@ class NodeOutputs:
         ):
             return  # the first frame has no velocity, and a made-up one would be believed
         odom = OdometryMessage(header=pose.header)
-        odom.child_frame_id = self._config.frame_id or camera_frame
+        odom.child_frame_id = child
         odom.pose.pose = pose.pose
         odom.pose.covariance = framing.pose_covariance(
             estimate.T_odom_camera, estimate.covariance
@@ -102,6 +114,27 @@ class NodeOutputs:
         odom.twist.twist = _twist_message(framing.twist(estimate.twist))
         odom.twist.covariance = framing.twist_covariance(estimate.twist_covariance).ravel()
         self._odom.publish(odom)
+
+    def forget_path(self) -> None:
+        """Begins the path anew, as after a reset."""
+        self._way.clear()
+
+    def _extend_path(self, pose: PoseStamped) -> None:
+        """Adds the pose where it is time, and publishes the path while somebody listens."""
+        if self._way:
+            since_ns = stamp_ns(pose.header.stamp) - stamp_ns(self._way[-1].header.stamp)
+            if since_ns < self._config.path_period * NANOSECONDS:
+                return
+        self._way.append(pose)
+        if self._path.get_subscription_count():
+            self._path.publish(Path(header=pose.header, poses=list(self._way)))
+
+    def _show_matches(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        """Draws the matches while somebody looks."""
+        if self._matches.get_subscription_count():
+            head = message_fields.header(estimate.stamp_ns, frame.frame_id)
+            image = message_fields.color_image(match_image(frame, estimate), head)
+            self._matches.publish(message_fields.copy_fields(image, Image()))
 
     def _broadcast(
         self, T_odom_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
@@ -118,12 +151,12 @@ class NodeOutputs:
                 config.odom_frame_id, config.guess_frame_id, T_odom_guess, stamp_ns
             )
 
-    def _null(self, stamp_ns: int, camera_frame: str) -> OdometryMessage:
+    def _null(self, stamp_ns: int, child: str) -> OdometryMessage:
         """What rtabmap_odom publishes for a frame without a pose."""
         head = message_fields.header(stamp_ns, self._config.odom_frame_id)
         odom = OdometryMessage()
         message_fields.copy_fields(head, odom.header)
-        odom.child_frame_id = self._config.frame_id or camera_frame
+        odom.child_frame_id = child
         odom.pose.pose.orientation.w = 0.0
         odom.pose.covariance = odom.twist.covariance = np.diag([NULL_VARIANCE] * 6).ravel()
         return odom

@@ -15,6 +15,8 @@ DEPTH_INFO = "depth/camera_info"
 POSE = "pose"
 ODOM = "odom"
 KEYFRAME_POSE = "keyframe/pose"
+PATH = "path"
+MATCHES = "debug/matches"
 DIAGNOSTICS = "/diagnostics"
 
 RESET_SERVICE = "~/reset_odom"

@@ -21,7 +21,7 @@ ORDER = """
     keyframes motion odometry warm_up
     parallel journal
     sync topics cameras worker transform_tree image_files rvl message_fields messages
-    depth_source frames monitor arrivals
+    depth_source frames monitor arrivals match_image
     trajectory sequences evaluation registration_errors chart_axes charts page markdown
     run report replay replays convert
     pair_methods pair_evaluation paper_tables pair_jobs pairs_figures pairs_report pairs

@@ -15,17 +15,19 @@ import pytest
 
 from rgbd_glue_ros.config import Config, NodeConfig, parameters
 from rgbd_glue_ros.frames import T_BODY_OPTICAL, parse_pose
+from rgbd_glue_ros.match_image import VISUAL
 from rgbd_glue_ros.message_fields import camera_info, color_image, copy_fields, depth_image, header
-from rgbd_glue_ros.messages import pose_from_message
+from rgbd_glue_ros.messages import color_from_message, pose_from_message, stamp_ns
 from rgbd_glue_ros.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.sync import Channel
-from rgbd_glue_ros.topics import POSE, SUBSCRIBED
+from rgbd_glue_ros.topics import MATCHES, PATH, POSE, SUBSCRIBED
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -101,8 +103,9 @@ def test_a_camera_at_rest_has_no_velocity_in_its_own_frame_and_covariances_that_
         assert 0 < np.trace(matrix) < 100
 
 
-def test_diagnostics_tell_state_rate_latency_and_drops(running: Running) -> None:
-    running.rig.pose_of(running.frame())
+def test_diagnostics_tell_state_rate_latency_drops_and_evidence(running: Running) -> None:
+    for _ in range(2):
+        running.rig.pose_of(running.frame())
     running.rig.diagnostics.clear()
     running.rig.wait(lambda: running.rig.diagnostics, "diagnostics")
     status = running.rig.diagnostics[-1].status[0]
@@ -111,6 +114,11 @@ def test_diagnostics_tell_state_rate_latency_and_drops(running: Running) -> None
     assert float(values["rate_hz"]) > 0
     assert 0 < float(values["latency_p50_ms"]) <= float(values["latency_p95_ms"])
     assert int(values["color: received"]) >= int(values["frames"]) > 0
+    assert values["registration"] == "ok"
+    assert int(values["visual_inliers"]) > 0
+    assert 0 < int(values["credible_matches"]) <= int(values["geometric_matches"])
+    assert 0 < float(values["sigma_m"]) < float(values["epsilon_m"])
+    assert "last_error" in values
 
 
 def blank(frame: RgbdFrame) -> RgbdFrame:
@@ -442,3 +450,27 @@ def test_frames_that_never_came_and_stamps_too_far_apart_are_said(ros_domain: in
         assert "2 of 20 color and 2 of 20 depth" in line
         line = node.wait_for_line("ms apart", PATIENCE_S)
         assert "18.0 ms apart, more than half of the 33.3 ms" in line
+
+
+def test_the_path_is_bounded_and_the_picture_of_the_matches_has_the_frames_stamp(
+    ros_domain: int,
+) -> None:
+    given = {"path_poses": 3, "path_period": 0.05}
+    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+        paths: list[Path] = []
+        pictures: list[Image] = []
+        rig.node.create_subscription(Path, PATH, paths.append, 10)
+        rig.node.create_subscription(Image, MATCHES, pictures.append, 10)
+        rig.wait_until_matched()
+        both = (PATH, MATCHES)
+        rig.wait(lambda: all(map(rig.node.count_publishers, both)), "the publishers")
+        stamps = [i * PERIOD_NS for i in range(10)]
+        for stamp in stamps:
+            rig.pose_of(corner_frame(stamp))
+        rig.wait(lambda: len(paths) == 5 and len(pictures) == 10, "path and pictures")
+        # every second frame is 0.067 s after the one before
+        kept = [stamp_ns(p.header.stamp) for p in paths[-1].poses]
+        assert kept == stamps[4::2]
+        assert [stamp_ns(p.header.stamp) for p in pictures] == stamps
+        color = color_from_message(pictures[-1], MATCHES)
+        assert (color == VISUAL).all(axis=2).sum() > 100
