@@ -10,7 +10,15 @@ import numpy as np
 from numba import njit
 
 from rgbd_glue_ros.config import CameraConfig
-from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8
+from rgbd_glue_ros.types import (
+    CameraIntrinsics,
+    Float32,
+    Float64,
+    Int64,
+    RgbdFrame,
+    UInt8,
+    View,
+)
 
 # A bilinear depth over a step larger than this many sigma would lie on neither surface.
 DEPTH_EDGE_SIGMAS = 6.0
@@ -45,6 +53,32 @@ def back_project(uv: Float32 | Float64, z: Float64, intrinsics: CameraIntrinsics
     x = (uv[:, 0] - intrinsics.cx) / intrinsics.fx * z
     y = (uv[:, 1] - intrinsics.cy) / intrinsics.fy * z
     return np.stack([x, y, z], axis=1).astype(np.float64)
+
+
+def shutter_part(rows: Float32 | Float64 | Int64, view: View) -> Float64:
+    """When a rolling shutter is at rows [N], in parts of its way: 0 at the middle row."""
+    return np.asarray(rows / view.intrinsics.height - 0.5, np.float64)
+
+
+def apparent_velocity(points: Float64, twist: Float64) -> Float64:
+    """How much later-seen points [N, 3] of a still room have to be moved, m/s, to lie together.
+
+    A camera that moves with ``twist`` [6] sees a point pass by with the opposite velocity.
+    """
+    velocity: Float64 = twist[:3] + np.cross(twist[3:], points)
+    return velocity
+
+
+def at_middle_row(points: Float64, part: Float64, view: View) -> Float64:
+    """Points [N, 3] seen at parts [N] of the shutter's way, where the middle row would see them."""
+    time = view.readout * part[:, np.newaxis]
+    moved: Float64 = points + time * apparent_velocity(points, view.twist)
+    return moved
+
+
+def points_at(uv: Float32, z: Float64, view: View) -> Float64:
+    """Points [N, 3] at pixels uv [N, 2] and depths z [N], as seen when the middle row is read."""
+    return at_middle_row(back_project(uv, z, view.intrinsics), shutter_part(uv[:, 1], view), view)
 
 
 def project(points: Float64, intrinsics: CameraIntrinsics) -> Float64:

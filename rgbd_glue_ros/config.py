@@ -274,6 +274,45 @@ class RefineConfig:
 
 
 @dataclass(frozen=True)
+class TimingConfig:
+    """When the images are really taken; found out while the camera moves.
+
+    Of cameras whose frame is called openni… (Kinect v1, Xtion) it is known.
+    """
+
+    depth_latency: float = _parameter(
+        0.0,
+        "How much later depth is stamped than colour of the same moment; a first guess, unless "
+        "spread is 0.",
+        unit="s",
+        minimum=-0.05,
+        maximum=0.05,
+    )
+    readout: float = _parameter(
+        0.0,
+        "From the first row of an image to the last: 0 for a global shutter, negative where the "
+        "last row is read first; a first guess, unless spread is 0.",
+        unit="s",
+        minimum=-0.05,
+        maximum=0.05,
+    )
+    spread: float = _parameter(
+        0.01,
+        "Standard deviation of these two first guesses; 0 keeps them as they are, for any camera.",
+        unit="s",
+        minimum=0.0,
+    )
+    drift: float = _parameter(
+        0.0001, "How much they may change from frame to frame.", unit="s", minimum=0.0
+    )
+    correlation: float = _parameter(
+        1000.0,
+        "Neighbouring residuals err alike: as many of them as this count as one for the timing.",
+        minimum=1.0,
+    )
+
+
+@dataclass(frozen=True)
 class MotionConfig:
     """How the camera may move between frames."""
 
@@ -394,6 +433,7 @@ class Config:
     ransac: RansacConfig = field(default_factory=RansacConfig)
     fit: FitConfig = field(default_factory=FitConfig)
     refine: RefineConfig = field(default_factory=RefineConfig)
+    timing: TimingConfig = field(default_factory=TimingConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
 

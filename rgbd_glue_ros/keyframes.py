@@ -10,7 +10,7 @@ import numpy as np
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.glue import FrameFeatures
-from rgbd_glue_ros.refinement import Model
+from rgbd_glue_ros.model import Model
 from rgbd_glue_ros.types import Float64
 
 

@@ -14,8 +14,10 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.glue import FrameFeatures, Glue
 from rgbd_glue_ros.keyframes import Keyframe, Keyframes
+from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
-from rgbd_glue_ros.refinement import Model, Refinement, blend, judge, model_of, refine
+from rgbd_glue_ros.refinement import Refinement, judge, refine
+from rgbd_glue_ros.timing import Timing
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
@@ -29,6 +31,8 @@ from rgbd_glue_ros.types import (
 
 # Depth is moved to the time of colour when the motion between them is more than this.
 _NEGLIGIBLE_PX = 0.3
+# Between frames farther apart a velocity says too little of the moment of one to time it.
+_STEADY_NS = NANOSECONDS // 10
 # A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
 _LOST_SPREAD = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
 # The first pose is exact by definition; filters need a covariance that is not singular.
@@ -40,7 +44,7 @@ class _Fix:
     """A pose found for a frame, and the evidence for it.
 
     ``covariance`` is that of the pose relative to the keyframe ``reference``, perturbation on the
-    left, odom frame.
+    left, odom frame; ``model`` is what the pose was refined against.
     """
 
     T_odom_camera: Float64
@@ -48,6 +52,7 @@ class _Fix:
     reference: Keyframe
     registration: RegistrationResult
     refinement: Refinement
+    model: Model
 
 
 class Odometry:
@@ -67,6 +72,7 @@ class Odometry:
         self.state = TrackingState.INITIALIZING
         self._keyframes = Keyframes(self._config.odometry.keyframes)
         self._motion: Motion | None = None
+        self._timing = Timing.start(self._config.timing, "")
         self._last_stamp_ns: int | None = None
         self._missed = 0
         self._T_guess_last: Float64 | None = None
@@ -123,13 +129,17 @@ class Odometry:
         """The frame without distortion, its depth in range and at the time of the colour image."""
         frame = rectified(frame)
         depth = limit_depth(frame.depth, self._config.camera)
-        if self._motion is not None:
-            # what the camera does between the two images is what it did lately
-            motion = self._motion.velocity * (frame.depth_delay_ns / NANOSECONDS)
-            K = frame.intrinsics
-            if np.abs(motion).max() * max(K.fx, K.fy) > _NEGLIGIBLE_PX:
-                depth = moved_depth(depth, se3.exp(motion), K)
-        return View(grey(frame.color), depth, frame.intrinsics)
+        if self._motion is None:
+            self._timing = Timing.start(self._config.timing, frame.frame_id)
+        K, readout = frame.intrinsics, self._timing.readout
+        if self._motion is None:
+            return View(grey(frame.color), depth, K, readout=readout)
+        # what the camera does between the two images is what it did lately
+        velocity = self._motion.velocity
+        motion = velocity * (frame.depth_delay_ns / NANOSECONDS - self._timing.depth_latency)
+        if np.abs(motion).max() * max(K.fx, K.fy) > _NEGLIGIBLE_PX:
+            depth = moved_depth(depth, se3.exp(motion), K)
+        return View(grey(frame.color), depth, K, velocity, readout)
 
     def _track(self, features: FrameFeatures, predicted: Float64) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
@@ -156,7 +166,7 @@ class Odometry:
             return result
         if not self._believable(best):
             return result.refused(RegistrationStatus.INCONSISTENT)
-        return self._fix(reference, result, best)
+        return self._fix(reference, result, best, model)
 
     def _best_refinement(
         self, starts: list[Float64], model: Model, view: View
@@ -184,15 +194,17 @@ class Odometry:
             T = keyframe.T_odom_camera @ result.T_target_source
             refined = refine(T, keyframe.model, features.view, self._config.refine)
             if self._believable(refined) and refined.correlation >= odometry.pixel_correlation:
-                return self._fix(keyframe, result, refined)
+                return self._fix(keyframe, result, refined, keyframe.model)
         return None
 
-    def _fix(self, reference: Keyframe, result: RegistrationResult, refined: Refinement) -> _Fix:
+    def _fix(
+        self, reference: Keyframe, result: RegistrationResult, refined: Refinement, model: Model
+    ) -> _Fix:
         information = refined.information / self._config.refine.correlation
         covariance = np.asarray(
             np.linalg.inv(information + np.linalg.inv(_LOST_SPREAD)), np.float64
         )
-        return _Fix(refined.T_model_source, covariance, reference, result, refined)
+        return _Fix(refined.T_model_source, covariance, reference, result, refined, model)
 
     def _far(self, a: Refinement, b: Refinement) -> bool:
         odometry = self._config.odometry
@@ -275,19 +287,30 @@ class Odometry:
         """Corrects the motion by the pose, and makes a keyframe where it is time."""
         to_body = se3.adjoint(se3.inverse(fix.T_odom_camera))
         motion = predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
+        steady = self._motion is not None and (
+            motion.stamp_ns - self._motion.stamp_ns <= _STEADY_NS
+        )
         self._motion = motion
         self._missed = 0
         self.state = TrackingState.TRACKING
         T = motion.T_odom_camera
         covariance = fix.reference.covariance + self._relative_covariance(motion, fix.reference)
+        # now that the frame has a pose, its velocity is known better than it was before
+        features = replace(features, view=replace(features.view, twist=motion.velocity))
         start = perf_counter()
+        if steady and not self._timing.settled:
+            self._timing = self._timing.corrected(
+                fix.refinement, fix.model, features.view, self._config.refine, self._config.timing
+            )
+        timed = perf_counter()
         model = self._keyframe_model(features, fix)
         if model is not None:
             self._keyframes.add(motion.stamp_ns, T, covariance, features, model)
         stages = {
             **stages,
             **fix.registration.stages_ms,
-            "keyframe": (perf_counter() - start) * 1e3,
+            "timing": (timed - start) * 1e3,
+            "keyframe": (perf_counter() - timed) * 1e3,
         }
         return OdometryEstimate(
             motion.stamp_ns,

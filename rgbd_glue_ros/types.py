@@ -48,6 +48,11 @@ class CameraIntrinsics:
         """The camera matrix K, shape [3, 3]."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], np.float64)
 
+    @property
+    def focal_and_centre(self) -> Float64:
+        """fx, fy, cx, cy as an array [4], which compiled code takes."""
+        return np.array([self.fx, self.fy, self.cx, self.cy], np.float64)
+
     def scaled(self, width: int, height: int) -> CameraIntrinsics:
         """The same camera with its image resized to ``width`` x ``height`` pixels."""
         sx, sy = width / self.width, height / self.height
@@ -92,11 +97,21 @@ class View:
         grey: uint8 [H, W].
         depth: float32 [H, W], metres, NaN where unknown.
         intrinsics: of both.
+        twist: float64 [6], velocity of the camera (linear, angular; m/s, rad/s; optical frame)
+            when the image was taken; zero if it is not known.
+        readout: seconds from the first row to the last of a rolling shutter; 0 for a global one.
     """
 
     grey: UInt8
     depth: Float32
     intrinsics: CameraIntrinsics
+    twist: Float64 = field(default_factory=lambda: np.zeros(6))
+    readout: float = 0.0
+
+    @property
+    def sweep(self) -> Float64:
+        """Motion of the camera [6] (m, rad) from the first row to the last."""
+        return self.twist * self.readout
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +11,7 @@ from raycast_room.motion import hand_held
 from raycast_room.raycaster import Tables
 from raycast_room.render import measure, render
 
-from rgbd_glue_ros import camera
+from rgbd_glue_ros import camera, se3
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
 
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
@@ -46,3 +47,31 @@ def room_view(time_s: float) -> View:
     """The same, prepared for registration."""
     frame = room_frame(time_s)
     return View(camera.grey(frame.color), frame.depth, CAMERA)
+
+
+_BAND = 4
+
+
+def rolling_frame(time_s: float, readout: float, depth_latency: float) -> RgbdFrame:
+    """A frame whose rows are read one after the other, and whose depth is older than its colour."""
+    bands = [
+        _band(top, time_s + readout * ((top + _BAND / 2) / CAMERA.height - 0.5), depth_latency)
+        for top in range(0, CAMERA.height, _BAND)
+    ]
+    color = np.concatenate([color for color, _ in bands])
+    depth = np.concatenate([depth for _, depth in bands])
+    return RgbdFrame(round(time_s * 1e9), color, depth, CAMERA)
+
+
+def _band(top: int, time_s: float, depth_latency: float) -> tuple[UInt8, Float32]:
+    """Colour and depth of a few rows."""
+    rows = replace(CAMERA, height=_BAND, cy=CAMERA.cy - top)
+    color, _ = render(_scene(), true_pose(time_s), rows)
+    return color, render(_scene(), true_pose(time_s - depth_latency), rows)[1]
+
+
+def true_twist(time_s: float) -> Float64:
+    """Velocity of the camera (linear, angular) in its optical frame, m/s and rad/s."""
+    half = 1e-3
+    T = se3.inverse(true_pose(time_s - half)) @ true_pose(time_s + half)
+    return se3.log(T) / (2 * half)

@@ -17,8 +17,8 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 # A module imports only what stands above it; a folder's modules may also import one another.
 ORDER = """
     errors types config se3
-    camera depth_registration normals matching estimation baselines features refinement glue peers
-    keyframes motion odometry warm_up
+    camera depth_registration normals matching estimation baselines features glue peers
+    model residuals refinement timing keyframes motion odometry warm_up
     parallel journal
     sync topics cameras worker transform_tree image_files rvl message_fields messages
     depth_source frames monitor arrivals match_image

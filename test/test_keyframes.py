@@ -12,14 +12,18 @@ from room_rig import CAMERA
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.glue import FrameFeatures
 from rgbd_glue_ros.keyframes import Keyframe, Keyframes
-from rgbd_glue_ros.refinement import LEVELS, Model, Pixels, Planes
+from rgbd_glue_ros.model import LEVELS, Model, Pixels, Planes
 from rgbd_glue_ros.types import Float64, View
 
 VIEW = View(np.zeros((2, 2), np.uint8), np.ones((2, 2), np.float32), CAMERA)
 FEATURES = FrameFeatures(VIEW, None, None, {})
 POINTS = np.array([[0.0, 0, 2], [1, 0, 3]])
 NORMALS = np.array([[0.0, 0, -1], [-0.6, 0, -0.8]])
-MODEL = Model(Planes(POINTS, NORMALS), (Pixels(POINTS, np.array([10.0, 20.0])),) * LEVELS)
+STILL, MIDDLE_ROW = np.zeros((2, 3)), np.zeros(2)
+MODEL = Model(
+    Planes(POINTS, NORMALS, STILL, MIDDLE_ROW),
+    (Pixels(POINTS, np.array([10.0, 20.0]), STILL, MIDDLE_ROW),) * LEVELS,
+)
 
 
 def add(keyframes: Keyframes, T: Float64, stamp_ns: int = 0) -> Keyframe:

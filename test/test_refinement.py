@@ -13,7 +13,8 @@ from room_rig import CAMERA, room_view, true_depth, true_pose
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.camera import project
 from rgbd_glue_ros.config import RefineConfig
-from rgbd_glue_ros.refinement import LEVELS, Model, Refinement, blend, judge, model_of, refine
+from rgbd_glue_ros.model import LEVELS, Model, Pixels, Planes, blend, model_of
+from rgbd_glue_ros.refinement import Refinement, judge, refine
 from rgbd_glue_ros.types import Float64, UInt8, View
 
 STEP = 8
@@ -147,12 +148,10 @@ def test_where_nothing_of_the_model_is_seen_the_start_stays() -> None:
 
 def without_anything(model: Model) -> Model:
     """The model with no plane and no pixel."""
+    rows, numbers = np.empty((0, 3)), np.empty(0)
     return Model(
-        replace(model.planes, points=np.empty((0, 3)), normals=np.empty((0, 3))),
-        tuple(
-            replace(pixels, points=np.empty((0, 3)), brightness=np.empty(0))
-            for pixels in model.pixels
-        ),
+        Planes(rows, rows, rows, numbers),
+        (Pixels(rows, numbers, rows, numbers),) * len(model.pixels),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from rgbd_glue_ros.camera import back_project, depth_at
+from rgbd_glue_ros.camera import depth_at, points_at
 from rgbd_glue_ros.config import FeaturesConfig
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.matching import distance_ratio, nearest_two, one_to_one
@@ -69,8 +69,8 @@ def lift(matches: VisualMatches, source: View, target: View) -> Correspondences:
     z_target = depth_at(target.depth, matches.target_uv)
     known = np.isfinite(z_source) & np.isfinite(z_target)
     return Correspondences(
-        back_project(matches.source_uv[known], z_source[known], source.intrinsics),
-        back_project(matches.target_uv[known], z_target[known], target.intrinsics),
+        points_at(matches.source_uv[known], z_source[known], source),
+        points_at(matches.target_uv[known], z_target[known], target),
         matches.weights[known],
     )
 

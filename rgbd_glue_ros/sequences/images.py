@@ -70,6 +70,7 @@ class ImageSequence:
         ground_truth: T_world_camera, None if not known.
         color_size: width and height of the colour images where these are larger than depth; they
             are reduced to its size.
+        frame_id: the camera's optical frame, "" if not known.
     """
 
     name: str
@@ -78,6 +79,7 @@ class ImageSequence:
     intrinsics: CameraIntrinsics
     ground_truth: Trajectory | None
     color_size: tuple[int, int] | None = None
+    frame_id: str = ""
 
     @property
     def frame_count(self) -> int:
@@ -102,6 +104,7 @@ class ImageSequence:
             self._color(pair.color),
             self._depth(pair.depth),
             self.intrinsics,
+            self.frame_id,
             depth_delay_ns=pair.depth_stamp_ns - pair.stamp_ns,
         )
 

@@ -25,6 +25,9 @@ UNITS_PER_METRE = 5000
 
 _DEPTH = DepthEncoding(units_per_metre=UNITS_PER_METRE, invalid=(0,))
 
+_RECORDED_BY = "openni_rgb_optical_frame"
+"""The frame in TUM's own bags of its sequences, which were taken with Kinects and Xtions."""
+
 # The benchmark recommends the driver's default for freiburg1 and 2: the depth images were
 # registered with it, and undistorting them afterwards is not possible.
 _DRIVER_DEFAULT = CameraIntrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -73,6 +76,7 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
         _DEPTH,
         calibration or _camera(folder),
         read_tum(truth) if truth.is_file() else None,
+        frame_id=_RECORDED_BY if "freiburg" in folder.resolve().name.lower() else "",
     )
 
 

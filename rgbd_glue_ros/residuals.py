@@ -1,0 +1,109 @@
+"""Where the planes and pixels of a model meet a frame: the residuals of refinement and timing."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from rgbd_glue_ros.camera import depth_sigma, sample_depth
+from rgbd_glue_ros.types import Float32, Float64, UInt8
+
+# Farther than this many sigma apart, a plane and a depth are not the same surface.
+PLANE_GATE_SIGMAS = 10.0
+# Blur of depth edges and lens: a depth belongs to a pixel only to about this accuracy.
+_LATERAL_SIGMA_PX = 0.5
+_NEAREST_M = 0.05
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def displaced(
+    x: float, y: float, z: float, part: float, sweep: Float64
+) -> tuple[float, float, float]:
+    """A point x, y, z seen at a part of the shutter's sweep, as seen at the middle row."""
+    return (
+        x + part * (sweep[0] + sweep[4] * z - sweep[5] * y),
+        y + part * (sweep[1] + sweep[5] * x - sweep[3] * z),
+        z + part * (sweep[2] + sweep[3] * y - sweep[4] * x),
+    )
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def in_camera(
+    T: Float64, points: Float64, i: int, K: Float64, height: int, sweep: Float64
+) -> tuple[float, float, float, float]:
+    """Point i of a model where the camera at T sees it, and the part of the sweep it is seen at.
+
+    Args:
+        T: T_model_camera at the middle row, float64 [4, 4].
+        points: float64 [N, 3] of the model.
+        i: which of them.
+        K: fx, fy, cx, cy.
+        height: of the image, pixels.
+        sweep: float64 [6], motion of the camera while the shutter sweeps the image.
+
+    Returns:
+        x, y, z in the optical frame when the shutter is at the point's row, and that part; a z
+        that is not positive for a point behind the camera.
+    """
+    d0, d1, d2 = points[i, 0] - T[0, 3], points[i, 1] - T[1, 3], points[i, 2] - T[2, 3]
+    z = T[0, 2] * d0 + T[1, 2] * d1 + T[2, 2] * d2
+    if z < _NEAREST_M:
+        return 0.0, 0.0, -1.0, 0.0
+    x = T[0, 0] * d0 + T[1, 0] * d1 + T[2, 0] * d2
+    y = T[0, 1] * d0 + T[1, 1] * d1 + T[2, 1] * d2
+    sx, sy, sz, part = x, y, z, 0.0
+    # the row tells the time and the time the row; a second look is within a hundredth of a pixel
+    for _ in range(2):
+        part = (K[1] * sy / sz + K[3]) / height - 0.5
+        sx, sy, sz = displaced(x, y, z, -part, sweep)
+        if sz < _NEAREST_M:
+            return 0.0, 0.0, -1.0, 0.0
+    return sx, sy, sz, part
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def seen_surface(
+    depth: Float32, K: Float64, sweep: Float64, x: float, y: float, z: float, part: float
+) -> tuple[float, float, float]:
+    """The measured point, at the middle row, on the ray through x, y, z; z is NaN if unknown."""
+    rx, ry = x / z, y / z
+    measured = sample_depth(depth, K[0] * rx + K[2], K[1] * ry + K[3])
+    x, y, z = displaced(rx * measured, ry * measured, measured, part, sweep)
+    return x, y, z
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def plane_variance(
+    nx: float, ny: float, nz: float, x: float, y: float, z: float, K: Float64
+) -> float:
+    """Variance, m², of a measured point x, y, z along a normal, both in the optical frame.
+
+    Depth noise along the ray, and lateral blur.
+    """
+    along = depth_sigma(z) * (nx * x + ny * y + nz * z) / z
+    lateral = _LATERAL_SIGMA_PX * z / K[0]
+    return float(along * along + lateral * lateral * (nx * nx + ny * ny))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def inside(image: UInt8, u: float, v: float) -> bool:
+    """Whether the brightness at pixel (u, v) and its gradient can be read."""
+    height, width = image.shape
+    return bool(u >= 1.0 and v >= 1.0 and u < width - 2.0 and v < height - 2.0)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def brightness_at(image: UInt8, u: float, v: float) -> float:
+    """Bilinear brightness at pixel (u, v), which must be ``inside``."""
+    u0, v0 = int(u), int(v)
+    a, b = u - u0, v - v0
+    top = (1 - a) * image[v0, u0] + a * image[v0, u0 + 1]
+    bottom = (1 - a) * image[v0 + 1, u0] + a * image[v0 + 1, u0 + 1]
+    return float((1 - b) * top + b * bottom)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def gradient_at(image: UInt8, u: float, v: float) -> tuple[float, float]:
+    """Central differences of the brightness at pixel (u, v), which must be ``inside``."""
+    gu = 0.5 * (brightness_at(image, u + 1.0, v) - brightness_at(image, u - 1.0, v))
+    gv = 0.5 * (brightness_at(image, u, v + 1.0) - brightness_at(image, u, v - 1.0))
+    return gu, gv
