@@ -19,8 +19,8 @@ import numpy as np
 
 from rgbd_glue_ros.camera import back_project, depth_at, grey, limit_depth, rectified
 from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.model import LEVELS
 from rgbd_glue_ros.normals import grid_points_and_normals
-from rgbd_glue_ros.refinement import LEVELS
 from rgbd_glue_ros.types import RgbdFrame
 
 _EVERY = 10
