@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.distance import cdist
+from numba import njit
 
 from rgbd_glue_ros.estimation import distances, procrustes
 from rgbd_glue_ros.types import Correspondences, Float32, Float64
@@ -13,8 +13,24 @@ _REFINEMENTS = 20
 
 def length_differences(matches: Correspondences) -> Float32:
     """| |p_i - p_j| - |q_i - q_j| | of every two matches, float32 [N, N], metres."""
-    source, target = (cdist(points, points) for points in (matches.source, matches.target))
-    return np.asarray(np.abs(source - target), np.float32)
+    return _length_differences(  # type: ignore[no-any-return]
+        np.ascontiguousarray(matches.source.T, np.float32),
+        np.ascontiguousarray(matches.target.T, np.float32),
+    )
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _length_differences(p: Float32, q: Float32) -> Float32:
+    n = p.shape[1]
+    differences = np.empty((n, n), np.float32)
+    for i in range(n):
+        for j in range(n):
+            dx, dy, dz = p[0, i] - p[0, j], p[1, i] - p[1, j], p[2, i] - p[2, j]
+            ex, ey, ez = q[0, i] - q[0, j], q[1, i] - q[1, j], q[2, i] - q[2, j]
+            length_p = np.sqrt(dx * dx + dy * dy + dz * dz)
+            length_q = np.sqrt(ex * ex + ey * ey + ez * ez)
+            differences[i, j] = abs(length_p - length_q)
+    return differences
 
 
 def refined(T: Float64, matches: Correspondences, threshold: float) -> Float64:
