@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -23,6 +23,7 @@ from rgbd_glue_ros.messages import (
     stamp_ns,
 )
 from rgbd_glue_ros.sequences.ahead import mapped_ahead
+from rgbd_glue_ros.sequences.bag_depth import RecordedDepthCamera
 from rgbd_glue_ros.sequences.bag_file import BagFile
 from rgbd_glue_ros.sequences.bag_topics import (
     Topics,
@@ -137,7 +138,9 @@ class BagSequence:
         sync: Synchronizer[Any] = Synchronizer(
             round(NodeConfig().approx_sync_max_interval * NANOSECONDS), QUEUE_SIZE
         )
-        for result in mapped_ahead(self._frame, self._watched(self._matches(sync, faults))):
+        depth_camera = RecordedDepthCamera(self._bag, self._topics)
+        matches = self._watched(self._matches(sync, faults), depth_camera)
+        for result in mapped_ahead(partial(self._frame, depth_camera), matches):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
@@ -190,19 +193,25 @@ class BagSequence:
             yield from sync.add(channels[recorded.topic], stamp, message)
         yield from sync.flush()
 
-    def _watched(self, matches: Iterator[Match[Any]]) -> Iterator[Match[Any]]:
+    def _watched(
+        self, matches: Iterator[Match[Any]], depth_camera: RecordedDepthCamera
+    ) -> Iterator[Match[Any]]:
         """The matches, with what is odd about them logged."""
         for number, match in enumerate(matches):
             doubt = registration_doubt(match.color, match.depth, self._topics)
-            if number == 0 and doubt is not None:
+            if number == 0 and doubt is not None and depth_camera.of(match) is None:
                 logger.warning("%s", doubt)
             if match.restarted:
                 logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
             yield match
 
-    def _frame(self, match: Match[Any]) -> RgbdFrame | InputError:
+    def _frame(
+        self, depth_camera: RecordedDepthCamera, match: Match[Any]
+    ) -> RgbdFrame | InputError:
         try:
-            return frame_from_messages(match.color, match.depth, match.info, self._topics)
+            return frame_from_messages(
+                match.color, match.depth, match.info, depth_camera.topics, depth_camera.of(match)
+            )
         except InputError as error:
             return error
 
