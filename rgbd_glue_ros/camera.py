@@ -8,6 +8,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from rgbd_glue_ros.config import CameraConfig
 from rgbd_glue_ros.types import (
@@ -43,9 +44,17 @@ def grey(color: UInt8) -> UInt8:
 
 def limit_depth(depth: Float32, limits: CameraConfig) -> Float32:
     """A copy of ``depth`` with values outside [depth_min, depth_max] unknown (NaN)."""
-    with np.errstate(invalid="ignore"):
-        known = (depth >= limits.depth_min) & (depth <= limits.depth_max)
-    return np.where(known, depth, np.float32(np.nan))
+    return np.asarray(_limited(depth, limits.depth_min, limits.depth_max), np.float32)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _limited(depth: Float32, nearest: float, farthest: float) -> Float32:
+    limited = np.empty(depth.shape, np.float32)
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            z = depth[v, u]
+            limited[v, u] = z if nearest <= z <= farthest else np.nan
+    return limited
 
 
 def back_project(uv: Float32 | Float64, z: Float64, intrinsics: CameraIntrinsics) -> Float64:
@@ -69,16 +78,39 @@ def apparent_velocity(points: Float64, twist: Float64) -> Float64:
     return velocity
 
 
-def at_middle_row(points: Float64, part: Float64, view: View) -> Float64:
-    """Points [N, 3] seen at parts [N] of the shutter's way, where the middle row would see them."""
-    time = view.readout * part[:, np.newaxis]
-    moved: Float64 = points + time * apparent_velocity(points, view.twist)
+def seen_before(points: Float64, seconds: Float64, twist: Float64) -> Float64:
+    """Points where a camera that moves with ``twist`` saw them some seconds before.
+
+    Args:
+        points: float64 [..., 3], metres.
+        seconds: for each of them, float64 [...], or what broadcasts to it.
+        twist: float64 [6], linear and angular velocity in the optical frame.
+    """
+    moved: Float64 = points + seconds[..., np.newaxis] * apparent_velocity(points, twist)
     return moved
 
 
-def points_at(uv: Float32, z: Float64, view: View) -> Float64:
-    """Points [N, 3] at pixels uv [N, 2] and depths z [N], as seen when the middle row is read."""
-    return at_middle_row(back_project(uv, z, view.intrinsics), shutter_part(uv[:, 1], view), view)
+def seconds_after_color(rows: Int64, view: View) -> Float64:
+    """When the rows [N] of the depth image were read, from the middle row of colour on."""
+    seconds: Float64 = view.depth_delay + view.readout * shutter_part(rows, view)
+    return seconds
+
+
+def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, NDArray[np.bool_]]:
+    """Pixels of the colour image as points, where their depth is known.
+
+    Args:
+        uv: float32 [N, 2].
+        view: the frame.
+
+    Returns:
+        Points [M, 3] as seen when the middle row is read, and which pixels [N] have one.
+    """
+    motion = view.twist * view.depth_delay
+    z = _delayed_depth_at(view.depth, uv, view.intrinsics.focal_and_centre, motion)
+    known = np.isfinite(z)
+    points = back_project(uv[known], z[known], view.intrinsics)
+    return seen_before(points, view.readout * shutter_part(uv[known, 1], view), view.twist), known
 
 
 def project(points: Float64, intrinsics: CameraIntrinsics) -> Float64:
@@ -124,42 +156,35 @@ def depth_at(depth: Float32, uv: Float32) -> Float64:
     return z
 
 
-def moved_depth(depth: Float32, T: Float64, intrinsics: CameraIntrinsics) -> Float32:
-    """The depth image that a camera sees from where T moves the points.
-
-    Args:
-        depth: float32 [H, W], metres, NaN where unknown.
-        T: T_new_old, float64 [4, 4], a small motion.
-        intrinsics: of both images.
-
-    Returns:
-        float32 [H, W]; the nearest surface where several fall on a pixel, NaN where none does.
-    """
-    K = intrinsics
-    return np.asarray(_moved_depth(depth, T, K.fx, K.fy, K.cx, K.cy), np.float32)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def displaced(
+    x: float, y: float, z: float, seconds: float, twist: Float64
+) -> tuple[float, float, float]:
+    """``seen_before`` of one point."""
+    return (
+        x + seconds * (twist[0] + twist[4] * z - twist[5] * y),
+        y + seconds * (twist[1] + twist[5] * x - twist[3] * z),
+        z + seconds * (twist[2] + twist[3] * y - twist[4] * x),
+    )
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _moved_depth(depth: Float32, T: Float64, fx: float, fy: float, cx: float, cy: float) -> Float32:
-    height, width = depth.shape
-    moved = np.full((height, width), np.nan, np.float32)
-    for v in range(height):
-        for u in range(width):
-            z = depth[v, u]
-            if not z > 0.0:
-                continue
-            x, y = (u - cx) / fx, (v - cy) / fy
-            new_z = z * (T[2, 0] * x + T[2, 1] * y + T[2, 2]) + T[2, 3]
-            if new_z <= 0.0:
-                continue
-            new_x = z * (T[0, 0] * x + T[0, 1] * y + T[0, 2]) + T[0, 3]
-            new_y = z * (T[1, 0] * x + T[1, 1] * y + T[1, 2]) + T[1, 3]
-            column = round(fx * new_x / new_z + cx)
-            row = round(fy * new_y / new_z + cy)
-            # a comparison with NaN is false: an empty pixel takes any depth
-            if 0 <= column < width and 0 <= row < height and not moved[row, column] <= new_z:
-                moved[row, column] = new_z
-    return moved
+def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) -> Float64:
+    """Depth [N] at pixels uv [N, 2] of an image taken before the camera moved by ``motion`` [6]."""
+    found = np.empty(len(uv))
+    for i in range(len(uv)):
+        rx, ry = (uv[i, 0] - K[2]) / K[0], (uv[i, 1] - K[3]) / K[1]
+        z = sample_depth(depth, uv[i, 0], uv[i, 1])
+        # where the depth image has what is at the pixel depends on how far that is
+        for _ in range(2):
+            x, y, later = displaced(rx * z, ry * z, z, -1.0, motion)
+            if not later > 0.0:
+                z = np.nan
+                break
+            measured = sample_depth(depth, K[0] * x / later + K[2], K[1] * y / later + K[3])
+            _, _, z = displaced(x / later * measured, y / later * measured, measured, 1.0, motion)
+        found[i] = z
+    return found
 
 
 def rectified(frame: RgbdFrame) -> RgbdFrame:

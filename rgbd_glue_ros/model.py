@@ -10,7 +10,13 @@ import numpy as np
 from numba import njit
 
 from rgbd_glue_ros import se3
-from rgbd_glue_ros.camera import apparent_velocity, at_middle_row, depth_at, points_at, shutter_part
+from rgbd_glue_ros.camera import (
+    apparent_velocity,
+    keypoints_to_points,
+    seconds_after_color,
+    seen_before,
+    shutter_part,
+)
 from rgbd_glue_ros.normals import grid_points_and_normals
 from rgbd_glue_ros.types import Float64, Int64, UInt8, View
 
@@ -139,20 +145,24 @@ def pyramid(grey: UInt8) -> list[UInt8]:
 def _planes(view: View, grid_step: int) -> Planes:
     points, normals = grid_points_and_normals(view.depth, view.intrinsics, grid_step)
     known = np.isfinite(points[..., 2])
-    part = shutter_part(np.nonzero(known)[0] * grid_step + grid_step // 2, view)
-    points = at_middle_row(points[known], part, view)
+    rows = np.nonzero(known)[0] * grid_step + grid_step // 2
+    seconds = seconds_after_color(rows, view)
+    points = seen_before(points[known], seconds, view.twist)
     # a normal turns as the points do
-    turn = view.readout * part[:, np.newaxis] * np.cross(view.twist[3:], normals[known])
-    return Planes(points, normals[known] + turn, apparent_velocity(points, view.twist), part)
+    turn = seconds[:, np.newaxis] * np.cross(view.twist[3:], normals[known])
+    return Planes(
+        points,
+        normals[known] + turn,
+        apparent_velocity(points, view.twist),
+        shutter_part(rows, view),
+    )
 
 
 def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     """The pixel with the strongest gradient in each cell of a level, where its depth is known."""
     rows = _strongest_gradients(image, _CELLS_PX[level], _MIN_GRADIENT)
     uv = (rows[:, ::-1] * 2**level).astype(np.float32)
-    z = depth_at(view.depth, uv)
-    known = np.isfinite(z)
-    points = points_at(uv[known], z[known], view)
+    points, known = keypoints_to_points(uv, view)
     return Pixels(
         points,
         image[rows[known, 0], rows[known, 1]].astype(np.float64),

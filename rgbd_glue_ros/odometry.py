@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from rgbd_glue_ros import se3
-from rgbd_glue_ros.camera import grey, limit_depth, moved_depth, rectified
+from rgbd_glue_ros.camera import grey, limit_depth, rectified
 from rgbd_glue_ros.config import Config
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.geometric import Rough
@@ -29,8 +29,6 @@ from rgbd_glue_ros.types import (
     View,
 )
 
-# Depth is moved to the time of colour when the motion between them is more than this.
-_NEGLIGIBLE_PX = 0.3
 # Between frames farther apart a velocity says too little of the moment of one to time it.
 _STEADY_NS = NANOSECONDS // 10
 # A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
@@ -135,11 +133,8 @@ class Odometry:
         if self._motion is None:
             return View(grey(frame.color), depth, K, readout=readout)
         # what the camera does between the two images is what it did lately
-        velocity = self._motion.velocity
-        motion = velocity * (frame.depth_delay_ns / NANOSECONDS - self._timing.depth_latency)
-        if np.abs(motion).max() * max(K.fx, K.fy) > _NEGLIGIBLE_PX:
-            depth = moved_depth(depth, se3.exp(motion), K)
-        return View(grey(frame.color), depth, K, velocity, readout)
+        delay = frame.depth_delay_ns / NANOSECONDS - self._timing.depth_latency
+        return View(grey(frame.color), depth, K, self._motion.velocity, readout, delay)
 
     def _track(self, features: FrameFeatures, predicted: Float64) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.

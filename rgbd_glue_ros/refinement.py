@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from rgbd_glue_ros import se3
+from rgbd_glue_ros.camera import displaced
 from rgbd_glue_ros.config import RefineConfig
 from rgbd_glue_ros.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.residuals import (
@@ -114,7 +115,9 @@ def _linearise(
         model.planes.normals[thinned],
         source.depth,
         source.intrinsics.focal_and_centre,
-        source.sweep,
+        source.twist,
+        source.readout,
+        source.depth_delay,
         config.plane_cauchy,
         H,
         g,
@@ -142,7 +145,8 @@ def _pixel_terms(
         image,
         # pyrDown centres pixel i of a level on pixel 2 i of the one below
         source.intrinsics.focal_and_centre / 2**level,
-        source.sweep,
+        source.twist,
+        source.readout,
         light,
         config.pixel_weight,
         config.pixel_cauchy,
@@ -159,7 +163,9 @@ def _add_planes(
     normals: Float64,
     depth: Float32,
     K: Float64,
-    sweep: Float64,
+    twist: Float64,
+    readout: float,
+    delay: float,
     cauchy: float,
     H: Float64,
     g: Float64,
@@ -171,12 +177,13 @@ def _add_planes(
     agreeing, seen = 0, 0
     J = np.empty(6)
     for i in range(len(points)):
-        x, y, z, part = in_camera(T, points, i, K, depth.shape[0], sweep)
+        x, y, z, part = in_camera(T, points, i, K, depth.shape[0], twist, readout, delay)
         if z <= 0.0:
             continue
-        x, y, z = seen_surface(depth, K, sweep, x, y, z, part)
+        x, y, z = seen_surface(depth, K, x, y, z)
         if not z > 0.0:
             continue
+        x, y, z = displaced(x, y, z, delay + part * readout, twist)
         seen += 1
         q0 = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
         q1 = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
@@ -209,7 +216,8 @@ def _add_pixels(
     brightness: Float64,
     image: UInt8,
     K: Float64,
-    sweep: Float64,
+    twist: Float64,
+    readout: float,
     light: Float64,
     weight: float,
     cauchy: float,
@@ -226,7 +234,7 @@ def _add_pixels(
     seen, spread = 0, 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
     for i in range(len(points)):
-        x, y, z, _ = in_camera(T, points, i, K, image.shape[0], sweep)
+        x, y, z, _ = in_camera(T, points, i, K, image.shape[0], twist, readout, 0.0)
         if z <= 0.0:
             continue
         x, y = x / z, y / z

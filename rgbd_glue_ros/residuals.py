@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from rgbd_glue_ros.camera import depth_sigma, sample_depth
+from rgbd_glue_ros.camera import depth_sigma, displaced, sample_depth
 from rgbd_glue_ros.types import Float32, Float64, UInt8
 
 # Farther than this many sigma apart, a plane and a depth are not the same surface.
@@ -15,34 +15,31 @@ _NEAREST_M = 0.05
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def displaced(
-    x: float, y: float, z: float, part: float, sweep: Float64
-) -> tuple[float, float, float]:
-    """A point x, y, z seen at a part of the shutter's sweep, as seen at the middle row."""
-    return (
-        x + part * (sweep[0] + sweep[4] * z - sweep[5] * y),
-        y + part * (sweep[1] + sweep[5] * x - sweep[3] * z),
-        z + part * (sweep[2] + sweep[3] * y - sweep[4] * x),
-    )
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def in_camera(
-    T: Float64, points: Float64, i: int, K: Float64, height: int, sweep: Float64
+    T: Float64,
+    points: Float64,
+    i: int,
+    K: Float64,
+    height: int,
+    twist: Float64,
+    readout: float,
+    delay: float,
 ) -> tuple[float, float, float, float]:
-    """Point i of a model where the camera at T sees it, and the part of the sweep it is seen at.
+    """Point i of a model where the camera at T sees it, and when.
 
     Args:
-        T: T_model_camera at the middle row, float64 [4, 4].
+        T: T_model_camera when the middle row of the colour image is read, float64 [4, 4].
         points: float64 [N, 3] of the model.
         i: which of them.
         K: fx, fy, cx, cy.
         height: of the image, pixels.
-        sweep: float64 [6], motion of the camera while the shutter sweeps the image.
+        twist: float64 [6], velocity of the camera.
+        readout: seconds from the first row to the last.
+        delay: seconds from the colour image to this one.
 
     Returns:
-        x, y, z in the optical frame when the shutter is at the point's row, and that part; a z
-        that is not positive for a point behind the camera.
+        x, y, z in the optical frame when the shutter is at the point's row, and that row's part
+        of the shutter's way; a z that is not positive for a point behind the camera.
     """
     d0, d1, d2 = points[i, 0] - T[0, 3], points[i, 1] - T[1, 3], points[i, 2] - T[2, 3]
     z = T[0, 2] * d0 + T[1, 2] * d1 + T[2, 2] * d2
@@ -54,7 +51,7 @@ def in_camera(
     # the row tells the time and the time the row; a second look is within a hundredth of a pixel
     for _ in range(2):
         part = (K[1] * sy / sz + K[3]) / height - 0.5
-        sx, sy, sz = displaced(x, y, z, -part, sweep)
+        sx, sy, sz = displaced(x, y, z, -(delay + part * readout), twist)
         if sz < _NEAREST_M:
             return 0.0, 0.0, -1.0, 0.0
     return sx, sy, sz, part
@@ -62,13 +59,12 @@ def in_camera(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def seen_surface(
-    depth: Float32, K: Float64, sweep: Float64, x: float, y: float, z: float, part: float
+    depth: Float32, K: Float64, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """The measured point, at the middle row, on the ray through x, y, z; z is NaN if unknown."""
+    """The measured point on the ray through x, y, z; its z is NaN where depth is unknown."""
     rx, ry = x / z, y / z
     measured = sample_depth(depth, K[0] * rx + K[2], K[1] * ry + K[3])
-    x, y, z = displaced(rx * measured, ry * measured, measured, part, sweep)
-    return x, y, z
+    return rx * measured, ry * measured, measured
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

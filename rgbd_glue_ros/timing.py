@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from rgbd_glue_ros.camera import displaced
 from rgbd_glue_ros.config import RefineConfig, TimingConfig
 from rgbd_glue_ros.model import Model
 from rgbd_glue_ros.refinement import DAMPING, Refinement
@@ -111,8 +112,9 @@ def _terms(
         planes.part,
         source.depth,
         K,
-        source.sweep,
         source.twist,
+        source.readout,
+        source.depth_delay,
         refine.plane_cauchy,
         H,
         g,
@@ -125,8 +127,8 @@ def _terms(
         pixels.part,
         source.grey,
         K,
-        source.sweep,
         source.twist,
+        source.readout,
         found.light,
         refine.pixel_weight,
         refine.pixel_cauchy,
@@ -155,20 +157,22 @@ def _add_planes(
     part: Float64,
     depth: Float32,
     K: Float64,
-    sweep: Float64,
     twist: Float64,
+    readout: float,
+    delay: float,
     cauchy: float,
     H: Float64,
     g: Float64,
 ) -> None:
     J = np.empty(8)
     for i in range(len(points)):
-        x, y, z, here = in_camera(T, points, i, K, depth.shape[0], sweep)
+        x, y, z, here = in_camera(T, points, i, K, depth.shape[0], twist, readout, delay)
         if z <= 0.0:
             continue
-        x, y, z = seen_surface(depth, K, sweep, x, y, z, here)
+        x, y, z = seen_surface(depth, K, x, y, z)
         if not z > 0.0:
             continue
+        x, y, z = displaced(x, y, z, delay + here * readout, twist)
         q0 = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
         q1 = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
         q2 = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
@@ -204,8 +208,8 @@ def _add_pixels(
     part: Float64,
     image: UInt8,
     K: Float64,
-    sweep: Float64,
     twist: Float64,
+    readout: float,
     light: Float64,
     weight: float,
     cauchy: float,
@@ -215,7 +219,7 @@ def _add_pixels(
     J = np.empty(8)
     gain, bias, sigma = light[0], light[1], light[2]
     for i in range(len(points)):
-        px, py, z, here = in_camera(T, points, i, K, image.shape[0], sweep)
+        px, py, z, here = in_camera(T, points, i, K, image.shape[0], twist, readout, 0.0)
         if z <= 0.0:
             continue
         x, y = px / z, py / z

@@ -100,6 +100,7 @@ class View:
         twist: float64 [6], velocity of the camera (linear, angular; m/s, rad/s; optical frame)
             when the image was taken; zero if it is not known.
         readout: seconds from the first row to the last of a rolling shutter; 0 for a global one.
+        depth_delay: how much later than colour depth was taken, seconds.
     """
 
     grey: UInt8
@@ -107,11 +108,7 @@ class View:
     intrinsics: CameraIntrinsics
     twist: Float64 = field(default_factory=lambda: np.zeros(6))
     readout: float = 0.0
-
-    @property
-    def sweep(self) -> Float64:
-        """Motion of the camera [6] (m, rad) from the first row to the last."""
-        return self.twist * self.readout
+    depth_delay: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from geometry_rig import SEEDS
+from geometry_rig import SEEDS, twists
 from hypothesis import given
 from hypothesis import strategies as st
 from room_rig import CAMERA, room_frame, true_depth, true_pose
@@ -23,14 +23,15 @@ from rgbd_glue_ros.camera import (
     depth_at,
     depth_sigma,
     grey,
+    keypoints_to_points,
     limit_depth,
-    moved_depth,
     project,
     rectified,
     sample_depth,
+    seen_before,
 )
 from rgbd_glue_ros.config import CameraConfig
-from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame
+from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, View
 
 NAN = float("nan")
 DISTORTED = replace(CAMERA, distortion=(0.2, -0.4, 0.002, -0.001, 0.3))
@@ -149,46 +150,37 @@ def test_depth_at_many_pixels_is_that_at_each() -> None:
     np.testing.assert_array_equal(depth_at(depth, uv), [sample_depth(depth, u, v) for u, v in uv])
 
 
-def test_depth_that_is_not_moved_stays_as_it_is() -> None:
-    depth = room_frame(0.0).depth
-    depth[50:60] = NAN
-    np.testing.assert_array_equal(moved_depth(depth, np.eye(4), CAMERA), depth)
-
-
-def test_moved_depth_is_what_a_camera_sees_from_there() -> None:
+def test_points_of_late_depth_lie_where_the_camera_sees_them_at_the_time_of_colour() -> None:
     """Over the 20 ms that depth may be late in a fast motion, against a rendered truth."""
-    old, new = (
-        true_pose(0.0),
-        true_pose(0.0) @ se3.exp(np.array([0.01, 0.005, 0.01, 0.01, 0.02, 0])),
-    )
-    seen = true_depth(new)
-    moved = moved_depth(true_depth(old), se3.inverse(new) @ old, CAMERA)
-    assert np.isfinite(moved).mean() > 0.9
-    error = np.abs(moved - seen)[np.isfinite(moved)]
-    unmoved = np.abs(true_depth(old) - seen)
-    assert np.median(error) < 0.002
-    assert np.median(unmoved) > 5 * np.median(error)
-    # what is left: a depth lands up to half a pixel from where it belongs, over an edge at worst
-    assert (error < 0.02).mean() > 0.95
+    seconds, step = 0.02, np.array([0.01, 0.005, 0.01, 0.01, 0.02, 0])
+    early, late = true_pose(0.0), true_pose(0.0) @ se3.exp(step)
+    frame = room_frame(0.0)
+    u, v = np.meshgrid(np.arange(0, 320, 5), np.arange(0, 240, 5))
+    uv = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float32)
+    now = View(grey(frame.color), true_depth(early), CAMERA)
+    then = replace(now, depth=true_depth(late), twist=step / seconds, depth_delay=seconds)
+    points, known = keypoints_to_points(uv, then)
+    at_once, seen = keypoints_to_points(uv, replace(then, depth_delay=0.0))
+    assert known.mean() > 0.8
+    truth = depth_at(now.depth, uv)
+    error = np.abs(points[:, 2] - truth[known])
+    ignored = np.abs(at_once[:, 2] - truth[seen])
+    # what is left is quadratic in the angle: 0.024²/2 of some 3 m
+    assert np.nanmedian(error) < 0.001
+    assert np.nanmedian(ignored) > 10 * np.nanmedian(error)
+    np.testing.assert_allclose(project(points, CAMERA), uv[known], atol=1e-4)
 
 
-def test_of_two_moved_surfaces_the_nearer_one_is_seen() -> None:
-    K = CameraIntrinsics(30, 20, 100.0, 100.0, 14.5, 9.5)
-    depth = np.full((20, 30), 2.0, np.float32)
-    depth[:, :15] = 1.0
-    # 4 cm to the left: the near half moves by 4 pixels to the right, the far half by 2
-    T = np.eye(4)
-    T[0, 3] = 0.04
-    moved = moved_depth(depth, T, K)
-    np.testing.assert_array_equal(moved[:, :4], NAN)
-    np.testing.assert_array_equal(moved[:, 4:19], 1.0)
-    np.testing.assert_array_equal(moved[:, 19:], 2.0)
-
-
-def test_what_moves_behind_the_camera_is_not_seen() -> None:
-    T = np.eye(4)
-    T[2, 3] = -3.0
-    assert np.isnan(moved_depth(sloped(), T, CAMERA)).all()
+@given(twists(max_length=1.0, max_angle=1.0), st.floats(-0.03, 0.03))
+def test_a_point_seen_before_is_where_the_camera_was_to_first_order(
+    twist: Float64, seconds: float
+) -> None:
+    """T(0)^-1 T(t) takes what is seen at t to what is seen at 0."""
+    points = np.array([[0.3, -0.2, 1.5], [-1.0, 0.5, 3.0]])
+    exact = se3.transform(se3.exp(seconds * twist), points)
+    moved = seen_before(points, np.full(2, seconds), twist)
+    # what is left is quadratic in the angle and the way
+    np.testing.assert_allclose(moved, exact, atol=0.03**2 * 4)
 
 
 def test_a_frame_without_distortion_is_passed_on_as_it_is() -> None:

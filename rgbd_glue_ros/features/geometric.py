@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rgbd_glue_ros.camera import cloud
+from rgbd_glue_ros.camera import cloud, seconds_after_color, seen_before
 from rgbd_glue_ros.config import FeaturesConfig
 from rgbd_glue_ros.features import voxels
 from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
@@ -136,6 +136,8 @@ class GridFpfh:
     def extract(self, view: View) -> DescribedGrid:
         """Points, normals and FPFH of every ``grid_step``-th pixel."""
         points, normals = grid_points_and_normals(view.depth, view.intrinsics, self._step)
+        rows = np.arange(len(points)) * self._step + self._step // 2
+        points = seen_before(points, seconds_after_color(rows, view)[:, np.newaxis], view.twist)
         fpfh = grid_fpfh(points, normals, _GRID_FPFH_RADIUS_M, _GRID_FPFH_HALF_WINDOW)
         return DescribedGrid(points, normals, fpfh, view.intrinsics, self._step)
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from rgbd_glue_ros.camera import depth_at, points_at
+from rgbd_glue_ros.camera import keypoints_to_points
 from rgbd_glue_ros.config import FeaturesConfig
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.matching import distance_ratio, nearest_two, one_to_one
@@ -65,13 +65,12 @@ class VisualFeature(Protocol):
 
 def lift(matches: VisualMatches, source: View, target: View) -> Correspondences:
     """Maps visual matches to 3D with the camera intrinsics (section 3.2), where depth is known."""
-    z_source = depth_at(source.depth, matches.source_uv)
-    z_target = depth_at(target.depth, matches.target_uv)
-    known = np.isfinite(z_source) & np.isfinite(z_target)
+    source_points, source_known = keypoints_to_points(matches.source_uv, source)
+    target_points, target_known = keypoints_to_points(matches.target_uv, target)
     return Correspondences(
-        points_at(matches.source_uv[known], z_source[known], source),
-        points_at(matches.target_uv[known], z_target[known], target),
-        matches.weights[known],
+        source_points[target_known[source_known]],
+        target_points[source_known[target_known]],
+        matches.weights[source_known & target_known],
     )
 
 
