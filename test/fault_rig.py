@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -10,6 +11,8 @@ from pathlib import Path
 
 from rgbd_glue_ros.node_process import NodeProcess, ros_environment
 
+# Where nothing is compiled yet, on a busy machine.
+COMPILE_S = 180.0
 # What the allocator keeps or gives back from one moment to the next.
 BREATH_MB = 25
 
@@ -19,6 +22,7 @@ def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
     """A node that has to be alive in the end and must not have logged an error of its own."""
     with NodeProcess(parameters, ros_environment(domain)) as node:
         try:
+            node.wait_for_line("Subscribed", COMPILE_S)
             yield node
             assert node.is_running
             assert not [line for line in node.lines if "Traceback" in line]
@@ -32,3 +36,11 @@ def rss_mb(node: NodeProcess) -> float:
     found = re.search(r"VmRSS:\s*(\d+) kB", status)
     assert found
     return int(found[1]) / 1024
+
+
+def cpu_ms(node: NodeProcess) -> float:
+    """The time that the node has had of all processors so far."""
+    stat = Path(f"/proc/{node.pid}/stat").read_text(encoding="ascii")
+    # the name may hold blanks; after it, user and system time are the 12th and 13th field
+    user, system = stat.rpartition(")")[2].split()[11:13]
+    return 1e3 * (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")

@@ -26,7 +26,7 @@ from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from fault_rig import BREATH_MB, node_in, rss_mb
+from fault_rig import BREATH_MB, cpu_ms, node_in, rss_mb
 from ros_rig import PATIENCE_S, Rig, corner_frame
 
 from rgbd_glue_ros.player import PlayedMessage, Player, Recording
@@ -222,18 +222,22 @@ def test_a_bag_in_a_loop_takes_no_more_memory_and_time_as_it_goes_on(
     messages = recording.messages
     loop_s = (messages[-1].recorded_ns - messages[0].recorded_ns) / NANOSECONDS
     loops = round(seconds / loop_s)
-    memory, latency = [], []
+    memory, latency, effort = [], [], []
     with playing(ros_domain, recording) as (node, player):
         for _ in range(loops):
             player.arrived_ns.clear()
+            before_ms = cpu_ms(node)
             for _ in player.play(1.0):
                 pass
             player.wait(lambda: messages[-1].stamp_ns in player.poses, 1.0)
+            assert player.arrived_ns
             memory.append(rss_mb(node))
             latency.append(1e3 * float(np.median(latencies_s(player))))
-            assert player.arrived_ns
-            sys.stdout.write(f"{memory[-1]:.1f} MB, {latency[-1]:.1f} ms\n")
-        assert node.is_running
+            effort.append((cpu_ms(node) - before_ms) / len(player.arrived_ns))
+            sys.stdout.write(
+                f"{memory[-1]:.1f} MB, {latency[-1]:.0f} ms, {effort[-1]:.0f} ms of CPU a pose\n"
+            )
     third = max(1, loops // 3)
     assert max(memory[-third:]) - max(memory[: 2 * third]) < BREATH_MB
-    assert np.median(latency[-third:]) < 1.5 * np.median(latency[:third]) + 10
+    # the time that a pose takes of the processor: latency itself is what the machine leaves of it
+    assert np.median(effort[-third:]) < 1.5 * np.median(effort[:third])
