@@ -28,6 +28,7 @@ CSS = """
 .key i { display: inline-block; width: 1.1rem; height: 0; margin-right: .4rem;
   vertical-align: .22rem; border-top: 2.5px solid var(--c); }
 .key.dashed i { border-top-style: dashed; border-top-width: 2px; }
+.legend { display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; margin: 0 0 1rem; }
 .plot { position: relative; height: var(--h); margin: 0 0 0 2.9rem; }
 .time .plot { margin-bottom: 2.9rem; }
 .plot svg { position: absolute; inset: 0; width: 100%; height: 100%; overflow: visible; }
@@ -37,7 +38,7 @@ CSS = """
 .plot .dashed { stroke-dasharray: 5 4; stroke-width: 1.3; }
 .plot .thick { stroke-width: 3.2; }
 .plot .dot { stroke-width: 9; }
-.plot .dots { stroke-width: 4; opacity: .45; }
+.plot .dots { stroke-width: 6; opacity: .5; }
 .tick { position: absolute; color: var(--quiet); font-size: .72rem; line-height: 1;
   font-variant-numeric: tabular-nums; white-space: nowrap; }
 .tick.y { right: calc(100% + .5rem); transform: translateY(50%); }
@@ -62,7 +63,7 @@ class Line:
     """A line in a chart.
 
     Attributes:
-        label: what it shows.
+        label: what it shows; a line without one is not in the legend.
         color: a CSS colour.
         x: float64 [N].
         y: float64 [N]; NaN breaks the line.
@@ -206,9 +207,9 @@ def band(title: str, keys: Iterable[tuple[str, str]], spans: Iterable[Span], mar
         for span in spans
     ]
     drawn += [f'<div class="mark" style="left:{100 * mark:.3f}%"></div>' for mark in marks]
-    legend = "".join(_key(label, color, "") for label, color in keys)
+    named = "".join(_key(label, color, "") for label, color in keys)
     return (
-        f'<figure class="chart"><figcaption><b>{escape(title)}</b>{legend}</figcaption>'
+        f'<figure class="chart"><figcaption><b>{escape(title)}</b>{named}</figcaption>'
         f'<div class="band">{"".join(drawn)}</div></figure>'
     )
 
@@ -231,8 +232,16 @@ def _known(line: Line) -> bool:
 def _caption(title: str, lines: Sequence[Line]) -> str:
     # one line alone is what the title says
     named = lines if len(lines) > 1 else ()
-    keys = "".join(_key(line.label, line.color, line.style) for line in named)
-    return f"<figcaption><b>{escape(title)}</b>{keys}</figcaption>"
+    return f"<figcaption><b>{escape(title)}</b>{_keys(named)}</figcaption>"
+
+
+def legend(lines: Sequence[Line]) -> str:
+    """A legend for several charts of the same lines."""
+    return f'<div class="legend">{_keys(lines)}</div>'
+
+
+def _keys(lines: Sequence[Line]) -> str:
+    return "".join(_key(line.label, line.color, line.style) for line in lines if line.label)
 
 
 def _key(label: str, color: str, style: str) -> str:

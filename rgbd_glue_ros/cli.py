@@ -494,7 +494,7 @@ def _add_pairs(parser: argparse.ArgumentParser) -> None:
 def _pairs(args: argparse.Namespace) -> str:
     from tqdm import tqdm
 
-    from rgbd_glue_ros.pairs import TABLES, Experiment, run_pairs
+    from rgbd_glue_ros.pairs import REPORT, TABLES, Experiment, run_pairs
     from rgbd_glue_ros.parallel import pool
 
     table = _paper_table(args)
@@ -541,7 +541,8 @@ def _pairs(args: argparse.Namespace) -> str:
                     args.output,
                 )
             raise
-    summary = f"{_pairs_summary(figures)}tables   {args.output / TABLES}\n"
+    summary = _pairs_summary(figures)
+    summary += f"tables   {args.output / TABLES}\nreport   {args.output / REPORT}\n"
     return summary if table is None else summary + _write_table(table, config, figures, args.output)
 
 

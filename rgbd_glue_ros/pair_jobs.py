@@ -98,11 +98,11 @@ def evaluate_pairs(
     frames: dict[int, PairFrame] = {}
     needed = sorted({*targets, *last_use})
     for index, image in zip(needed, recording.select(needed), strict=False):
-        pose = _pose_at(truth, image.stamp_ns)
+        pose = pose_at(truth, image.stamp_ns)
         if pose is None:
             yield Unposed(index)
             continue
-        frames[index] = PairFrame(recording.name, index, _view(image, camera), pose)
+        frames[index] = PairFrame(recording.name, index, view_of(image, camera), pose)
         for target in targets.get(index, ()):
             if target in frames:
                 yield {
@@ -155,12 +155,13 @@ def _method(estimator: Estimator) -> PairMethod:
     return method_of(estimator)
 
 
-def _view(frame: RgbdFrame, limits: CameraConfig) -> View:
+def view_of(frame: RgbdFrame, limits: CameraConfig) -> View:
+    """What a method sees of a frame."""
     frame = rectified(frame)
     return View(grey(frame.color), limit_depth(frame.depth, limits), frame.intrinsics)
 
 
-def _pose_at(truth: Trajectory, stamp_ns: int) -> Float64 | None:
+def pose_at(truth: Trajectory, stamp_ns: int) -> Float64 | None:
     """The true pose nearest in time, None if none is near."""
     apart = np.abs(truth.stamps_ns - stamp_ns)
     row = int(apart.argmin())

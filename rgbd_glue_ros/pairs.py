@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from rgbd_glue_ros.config import Config, values
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.journal import Journal, prepare
 from rgbd_glue_ros.pair_evaluation import PairResult
+from rgbd_glue_ros.pair_gallery import Example, chosen, examples
 from rgbd_glue_ros.pair_jobs import (
     Pair,
     PairJob,
@@ -26,13 +27,14 @@ from rgbd_glue_ros.pair_jobs import (
 )
 from rgbd_glue_ros.pair_methods import Estimator, method_of
 from rgbd_glue_ros.pairs_figures import gap_figures
+from rgbd_glue_ros.pairs_page import render
 from rgbd_glue_ros.pairs_report import to_markdown
 from rgbd_glue_ros.parallel import Failure, Pool, Serial
 from rgbd_glue_ros.sequences import Sequence as Recording
 
 logger = logging.getLogger(__name__)
 
-JOURNAL, FIGURES, TABLES = "pairs.jsonl", "pairs.json", "pairs.md"
+JOURNAL, FIGURES, TABLES, REPORT = "pairs.jsonl", "pairs.json", "pairs.md", "report.html"
 
 GLUE = "glue"
 """The name of the configuration's own method among those of an experiment."""
@@ -87,12 +89,14 @@ class Experiment:
             "parameters": parameters,
         }
 
-    def write(self, folder: Path) -> dict[str, Any]:
-        """Writes the figures and the tables of them."""
+    def write(self, folder: Path, shown: Sequence[Example] = ()) -> dict[str, Any]:
+        """Writes the figures, the tables of them, and the report with pictures of some pairs."""
         figures = self.figures()
         text = json.dumps(figures, indent=2, allow_nan=False)
         (folder / FIGURES).write_text(text + "\n", encoding="utf-8")
         (folder / TABLES).write_text(to_markdown(figures), encoding="utf-8")
+        page = render(figures, self.results, GLUE, self.config, shown)
+        (folder / REPORT).write_text(page, encoding="utf-8")
         return figures
 
 
@@ -163,7 +167,9 @@ def run_pairs(
             raise unusable[0]
         gap = min(experiment.gaps)
         raise InputError("--gap", f"no two frames with a true pose are {gap} apart", "give less")
-    return experiment.figures()
+    shown = chosen([(path, results[GLUE]) for path, results in collected.in_order(plan)])
+    pictures = examples(shown, open_source, method_of(experiment.config), camera)
+    return experiment.write(folder, pictures)
 
 
 class _Collected:
@@ -203,12 +209,17 @@ class _Collected:
             self.problems.append(str(outcome))
             self.unusable.append(outcome)
 
-    def hand_over(self, experiment: Experiment, plan: Mapping[Path, Iterable[Pair]]) -> None:
-        """Gives all to the experiment, the results in the order of the plan."""
+    def in_order(self, plan: Mapping[Path, Iterable[Pair]]) -> Iterator[tuple[Path, Results]]:
+        """The results there are, with their recordings, in the order of the plan."""
         for path, pairs in plan.items():
             for pair in pairs:
                 if _key(path, pair) in self.found:
-                    experiment.add(self.found[_key(path, pair)])
+                    yield path, self.found[_key(path, pair)]
+
+    def hand_over(self, experiment: Experiment, plan: Mapping[Path, Iterable[Pair]]) -> None:
+        """Gives all to the experiment, the results in the order of the plan."""
+        for _, results in self.in_order(plan):
+            experiment.add(results)
         # a recording that is damaged fails every batch that comes to the place
         experiment.problems += dict.fromkeys(self.problems)
         experiment.problems += [

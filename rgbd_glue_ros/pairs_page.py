@@ -1,0 +1,392 @@
+"""The report of registered pairs: one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros import charts
+from rgbd_glue_ros.chart_axes import Axis, linear, logarithmic
+from rgbd_glue_ros.charts import Line
+from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.page import changed_parameters, page, tiles
+from rgbd_glue_ros.pair_evaluation import INLIER_THRESHOLDS_CM, PairResult
+from rgbd_glue_ros.pair_gallery import CSS, LEGEND, WORST, Example, gallery, severity
+from rgbd_glue_ros.registration_errors import THRESHOLDS
+
+ByGap = Mapping[int, Sequence[PairResult]]
+
+_COLORS = 10
+_CSS = """
+:root { --c0: #1d5fd1; --c1: #c2620a; --c2: #1a8f5a; --c3: #8a4bd0; --c4: #cf2f3c; --c5: #0f8b9d;
+  --c6: #d04c97; --c7: #8b6f14; --c8: #5d6b7b; --c9: #5a8f1e; }
+@media (prefers-color-scheme: dark) { :root { --c0: #6aa5ff; --c1: #f0963c; --c2: #35b57c;
+  --c3: #b58cf0; --c4: #f0626c; --c5: #3fc3d6; --c6: #f07fc0; --c7: #d1b04a; --c8: #93a1b1;
+  --c9: #93cc4e; } }
+.three { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 17rem), 1fr));
+  gap: 1.5rem 2rem; }
+.wide th, .wide td { padding-left: .55rem; padding-right: .1rem; }
+.wide th:first-child, .wide td:first-child { padding-left: 0; }
+.wide .group { text-align: center; padding-bottom: 0; color: var(--text); }
+.wide .groups th { border-bottom: 0; } .wide .apart td { border-top: 2px solid var(--line); }
+.wide .first { border-left: 1px solid var(--line); }
+.best { font-weight: 650; }
+h3 { font-size: .95rem; margin: 1.6rem 0 .6rem; }
+"""
+
+_TITLES = {
+    "rotation_deg": ("Rotation", "°"),
+    "translation_cm": ("Translation", "cm"),
+    "chamfer_mm": ("Chamfer distance", "mm"),
+}
+_ERROR_AXES = {
+    "rotation_deg": logarithmic(0.1, 0.5, 1, 5, 10, 45),
+    "translation_cm": logarithmic(0.5, 1, 5, 10, 25, 100),
+    "chamfer_mm": logarithmic(0.01, 0.1, 1, 5, 10, 100),
+}
+_PERCENT = Axis(0.0, 100.0, tuple((v, f"{v:g} %") for v in (0.0, 25.0, 50.0, 75.0, 100.0)))
+_SIDE_BY_SIDE = "Stages that run side by side add up to more than the whole."
+_RIGHT_OR_WRONG = (
+    "The image registered to above, the one registered below. Matches are right or wrong by the "
+    "true motion."
+)
+_CURVE_POINTS = 160
+_MOST_DOTS = 1500
+_WORST_ROWS = 20
+_AT_10_CM = INLIER_THRESHOLDS_CM.index(10)
+_AT_5_CM = INLIER_THRESHOLDS_CM.index(5)
+
+
+def render(
+    figures: Mapping[str, Any],
+    results: Mapping[str, ByGap],
+    own: str,
+    config: Config,
+    shown: Sequence[Example],
+) -> str:
+    """The page.
+
+    Args:
+        figures: the content of ``pairs.json``.
+        results: of every pair, by method and gap; one at least.
+        own: name of the configuration's method among those.
+        config: of that method.
+        shown: pairs to show pictures of, the worst first.
+    """
+    names = {name: _name(name, own, figures) for name in results}
+    gaps = sorted(results[own])
+    parts = [
+        _summary(figures, results[own]),
+        _tiles(figures["gaps"][str(gaps[0])], gaps[0]),
+        "<h2>Errors</h2>",
+        _curves(results, names),
+        _registration(figures, names, own),
+        "<h2>Worst pairs</h2>",
+        *_pictures(shown),
+        _worst(results[own]),
+        "<h2>The adaptive threshold</h2>",
+        _thresholds(figures["gaps"], results[own]),
+        "<h2>Geometric correspondences</h2>",
+        _correspondences(figures["gaps"]),
+        "<h2>Where the time goes</h2>",
+        f"<p>Median for pairs {gaps[0]} frames apart, features of both. {_SIDE_BY_SIDE}</p>",
+        charts.bars(_stages(figures["gaps"][str(gaps[0])]), "ms", "var(--estimate)"),
+        *_problems(figures["problems"]),
+        "<h2>Parameters that differ from the defaults</h2>",
+        changed_parameters(config),
+    ]
+    return page(_title(figures), parts, CSS + _CSS)
+
+
+def _title(figures: Mapping[str, Any]) -> str:
+    sources = figures["sources"]
+    where = sources[0] if len(sources) == 1 else f"{len(sources)} recordings"
+    return f"{_features(figures)} on {where}"
+
+
+def _features(figures: Mapping[str, Any]) -> str:
+    sides = (figures["features"][side] for side in ("visual", "geometric"))
+    return " + ".join(side.upper() for side in sides if side != "none") or "no features"
+
+
+def _name(method: str, own: str, figures: Mapping[str, Any]) -> str:
+    return _features(figures) if method == own else method.replace("_", " ")
+
+
+def _summary(figures: Mapping[str, Any], own: ByGap) -> str:
+    pairs = sum(map(len, own.values()))
+    gaps = ", ".join(map(str, sorted(own)))
+    sources = figures["sources"]
+    more = f" of {len(sources)} recordings" if len(sources) > 1 else ""
+    return f"<p>{pairs} pairs of frames{more}, {gaps} frames apart, registered by rgbd-glue.</p>"
+
+
+def _tiles(content: Mapping[str, Any], gap: int) -> str:
+    accuracy = {name: content[name]["accuracy"] for name in THRESHOLDS}
+    shown = [
+        (f"{accuracy['rotation_deg']['5']:.1f}", "%", "within 5°"),
+        (f"{accuracy['translation_cm']['5']:.1f}", "%", "within 5 cm"),
+        (f"{content['rotation_deg']['mean']:.2f}", "°", "mean error of rotation"),
+        (f"{content['translation_cm']['mean']:.2f}", "cm", "mean error of translation"),
+        (f"{content['failed']}", f"of {content['pairs']}", "without a transform"),
+        (f"{content['seconds_per_pair']:.2f}", "s", "a pair, features of both frames included"),
+    ]
+    return f"<h3>{gap} frames apart</h3>{tiles(shown)}"
+
+
+def _curves(results: Mapping[str, ByGap], names: Mapping[str, str]) -> str:
+    """Percent of pairs with at most an error: a line for each gap, or for each method in a gap."""
+    gaps = sorted({gap for by_gap in results.values() for gap in by_gap})
+    if len(results) == 1:
+        (own,) = results.values()
+        rows = {"": [(f"{gap} frames apart", own[gap]) for gap in gaps]}
+    else:
+        rows = {
+            f"{gap} frames apart": [(names[name], results[name][gap]) for name in results]
+            for gap in gaps
+        }
+    text = (
+        "<p>Percent of pairs whose error is at most that; a pair without a transform has none.</p>"
+    )
+    for title, named in rows.items():
+        keys = [_key(name, i) for i, (name, _) in enumerate(named)]
+        figures = "".join(_curve(error, [results for _, results in named]) for error in THRESHOLDS)
+        text += f"<h3>{title}</h3>" if title else ""
+        text += charts.legend(keys) if len(keys) > 1 else ""
+        text += f'<div class="three">{figures}</div>'
+    return text
+
+
+def _curve(error: str, compared: Sequence[Sequence[PairResult]]) -> str:
+    axis = _ERROR_AXES[error]
+    x = np.geomspace(axis.low, axis.high, _CURVE_POINTS)
+    lines = []
+    for i, results in enumerate(compared):
+        errors = [np.inf if r.errors.failed else getattr(r.errors, error) for r in results]
+        below = np.searchsorted(np.sort(errors), x, side="right")
+        color, style = _look(i)
+        lines.append(Line("", color, x, 100 * below / len(errors), style))
+    title, unit = _TITLES[error]
+    # the first on top, which is our own
+    return charts.plot(f"{title}, {unit}", lines[::-1], axis, _PERCENT, 6)
+
+
+def _key(name: str, i: int) -> Line:
+    color, style = _look(i)
+    return Line(name, color, np.empty(0), np.empty(0), style)
+
+
+def _look(i: int) -> tuple[str, str]:
+    """Colour and style of the i-th line."""
+    return f"var(--c{i % _COLORS})", "dashed" if i >= _COLORS else "" if i else "thick"
+
+
+def _registration(figures: Mapping[str, Any], names: Mapping[str, str], own: str) -> str:
+    groups = "".join(
+        f'<th class="group first" colspan="{len(limits) + 2}">{_TITLES[name][0]} '
+        f"({_TITLES[name][1]})</th>"
+        for name, limits in THRESHOLDS.items()
+    )
+    columns = "".join(
+        "".join(
+            f'<th class="n{" first" if i == 0 else ""}">≤ {limit:g}</th>'
+            for i, limit in enumerate(limits)
+        )
+        + '<th class="n">mean</th><th class="n">med.</th>'
+        for limits in THRESHOLDS.values()
+    )
+    body = ""
+    for gap in figures["gaps"]:
+        rows = {own: figures["gaps"][gap]}
+        rows |= {name: peer["gaps"][gap] for name, peer in figures["others"].items()}
+        body += _rows_of_gap(gap, {names[name]: row for name, row in rows.items()})
+    return (
+        "<h3>As in the paper's tables: accuracy in percent, mean and median</h3>"
+        '<div class="wide"><table><tr class="groups"><th></th><th></th><th></th><th></th>'
+        f"{groups}</tr><tr><th>method</th>"
+        '<th class="n">apart</th><th class="n">pairs</th><th class="n">failed</th>'
+        f"{columns}</tr>{body}</table></div>"
+    )
+
+
+def _rows_of_gap(gap: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
+    numbers = {
+        name: [
+            value
+            for error in THRESHOLDS
+            for value in (
+                *row[error]["accuracy"].values(),
+                -row[error]["mean"],
+                -row[error]["median"],
+            )
+        ]
+        for name, row in rows.items()
+    }
+    best = [max(column) for column in zip(*numbers.values(), strict=True)]
+    text = ""
+    for name, row in rows.items():
+        cells = ""
+        for i, value in enumerate(numbers[name]):
+            marks = ["n"] + ["first"] * (i % 5 == 0)
+            marks += ["best"] * (len(rows) > 1 and value == best[i])
+            shown = f"{value:.1f}" if i % 5 < 3 else f"{-value:.2f}"
+            cells += f'<td class="{" ".join(marks)}">{shown}</td>'
+        text += (
+            f'<tr class="{"" if text else "apart"}"><td>{escape(name)}</td>'
+            f'<td class="n">{gap}</td><td class="n">{row["pairs"]}</td>'
+            f'<td class="n">{row["failed"]}</td>{cells}</tr>'
+        )
+    return text
+
+
+def _pictures(shown: Sequence[Example]) -> list[str]:
+    if not shown:
+        return []
+    worst, typical = shown[:WORST], shown[WORST:]
+    parts = [
+        f"<p>{_RIGHT_OR_WRONG}</p>",
+        LEGEND,
+        gallery(worst),
+    ]
+    return [*parts, "<h3>From the middle of the field</h3>", gallery(typical)] if typical else parts
+
+
+def _worst(own: ByGap) -> str:
+    ranked = sorted(
+        (result for results in own.values() for result in results), key=severity, reverse=True
+    )[:_WORST_ROWS]
+    body = "".join(
+        f'<tr><td>{escape(r.recording)}</td><td class="n">{r.target}</td>'
+        f'<td class="n">{r.source}</td>'
+        + (
+            '<td class="n">–</td>' * 3
+            if r.errors.failed
+            else f'<td class="n">{r.errors.rotation_deg:.2f}</td>'
+            f'<td class="n">{r.errors.translation_cm:.2f}</td>'
+            f'<td class="n">{r.errors.chamfer_mm:.2f}</td>'
+        )
+        + f'<td class="n">{r.visual.amounts[_AT_10_CM]} of {r.visual.matches}</td>'
+        f'<td class="n">{r.after.amounts[_AT_10_CM]} of {r.after.matches}</td></tr>'
+        for r in ranked
+    )
+    return (
+        f'<h3>The {len(ranked)} worst</h3><div class="wide"><table><tr><th>recording</th>'
+        '<th class="n">to</th><th class="n">from</th><th class="n">rotation (°)</th>'
+        '<th class="n">translation (cm)</th><th class="n">chamfer (mm)</th>'
+        '<th class="n">visual within 10 cm</th><th class="n">geometric within 10 cm</th></tr>'
+        f"{body}</table></div>"
+    )
+
+
+def _thresholds(gaps: Mapping[str, Any], own: ByGap) -> str:
+    text = (
+        "<p>The worse the visual matches, the wider the filter: ε² against the share of visual "
+        "matches that are right within 5 cm, for every pair that was filtered, and the mean of "
+        "each range of table S3.</p>"
+    )
+    columns = "".join(
+        f"<div>{_scatter(gap, gaps[str(gap)], results)}{_ranges(gaps[str(gap)])}</div>"
+        for gap, results in sorted(own.items())
+        if any(r.filtered for r in results)
+    )
+    return f'{text}<div class="two">{columns}</div>' if columns else "<p>No pair was filtered.</p>"
+
+
+def _scatter(gap: int, content: Mapping[str, Any], results: Sequence[PairResult]) -> str:
+    filtered = [r for r in results if r.filtered]
+    some = filtered[:: 1 + len(filtered) // _MOST_DOTS]
+    ranges = content["epsilon_squared_ranges"]
+    highest = max(ranges[-1]["up_to_m2"], float(np.quantile([r.epsilon_m**2 for r in some], 0.98)))
+    x = np.array([r.epsilon_m**2 for r in some])
+    y = np.array([100 * r.visual.amounts[_AT_5_CM] / max(1, r.visual.matches) for r in some])
+    inside = x <= highest
+    cloud = Line("pairs", "var(--estimate)", x[inside], y[inside])
+    steps = [
+        (edge, row["visual_inlier_ratio"]["5"])
+        for row in ranges
+        for edge in (row["above_m2"], row["up_to_m2"])
+    ]
+    mean = Line(
+        "mean of a range",
+        "var(--geometric)",
+        np.array([edge for edge, _ in steps]),
+        np.array([np.nan if ratio is None else ratio for _, ratio in steps]),
+        "thick",
+    )
+    return charts.plot(
+        f"{gap} frames apart: right visual matches by ε², m²",
+        [mean],
+        linear(0.0, highest, count=5),
+        _PERCENT,
+        7,
+        [cloud],
+    )
+
+
+def _ranges(content: Mapping[str, Any]) -> str:
+    head = "".join(f'<th class="n">{limit:g} cm</th>' for limit in INLIER_THRESHOLDS_CM)
+    body = "".join(
+        f"<tr><td>{row['above_m2']:g} – {row['up_to_m2']:g}</td>"
+        f'<td class="n">{row["pairs"]}</td><td class="n">{_number(row["visual_matches"], 0)}</td>'
+        + "".join(
+            f'<td class="n">{_number(ratio, 1)}</td>'
+            for ratio in row["visual_inlier_ratio"].values()
+        )
+        + "</tr>"
+        for row in content["epsilon_squared_ranges"]
+    )
+    return (
+        '<div class="wide"><table><tr><th>ε² (m²)</th><th class="n">pairs</th>'
+        f'<th class="n">matches</th>{head}</tr>{body}</table></div>'
+    )
+
+
+def _correspondences(gaps: Mapping[str, Any]) -> str:
+    limits = [f"{limit:g}" for limit in INLIER_THRESHOLDS_CM]
+    head = "".join(
+        f'<th class="n{" first" if i == 0 else ""}">{limit} cm</th>'
+        for _ in ("ratio", "amount")
+        for i, limit in enumerate(limits)
+    )
+    body = ""
+    for gap, content in gaps.items():
+        for side in ("before", "after"):
+            cells = "".join(
+                f'<td class="n{" first" if limit == limits[0] else ""}">'
+                f"{_number(content[figure][side][limit], digits)}</td>"
+                for figure, digits in (("inlier_ratio", 1), ("inlier_amount", 0))
+                for limit in limits
+            )
+            recall = f"{content['filter_recall']:.1f}" if side == "after" else ""
+            body += (
+                f'<tr><td class="n">{gap}</td><td>{side} the filter</td>{cells}'
+                f'<td class="n first">{recall}</td></tr>'
+            )
+    return (
+        "<p>Mean over all pairs with geometric matches. Inliers are matches that the true "
+        "transform maps upon each other within the distance; filter recall is the percent of "
+        "pairs that the filter was applied to.</p>"
+        '<div class="wide"><table><tr class="groups"><th></th><th></th>'
+        '<th class="group first" colspan="3">Inlier ratio (%)</th>'
+        '<th class="group first" colspan="3">Inliers</th><th class="first"></th></tr>'
+        f'<tr><th class="n">apart</th><th></th>{head}<th class="n first">recall (%)</th></tr>'
+        f"{body}</table></div>"
+    )
+
+
+def _stages(content: Mapping[str, Any]) -> dict[str, float]:
+    return {name.replace("_", " "): value for name, value in content["stages_ms"].items()}
+
+
+def _problems(problems: Sequence[str]) -> list[str]:
+    if not problems:
+        return []
+    rows = "".join(f"<tr><td>{escape(problem)}</td></tr>" for problem in problems)
+    return ["<h2>Left out</h2>", f"<table>{rows}</table>"]
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
