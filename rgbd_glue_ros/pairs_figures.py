@@ -44,8 +44,10 @@ def gap_figures(results: Sequence[PairResult]) -> dict[str, Any]:
 def _by_epsilon(results: Sequence[PairResult]) -> list[dict[str, Any]]:
     """Table S3: visual matches of the pairs whose ε² falls into each of its ranges."""
     rows = []
+    # where a fallback gave ε there may be none
+    seen = [r for r in results if r.visual.matches]
     for lowest, highest in zip((0.0, *EPSILON_SQUARED_M2), EPSILON_SQUARED_M2, strict=False):
-        matched = [r.visual for r in results if lowest < r.epsilon_m**2 <= highest]
+        matched = [r.visual for r in seen if lowest < r.epsilon_m**2 <= highest]
         rows.append(
             {
                 "above_m2": lowest,

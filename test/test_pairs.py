@@ -216,6 +216,13 @@ def test_figures_are_means_over_pairs_and_the_filter_counts_where_it_was_applied
     assert figures["epsilon_squared_ranges"][3]["pairs"] == 0
 
 
+def test_a_threshold_that_no_visual_match_gave_is_in_no_range() -> None:
+    matched = Inliers(100, (40, 20, 10))
+    fallen_back = replace(result(matched, matched, epsilon_m=0.05), visual=Inliers(0, (0, 0, 0)))
+    ranges = gap_figures([fallen_back])["epsilon_squared_ranges"]
+    assert [row["pairs"] for row in ranges] == [0] * 5
+
+
 def test_without_geometric_matches_there_is_no_inlier_ratio() -> None:
     nothing = Inliers(0, (0, 0, 0))
     figures = gap_figures([result(nothing, nothing)])
