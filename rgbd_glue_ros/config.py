@@ -197,13 +197,20 @@ class GlueConfig:
         "The filter is skipped when fewer geometric matches than this survive it.",
         minimum=3,
     )
+    over_chance: float = _parameter(
+        2.0,
+        "The filter is skipped when fewer geometric matches survive it than this times those that "
+        "would had points been matched at random; 0 does not ask.",
+        minimum=0.0,
+    )
     filter: bool = _parameter(
         True, "Whether the consistency filter (equation 8) is applied at all."
     )
     fallback: str = _parameter(
         "none",
-        "What gives the rough transform where visual matches are too few for it: none skips the "
-        "filter as in the paper, sc2_pcr finds one from the geometric matches.",
+        "What gives the rough transform where visual matches are too few for it or almost no "
+        "geometric match agrees: none skips the filter as in the paper, sc2_pcr finds one from the "
+        "geometric matches.",
         choices=FALLBACK_METHODS,
     )
 

@@ -62,6 +62,20 @@ def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspo
     return matches.select(distances(T, matches) <= epsilon)
 
 
+def surviving(matches: Correspondences, rough: Rough, config: Config) -> Correspondences | None:
+    """Equation 8, or None where almost no match survives it.
+
+    That are less than ``glue.min_credible``, or less than ``glue.over_chance`` times those that
+    would survive had the points been matched at random: so many survive any transform.
+    """
+    survivors = consistent(matches, rough.T_target_source, rough.radius)
+    order = np.random.default_rng(config.seed).permutation(len(matches))
+    at_random = Correspondences(matches.source, matches.target[order], matches.weights)
+    by_chance = len(consistent(at_random, rough.T_target_source, rough.radius))
+    least = max(config.glue.min_credible, config.glue.over_chance * by_chance)
+    return survivors if len(survivors) >= least else None
+
+
 def geometric_rough(matches: Correspondences, config: Config) -> Rough | None:
     """A rough transform from geometric matches alone, with the epsilon of equations 4 to 7."""
     T, agreeing = sc2_pcr(matches)
@@ -155,19 +169,26 @@ class Glue:
                 variance = error_variance(C_vis_in, T)
                 sigma = float(np.sqrt(variance))
                 rough = Rough(T, adaptive_threshold(variance, glue.confidence))
-        if rough is None and glue.filter and glue.fallback in FALLBACKS:
-            unguided = self._geometric.match(source.geometric, target.geometric, None)
-            rough = FALLBACKS[glue.fallback](unguided, self._config)
-            clock.lap("fallback")
         guide = rough if glue.filter else None
         C_geo = self._geometric.match(source.geometric, target.geometric, guide)
+        credible = None if guide is None else surviving(C_geo, guide, self._config)
         clock.lap("geometric_matching")
 
-        C_geo_in, filtered = C_geo, False
-        if glue.filter and rough is not None:
-            survivors = consistent(C_geo, rough.T_target_source, rough.radius)
-            if len(survivors) >= glue.min_credible:
-                C_geo_in, filtered = survivors, True
+        if credible is None and glue.filter and glue.fallback in FALLBACKS:
+            unguided = C_geo
+            if guide is not None:
+                unguided = self._geometric.match(source.geometric, target.geometric, None)
+            found_again = FALLBACKS[glue.fallback](unguided, self._config)
+            if found_again is not None:
+                rough = found_again
+                C_geo = self._geometric.match(source.geometric, target.geometric, rough)
+                credible = surviving(C_geo, rough, self._config)
+                T, sigma = rough.T_target_source, float("nan")
+                C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, glue.k)
+            clock.lap("fallback")
+
+        filtered = credible is not None
+        C_geo_in = C_geo if credible is None else credible
         C = C_vis_in + C_geo_in
         found = RegistrationResult(
             T_target_source=None,

@@ -331,14 +331,43 @@ def test_without_visual_matches_geometry_can_give_the_rough_transform(told: Told
 
 
 def test_visual_matches_and_a_prior_go_before_the_fallback(told: Told) -> None:
+    matches = geometric_matches(right=300, wrong=700)
+    glue, _ = told(matches, "sift", GlueConfig())
     fallback = GlueConfig(fallback="sc2_pcr")
-    glue, feature = told(geometric_matches(right=0, wrong=100), "sift", fallback)
-    assert registered(glue).epsilon_m != 0.123
-    assert feature.rough is not None
-    glue, feature = told(geometric_matches(right=0, wrong=100), "none", fallback)
+    patient, _ = told(matches, "sift", fallback)
+    assert registered(patient).epsilon_m == registered(glue).epsilon_m
+    glue, feature = told(matches, "none", fallback)
     prior = Rough(true_transform(), 0.123)
     registered(glue, prior)
     assert feature.rough is prior
+
+
+def wrong_prior() -> Rough:
+    """One that many matches agree with by chance alone."""
+    return Rough(se3.exp(np.array([0.5, 0, 0, 0, 0.3, 0])) @ true_transform(), 0.5)
+
+
+def test_what_survives_by_chance_alone_does_not_count(told: Told) -> None:
+    matches = geometric_matches(right=100, wrong=2000)
+    glue, _ = told(matches, "none", GlueConfig(over_chance=0.0))
+    by_chance = registered(glue, wrong_prior())
+    assert by_chance.filtered
+    assert len(by_chance.credible) > 10
+    glue, _ = told(matches, "none", GlueConfig())
+    assert not registered(glue, wrong_prior()).filtered
+    assert registered(glue, Rough(true_transform(), 0.5)).filtered
+
+
+def test_the_fallback_mends_a_rough_transform_that_geometry_does_not_agree_with(
+    told: Told,
+) -> None:
+    matches = geometric_matches(right=100, wrong=900)
+    glue, feature = told(matches, "none", GlueConfig(fallback="sc2_pcr"))
+    result = registered(glue, wrong_prior())
+    assert result.filtered
+    assert feature.rough is not None
+    assert translation_cm(feature.rough.T_target_source, true_transform()) < 1
+    assert (result.credible.weights == 1.0).sum() > 90
 
 
 @pytest.mark.parametrize("right", [0, 2, 9])
