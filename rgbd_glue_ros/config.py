@@ -416,15 +416,18 @@ class OdometryConfig:
         maximum=1.0,
     )
     recovery_attempts: int = _parameter(
-        3, "Keyframes tried per frame when tracking fails.", minimum=0, maximum=100
+        3,
+        "Keyframes tried per frame when tracking fails; while the camera is lost, all in turn.",
+        minimum=0,
+        maximum=100,
     )
     recovery_inliers: int = _parameter(
         25, "Visual inliers that recovery needs: a wrong one is worse than none.", minimum=3
     )
     reset_countdown: int = _parameter(
         30,
-        "Frames without a pose after which a new keyframe starts at the last pose; 0 waits for "
-        "ever.",
+        "Frames that show something and have no pose, after which a new keyframe starts at the "
+        "last pose; 0 waits for ever.",
         minimum=0,
     )
 

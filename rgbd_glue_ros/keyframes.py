@@ -71,6 +71,17 @@ class Keyframes:
         """The last ``count`` keyframes, newest first."""
         return list(self._kept)[::-1][:count]
 
+    def in_turn(self, count: int, turn: int) -> list[Keyframe]:
+        """``count`` of all keyframes, newest first and other ones every turn, until all had theirs.
+
+        Args:
+            count: how many.
+            turn: from 0, which has the newest.
+        """
+        newest_first = self.latest(len(self._kept))
+        start = turn * count % max(len(newest_first), 1)
+        return (newest_first[start:] + newest_first[:start])[:count]
+
     def nearest(self, T_odom_camera: Float64, window: int) -> list[Keyframe]:
         """The last ``window`` keyframes, those first that saw the room from most nearly there."""
         return sorted(

@@ -46,11 +46,12 @@ def _nearest_two_float(query: Float32, reference: Float32) -> tuple[Int64, Float
         nearest = score.argmax(axis=1)
         score[rows, nearest] = -np.inf
         second = score.argmax(axis=1)
-        index[start : start + len(block)] = nearest
-        for column, neighbour in enumerate((nearest, second)):
-            # the product cancels digits, so the two distances kept are computed directly
-            difference = block - reference[neighbour]
-            distances[start : start + len(block), column] = np.linalg.norm(difference, axis=1)
+        # the product cancels digits, so the two distances kept are computed directly
+        two = np.column_stack([nearest, second])
+        found = np.linalg.norm(block[:, None] - reference[two], axis=2)
+        # and may turn out to be the other way about
+        index[start : start + len(block)] = two[rows, found.argmin(axis=1)]
+        distances[start : start + len(block)] = np.sort(found, axis=1)
     return index, distances
 
 

@@ -177,9 +177,12 @@ class Odometry:
         return best
 
     def _recover(self, features: FrameFeatures) -> _Fix | None:
-        """Looks for the frame near the latest keyframes, without a prior and more sceptically."""
+        """Looks for the frame near a few keyframes, without a prior and more sceptically.
+
+        The latest come first; while the camera stays lost, frame by frame all others.
+        """
         odometry = self._config.odometry
-        for keyframe in self._keyframes.latest(odometry.recovery_attempts):
+        for keyframe in self._keyframes.in_turn(odometry.recovery_attempts, self._missed):
             result = self._glue.register(features, keyframe.features)
             if (
                 result.T_target_source is None
@@ -245,12 +248,12 @@ class Odometry:
     ) -> OdometryEstimate:
         """No pose for this frame; after enough of them, a new start at the last one."""
         self.state = missed.state
+        model = model_of(features.view, self._config.refine.grid_step)
+        if len(model.planes.points) < self._config.odometry.min_planes:
+            return missed  # a covered camera may yet come back to a place that is known
         self._missed += 1
         countdown = self._config.odometry.reset_countdown
         if countdown == 0 or self._missed < countdown:
-            return missed
-        model = model_of(features.view, self._config.refine.grid_step)
-        if len(model.planes.points) < self._config.odometry.min_planes:
             return missed
         stamp_ns = missed.stamp_ns
         seconds = (stamp_ns - motion.stamp_ns) / NANOSECONDS

@@ -43,6 +43,14 @@ def room_frame(time_s: float) -> RgbdFrame:
     return RgbdFrame(round(time_s * 1e9), color.copy(), depth.copy(), CAMERA)
 
 
+@lru_cache(maxsize=64)
+def panned_frame(radians: float) -> RgbdFrame:
+    """What the camera sees after turning to the right from where its motion starts."""
+    T = true_pose(0.0) @ se3.exp(np.array([0, 0, 0, 0, radians, 0]))
+    color, depth = render(_scene(), T, CAMERA)
+    return RgbdFrame(0, color, depth, CAMERA)
+
+
 def room_view(time_s: float) -> View:
     """The same, prepared for registration."""
     frame = room_frame(time_s)

@@ -92,3 +92,13 @@ def test_keyframes_older_than_the_window_are_not_stepped_back_to() -> None:
         add(keyframes, moved(way))
     assert [k.number for k in keyframes.nearest(np.eye(4), window=2)] == [1, 2]
     assert [k.number for k in keyframes.latest(2)] == [2, 1]
+
+
+@given(n=st.integers(0, 9), count=st.integers(0, 4))
+def test_in_turn_the_newest_come_first_and_all_have_their_turn(n: int, count: int) -> None:
+    keyframes = Keyframes(9)
+    for _ in range(n):
+        add(keyframes, np.eye(4))
+    assert [k.number for k in keyframes.in_turn(count, 0)] == list(range(n))[::-1][:count]
+    turns = [k.number for turn in range(9) for k in keyframes.in_turn(count, turn)]
+    assert set(turns) == (set(range(n)) if count else set())

@@ -104,3 +104,15 @@ def test_every_target_keeps_its_cheapest_match(
     for row in kept:
         assert cost[row] == cost[target == target[row]].min()
     assert list(kept) == sorted(kept)
+
+
+def test_the_nearest_is_no_farther_than_the_second_however_many_digits_cancel() -> None:
+    rng = np.random.default_rng(0)
+    base = rng.uniform(0, 200, (1, 33))
+    reference = (base + rng.normal(0, 1e-3, (50, 33))).astype(np.float32)
+    query = (base + rng.normal(0, 1e-3, (200, 33))).astype(np.float32)
+    index, distances = nearest_two(query, reference)
+    assert (distances[:, 0] <= distances[:, 1]).all()
+    nearest = np.linalg.norm(query - reference[index], axis=1)
+    np.testing.assert_allclose(nearest, distances[:, 0], rtol=1e-6)
+    assert (distance_ratio(distances) <= 1).all()

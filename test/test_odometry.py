@@ -16,7 +16,7 @@ import pytest
 from bag_frames import recorded_frames, true_poses
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from room_rig import room_frame, true_pose
+from room_rig import panned_frame, room_frame, true_pose
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import Config, load_preset, with_values
@@ -412,10 +412,26 @@ def test_while_nothing_is_seen_the_new_start_waits() -> None:
     config = with_values(Config(), {"odometry.reset_countdown": 5})
     frames = recorded_frames()
     hidden = [covered(frames[20])] * 20
-    estimates = track(numbered([*frames[:20], *hidden, *another_room(2)]), config)
-    assert {estimate.state for estimate in estimates[20:40]} == {LOST}
-    assert estimates[40].state is TRACKING
-    assert estimates[40].is_keyframe
+    estimates = track(numbered([*frames[:20], *hidden, *another_room(5)]), config)
+    assert {estimate.state for estimate in estimates[20:44]} == {LOST}
+    assert estimates[44].state is TRACKING
+    assert estimates[44].is_keyframe
+
+
+def test_a_lost_camera_is_found_at_a_place_that_it_left_many_keyframes_ago() -> None:
+    config = with_values(PATIENT, {"odometry.recovery_attempts": 2})
+    way = [panned_frame(radians) for radians in np.arange(0, 1.5, 0.1)]
+    estimates = track(numbered([*way, covered(way[-1]), *[panned_frame(0.02)] * 6]), config)
+    assert sum(e.is_keyframe for e in estimates[:15]) >= 5
+    found = [e for e in estimates[16:] if e.state is TRACKING]
+    assert found
+    assert estimates[16].state is LOST  # the latest keyframes do not show that place
+    for estimate in found:
+        T = estimate.T_odom_camera
+        assert T is not None
+        error = se3.inverse(se3.exp(np.array([0, 0, 0, 0, 0.02, 0]))) @ T
+        assert np.linalg.norm(error[:3, 3]) < 0.02
+        assert se3.rotation_angle(error) < 0.01
 
 
 def test_it_starts_with_the_first_frame_that_has_depth() -> None:
