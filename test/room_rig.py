@@ -83,3 +83,10 @@ def true_twist(time_s: float) -> Float64:
     half = 1e-3
     T = se3.inverse(true_pose(time_s - half)) @ true_pose(time_s + half)
     return se3.log(T) / (2 * half)
+
+
+def turned_frame(yaw: float, stamp_ns: int) -> RgbdFrame:
+    """What the camera sees from where it began, turned to the right by an angle (rad)."""
+    turn = se3.exp(np.array([0, 0, 0, 0, yaw, 0]))
+    color, depth = render(_scene(), true_pose(0.0) @ turn, CAMERA)
+    return RgbdFrame(stamp_ns, color, depth, CAMERA)

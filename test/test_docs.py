@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from rgbd_glue_ros.config import NodeConfig, to_markdown
@@ -12,3 +13,29 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 def test_the_nodes_parameters_are_documented_as_they_are_declared() -> None:
     text = (DOCS / "node.md").read_text(encoding="utf-8")
     assert to_markdown(NodeConfig()) in text
+
+
+def test_every_fault_in_the_documentation_names_tests_that_exist() -> None:
+    rows = [
+        line.split("|")
+        for line in (DOCS / "robustness.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith("|") and not line.startswith(("|---", "| fault |"))
+    ]
+    exist = {
+        name
+        for path in Path(__file__).parent.glob("test_*.py")
+        for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    for _, fault, behaviour, tests, _ in rows:
+        assert fault.strip()
+        assert behaviour.strip()
+        named = set(re.findall(r"`(\w+)`", tests))
+        assert named, f"no test for {fault}"
+        assert named <= exist, f"no such tests: {named - exist}"
+
+
+def test_every_test_of_faults_is_in_the_documentation() -> None:
+    text = (DOCS / "robustness.md").read_text(encoding="utf-8")
+    for path in Path(__file__).parent.glob("test_faults*.py"):
+        for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE):
+            assert f"`{name}`" in text

@@ -117,6 +117,16 @@ def test_a_camera_that_is_unplugged_for_ten_seconds_is_missed_and_taken_up_again
             rig.pose_of(corner_frame(START_NS + 10 * NANOSECONDS + PERIOD_NS))
 
 
+def test_without_a_clock_simulated_time_stops_neither_poses_nor_diagnostics(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain, use_sim_time=True), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.pose_of(corner_frame(START_NS))
+        rig.diagnostics.clear()
+        rig.wait(lambda: rig.diagnostics, "diagnostics")
+
+
 def there_and_back(recording: Recording, passes: int) -> Recording:
     """The recording forward and backward in turn, its time going on."""
     groups = [list(g) for _, g in itertools.groupby(recording.messages, lambda m: m.stamp_ns)]
