@@ -563,6 +563,24 @@ USUAL_NAMES = {"reset_countdown": "odometry.reset_countdown"}
 """Names that users of rtabmap_odom know, and the parameters of the method that they stand for."""
 
 
+FIXED = {
+    "features": "the keyframes hold features of one kind",
+    "timing": "what was learnt of the camera's times rests on it",
+    "odometry.keyframes": "the room for keyframes is made at the start",
+}
+"""Parameters and sections of the method that cannot change while it runs, and why not."""
+
+NODE_CHANGEABLE = ("max_update_rate", "publish_null_when_lost", "path_period", "initial_pose")
+"""Parameters of the node that can change while it runs; ``initial_pose`` counts at a reset."""
+
+
+def fixed_because(name: str) -> str | None:
+    """Why a parameter (dotted name) cannot change while the node runs; None if it can."""
+    if name in values(NodeConfig()):
+        return None if name in NODE_CHANGEABLE else "it is read once, when the node starts"
+    return FIXED.get(name) or FIXED.get(name.partition(".")[0])
+
+
 def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:
     """The declarations of all parameters of a configuration (class or instance), in order."""
     for item in fields(config):  # type: ignore[arg-type]

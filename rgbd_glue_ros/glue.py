@@ -129,6 +129,10 @@ class Glue:
         self._geometric = GEOMETRIC[config.features.geometric](config.features)
         self._threads = ThreadPoolExecutor(1, thread_name_prefix="geometric")
 
+    def reconfigure(self, config: Config) -> None:
+        """Takes other parameters, with the same features."""
+        self._config = config
+
     def extract(self, view: View) -> FrameFeatures:
         """Section 3.1: visual and geometric features, side by side on two threads."""
         geometric = self._threads.submit(_timed, self._geometric.extract, view)

@@ -27,13 +27,14 @@ from std_srvs.srv import Empty
 from rgbd_glue_ros import config as cfg
 from rgbd_glue_ros import messages, se3, topics
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.frames import pose_parameter
 from rgbd_glue_ros.monitor import Drop, Monitor
 from rgbd_glue_ros.node_depth import DepthCameraInput
 from rgbd_glue_ros.node_diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node_framing import NodeFraming
 from rgbd_glue_ros.node_inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node_outputs import NodeOutputs
-from rgbd_glue_ros.node_parameters import declare_parameters
+from rgbd_glue_ros.node_parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node_runtime import NodeExecutor, RosLogHandler, init
 from rgbd_glue_ros.node_tf import listen
 from rgbd_glue_ros.node_watch import NodeWatch
@@ -103,6 +104,7 @@ class OdometryNode(Node):  # type: ignore[misc]
             (topics.RESUME_SERVICE, self._serve_resume),
         ):
             self.create_service(Empty, name, serve)
+        follow_changes(self, self._node_config, self._config, self._take_parameters)
         self._warmed_up = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
         threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
@@ -127,6 +129,11 @@ class OdometryNode(Node):  # type: ignore[misc]
         if self._node_config.always_process_most_recent_frame:
             return NewestWorker(self._process, lambda _: self.monitor.dropped(Drop.SUPERSEDED))
         return QueueWorker(self._process, self._node_config.sync_queue_size)
+
+    def _take_parameters(self, node_config: cfg.NodeConfig, config: cfg.Config) -> None:
+        """Goes on by changed parameters, from the next frame on."""
+        self._node_config = self._outputs.config = node_config
+        self._requests.put(lambda: self._odometry.reconfigure(config))
 
     # Services
 
@@ -231,6 +238,7 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _reset(self) -> None:
         self._odometry.reset()
+        self._framing.start_at(pose_parameter("initial_pose", self._node_config.initial_pose))
         self._outputs.forget_path()
         self._last_stamp_ns = None
 

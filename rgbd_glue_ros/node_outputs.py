@@ -28,7 +28,11 @@ NULL_VARIANCE = 9999.0
 
 
 class NodeOutputs:
-    """Publishes what an estimate knows, and nothing that it does not."""
+    """Publishes what an estimate knows, and nothing that it does not.
+
+    Attributes:
+        config: what to publish; may be replaced by one that ``config.fixed_because`` allows.
+    """
 
     def __init__(self, node: Node, config: NodeConfig, *, has_tf: bool) -> None:
         """Creates the publishers.
@@ -39,7 +43,7 @@ class NodeOutputs:
             has_tf: whether /tf can be published.
         """
         self._node = node
-        self._config = config
+        self.config = config
         # without a robot frame, the child is the optical frame, whose parent is the driver's
         does_broadcast = has_tf and config.publish_tf and config.frame_id
         self._broadcaster = Broadcaster(node) if does_broadcast else None
@@ -83,13 +87,13 @@ class NodeOutputs:
             frame: that it is of.
             T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
         """
-        child = self._config.frame_id or frame.frame_id
+        child = self.config.frame_id or frame.frame_id
         self._show_matches(frame, estimate)
         if estimate.T_odom_camera is None:
-            if self._config.publish_null_when_lost:
+            if self.config.publish_null_when_lost:
                 self._odom.publish(self._null(estimate.stamp_ns, child))
             return
-        head = message_fields.header(estimate.stamp_ns, self._config.odom_frame_id)
+        head = message_fields.header(estimate.stamp_ns, self.config.odom_frame_id)
         T_odom_child = framing.pose(estimate.T_odom_camera)
         pose = message_fields.copy_fields(
             message_fields.pose_stamped(T_odom_child, head), PoseStamped()
@@ -123,7 +127,7 @@ class NodeOutputs:
         """Adds the pose where it is time, and publishes the path while somebody listens."""
         if self._way:
             since_ns = stamp_ns(pose.header.stamp) - stamp_ns(self._way[-1].header.stamp)
-            if since_ns < self._config.path_period * NANOSECONDS:
+            if since_ns < self.config.path_period * NANOSECONDS:
                 return
         self._way.append(pose)
         if self._path.get_subscription_count():
@@ -140,7 +144,7 @@ class NodeOutputs:
         self, T_odom_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
     ) -> None:
         """Publishes /tf, where that leaves every frame with one parent."""
-        config = self._config
+        config = self.config
         if self._broadcaster is None:
             return
         if not config.guess_frame_id:
@@ -153,7 +157,7 @@ class NodeOutputs:
 
     def _null(self, stamp_ns: int, child: str) -> OdometryMessage:
         """What rtabmap_odom publishes for a frame without a pose."""
-        head = message_fields.header(stamp_ns, self._config.odom_frame_id)
+        head = message_fields.header(stamp_ns, self.config.odom_frame_id)
         odom = OdometryMessage()
         message_fields.copy_fields(head, odom.header)
         odom.child_frame_id = child

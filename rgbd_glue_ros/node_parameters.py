@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 
 from rgbd_glue_ros import config as cfg
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.frames import pose_parameter
 
 
 def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
@@ -46,13 +55,64 @@ def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
     return node_config, odometry_config
 
 
+def follow_changes(
+    node: Node,
+    node_config: cfg.NodeConfig,
+    config: cfg.Config,
+    changed: Callable[[cfg.NodeConfig, cfg.Config], None],
+) -> None:
+    """Lets parameters change that can while the node runs; others are refused with the reason.
+
+    Args:
+        node: whose parameters were declared by ``declare_parameters``.
+        node_config: the node's values so far.
+        config: the method's values so far.
+        changed: called with all values after some have changed.
+    """
+    now = (node_config, config)
+
+    def parts(parameters: list[RosParameter]) -> tuple[dict[str, object], dict[str, object]]:
+        own, method = (
+            {p.name: p.value for p in parameters if p.name in cfg.values(part)} for part in now
+        )
+        return own, method
+
+    def check(parameters: list[RosParameter]) -> SetParametersResult:
+        own, method = parts(parameters)
+        for name in (*own, *method):
+            reason = cfg.fixed_because(name)
+            if reason:
+                return SetParametersResult(
+                    successful=False, reason=f"{name} cannot change while the node runs: {reason}"
+                )
+        try:
+            cfg.with_values(now[0], own)
+            cfg.with_values(now[1], method)
+            pose_parameter("initial_pose", str(own.get("initial_pose", "")))
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def take(parameters: list[RosParameter]) -> None:
+        nonlocal now
+        own, method = parts(parameters)
+        if own or method:
+            now = cfg.with_values(now[0], own), cfg.with_values(now[1], method)
+            changed(*now)
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(take)
+
+
 def _descriptor(parameter: cfg.Parameter) -> ParameterDescriptor:
-    """The declaration of a parameter, as ROS tells it; all are read once, at the start."""
+    """The declaration of a parameter, as ROS tells it."""
+    fixed = cfg.fixed_because(parameter.name)
     descriptor = ParameterDescriptor(
         name=parameter.name,
         description=parameter.description,
-        additional_constraints=f"Takes {parameter.allowed}.",
-        read_only=True,
+        # not read_only, which would refuse without the reason
+        additional_constraints=f"Takes {parameter.allowed}."
+        + (f" Cannot change while the node runs: {fixed}." if fixed else ""),
     )
     low, high = parameter.minimum, parameter.maximum
     if parameter.type is int and (low, high) != (None, None):

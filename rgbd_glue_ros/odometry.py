@@ -65,6 +65,11 @@ class Odometry:
         self._glue = Glue(config)
         self.reset()
 
+    def reconfigure(self, config: Config) -> None:
+        """Goes on by other parameters, of which ``config.fixed_because`` says none is fixed."""
+        self._config = config
+        self._glue.reconfigure(config)
+
     def reset(self) -> None:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
         self.state = TrackingState.INITIALIZING

@@ -27,6 +27,8 @@ from rgbd_glue_ros.topics import DIAGNOSTICS, KEYFRAME_POSE, ODOM, POSE, SUBSCRI
 from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame
 
 PATIENCE_S = 30.0
+# A node that starts for the first time compiles, on a machine that may have other things to do.
+START_S = 300.0
 OPTICAL_FRAME = "camera_color_optical_frame"
 
 
@@ -136,12 +138,14 @@ class Rig:
         """A publisher with the rig's reliability."""
         return self.node.create_publisher(kind, topic, self._qos)
 
-    def wait(self, condition: Callable[[], object], what: str) -> None:
+    def wait(
+        self, condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S
+    ) -> None:
         """Handles events until ``condition`` holds."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + patience_s
         while not condition():
             left = deadline - time.monotonic()
-            assert left > 0, f"waited {PATIENCE_S} s in vain for {what}"
+            assert left > 0, f"waited {patience_s} s in vain for {what}"
             # matches of other participants wake nothing here, so look for them now and then
             self._executor.spin_once(timeout_sec=min(left, 0.02))
 
@@ -164,7 +168,7 @@ class Rig:
             published = self.node.count_publishers(POSE), self.node.count_publishers(ODOM)
             return published == (1, 1)
 
-        self.wait(is_matched, "the node's subscriptions")
+        self.wait(is_matched, "the node's subscriptions", START_S)
 
     def send(self, triple: Triple) -> None:
         """Publishes three messages."""

@@ -10,10 +10,14 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from rgbd_glue_ros.config import (
+    FIXED,
+    NODE_CHANGEABLE,
+    USUAL_NAMES,
     Config,
     NodeConfig,
     Parameter,
     Value,
+    fixed_because,
     load_preset,
     load_yaml,
     parameters,
@@ -232,3 +236,14 @@ def test_a_file_that_is_missing_or_no_text_is_refused(tmp_path: Path) -> None:
 def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
     with pytest.raises(InputError, match="preset 'fast': does not exist; take one of live, paper"):
         load_preset("fast")
+
+
+def test_what_is_named_as_fixed_or_changeable_exists() -> None:
+    names = {p.name for p in ALL}
+    sections = {name.partition(".")[0] for name in names}
+    assert {*FIXED} <= names | sections
+    assert {*NODE_CHANGEABLE} <= names
+    assert {*USUAL_NAMES.values()} <= names
+    assert fixed_because("glue.k") is None
+    assert fixed_because("features.visual")
+    assert fixed_because("frame_id")

@@ -31,7 +31,7 @@ from nav_msgs.msg import Path
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from ros_rig import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
+from ros_rig import OPTICAL_FRAME, PATIENCE_S, START_S, Rig, corner_frame
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Empty
 
@@ -62,7 +62,7 @@ def node_in(domain: int, *arguments: str, **parameters: object) -> Iterator[Node
 @pytest.fixture(scope="module")
 def running() -> Iterator[Running]:
     with private_domain() as domain, node_in(domain) as node, Rig(domain) as rig:
-        node.wait_for_line("Subscribed", PATIENCE_S)
+        node.wait_for_line("Subscribed", START_S)
         rig.wait_until_matched()
         yield Running(node, rig, itertools.count(1_700_000_000 * NANOSECONDS, PERIOD_NS))
 
@@ -188,9 +188,7 @@ def test_a_backward_jump_of_time_starts_anew_and_is_logged(running: Running) -> 
     running.rig.publish(running.frame())  # and forward again
 
 
-def test_every_parameter_is_declared_with_its_description_and_cannot_be_changed_later(
-    running: Running,
-) -> None:
+def test_every_parameter_is_declared_with_its_description_and_range(running: Running) -> None:
     declared = {p.name: p for part in (NodeConfig(), Config()) for p in parameters(part)}
     client = AsyncParameterClient(running.rig.node, "rgbd_odometry")
     running.rig.wait(client.services_are_ready, "the parameter services")
@@ -199,15 +197,57 @@ def test_every_parameter_is_declared_with_its_description_and_cannot_be_changed_
     for descriptor in described.result().descriptors:
         parameter = declared[descriptor.name]
         assert descriptor.description == parameter.description
-        assert descriptor.read_only
+        assert parameter.allowed in descriptor.additional_constraints
         for bounds in (*descriptor.integer_range, *descriptor.floating_point_range):
             assert parameter.minimum in (None, bounds.from_value)
             assert parameter.maximum in (None, bounds.to_value)
-    change = client.set_parameters([Parameter("glue.k", value=4.0)])
-    running.rig.wait(change.done, "the answer")
+
+
+def set_parameter(rig: Rig, name: str, value: object) -> str:
+    """Sets a parameter; returns why that was refused, "" if it was not."""
+    client = AsyncParameterClient(rig.node, "rgbd_odometry")
+    rig.wait(client.services_are_ready, "the parameter services")
+    change = client.set_parameters([Parameter(name, value=value)])
+    rig.wait(change.done, "the answer")
     (result,) = change.result().results
-    assert not result.successful
-    assert "read-only" in result.reason
+    return "" if result.successful else result.reason
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("features.visual", "sift", "the keyframes hold features of one kind"),
+        ("odometry.keyframes", 5, "the room for keyframes is made at the start"),
+        ("frame_id", "base_link", "it is read once, when the node starts"),
+        ("glue.k", 1000.0, "out of range"),
+        ("glue.k", 4, "type"),
+        ("initial_pose", "1 2", "not six or seven finite numbers"),
+    ],
+)
+def test_what_cannot_change_while_the_node_runs_is_refused_with_the_reason(
+    running: Running, name: str, value: object, reason: str
+) -> None:
+    assert reason in set_parameter(running.rig, name, value)
+
+
+def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_domain: int) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        for i in range(2):
+            rig.pose_of(corner_frame(i * PERIOD_NS))
+        # nothing is believed any more, and then everything again
+        assert not set_parameter(rig, "odometry.min_planes", 10**6)
+        assert not set_parameter(rig, "odometry.min_pixels", 10**6)
+        rig.publish(corner_frame(2 * PERIOD_NS))
+        node.wait_for_line("Lost at 0.067", PATIENCE_S)
+        assert not set_parameter(rig, "odometry.min_planes", 200)
+        rig.pose_of(corner_frame(3 * PERIOD_NS))
+        # the new start is for the next reset, so that odom does not jump
+        assert not set_parameter(rig, "initial_pose", "5 0 0 0 0 0")
+        x = rig.pose_of(corner_frame(4 * PERIOD_NS)).pose.position.x
+        assert abs(x) < 0.01
+        call(rig, "reset_odom")
+        assert rig.pose_of(corner_frame(5 * PERIOD_NS)).pose.position.x == 5
 
 
 def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_domain: int) -> None:
