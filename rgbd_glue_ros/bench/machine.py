@@ -29,6 +29,7 @@ def machine() -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "memory_gb": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30),
         "system": _system(),
+        "niceness": os.nice(0),
         "python": platform.python_version(),
         "versions": {
             "opencv": cv2.__version__,

@@ -24,7 +24,7 @@ rmse."""
 
 _STAGES = """\
 Median milliseconds of each stage of ours, and beside it the floor: what its core costs in C++
-on frames of the same run (least of three in a row, on every tenth frame). Visual and geometric
+on frames of the same run (least of three in a row, on every twentieth frame). Visual and geometric
 features are computed side by side on two threads. Where a floor is above the stage, the stage
 is faster than that library."""
 
@@ -78,7 +78,8 @@ Written {written}, by
 
 on {machine["cores"]} cores of {machine["processor"]}, {machine["memory_gb"]} GB, \
 {machine["system"]}, Python {machine["python"]}; {versions}. \
-Processes that wanted to run on the whole machine, over a minute: {load}.
+Processes that wanted to run on the whole machine, over a minute: {load}; niceness of these \
+{machine["niceness"]}.
 
 The peers come with `pip install 'rgbd_glue_ros[bench]'`; `scripts/bench` does all of it."""
 
