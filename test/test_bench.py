@@ -158,8 +158,8 @@ def test_every_floor_belongs_to_a_stage_of_its_own_and_takes_some_time(floor: An
     if floor.needs_open3d:
         pytest.importorskip("open3d")
     floors = Floors(Config())
-    for i in range(20):
-        floors.show(room_frame(i / RATE_HZ))
+    for i in range(50):
+        floors.show(room_frame(i % FRAMES / RATE_HZ))
     assert floors.figures()["floors_ms"][floor.stage] > 0
     assert [f.stage for f in FLOORS].count(floor.stage) == 1
 
@@ -167,7 +167,7 @@ def test_every_floor_belongs_to_a_stage_of_its_own_and_takes_some_time(floor: An
 def test_frames_that_show_nothing_have_no_floor() -> None:
     floors = Floors(Config())
     frame = room_frame(0.0)
-    for _ in range(40):
+    for _ in range(100):
         floors.show(replace(frame, color=np.zeros_like(frame.color)))
     assert floors.figures() == {"floors_ms": {}}
 

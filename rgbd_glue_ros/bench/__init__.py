@@ -85,7 +85,7 @@ class _Bench:
         """Before anything else loads what the odometry has no need of."""
         if self.plan.memory_frames:
             memory = Memory(recording, self.plan.config, self.plan.memory_frames)
-            self._run(memory, recording, self.memory)
+            self.run(memory, recording, self.memory)
 
     def installed(self, name: str) -> Peer | None:
         """A peer; None, and a line that says what to install, where it is not."""
@@ -97,25 +97,22 @@ class _Bench:
             self.not_installed[name] = error.remedy
         return None
 
-    def measure(self, recording: Recording, peers: dict[str, Peer]) -> None:
-        """All parts of the plan on one recording."""
-        config = self.plan.config
+    def compare(self, recording: Recording, peers: dict[str, Peer]) -> dict[str, Any]:
+        """Ours, the peers and the floors; gives the figures of the recording, for others to add."""
         figures: dict[str, Any] = {}
-        floors = Floors(config)
-        contest = Contest(recording, config, peers, self.plan.patience_s, floors.show)
+        floors = Floors(self.plan.config)
+        patience_s = self.plan.patience_s
+        contest = Contest(recording, self.plan.config, peers, patience_s, floors.show)
         try:
-            self._run(contest, recording, figures)
+            self.run(contest, recording, figures)
         finally:
             figures |= floors.figures()
             if figures["contest"][OURS]["frames"]:
                 self.sequences[self._title(recording)] = figures
                 self.write()
-        if self.plan.robustness:
-            self._run(Robustness(recording, config), recording, figures)
-        if self.plan.live:
-            self._run(Live(recording), recording, figures)
+        return figures
 
-    def _run(self, part: Part, recording: Recording, figures: dict[str, Any]) -> None:
+    def run(self, part: Part, recording: Recording, figures: dict[str, Any]) -> None:
         self.on_part(part, recording)
         try:
             part.run(self.on_frame)
@@ -193,7 +190,7 @@ def run_bench(
     bench = _Bench(plan, folder, on_part, on_frame)
     unusable: list[InputError] = []
 
-    def use(source: Path, measure: Callable[[Recording], None]) -> None:
+    def use(source: Path, measure: Callable[[Recording], object]) -> None:
         try:
             with open_source(source) as recording:
                 limit = plan.limit
@@ -207,11 +204,25 @@ def run_bench(
     # OpenMP's threads would go on spinning in the time of whoever comes next
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     peers = {name: peer for name in plan.peers if (peer := bench.installed(name)) is not None}
+    compared: dict[Path, dict[str, Any]] = {}
     for source in sources:
-        use(source, lambda recording: bench.measure(recording, peers))
+        use(source, lambda r: compared.update({source: bench.compare(r, peers)}))  # noqa: B023
     if not bench.sequences and unusable:
         raise unusable[0]
+    # what takes long comes last, so that a run that is broken off has something of every recording
+    for part in _further_parts(plan):
+        for source, figures in compared.items():
+            use(source, lambda r: bench.run(part(r), r, figures))  # noqa: B023
     return bench.figures()
+
+
+def _further_parts(plan: Plan) -> list[Callable[[Recording], Part]]:
+    parts: list[Callable[[Recording], Part]] = []
+    if plan.live:
+        parts.append(Live)
+    if plan.robustness:
+        parts.append(lambda recording: Robustness(recording, plan.config))
+    return parts
 
 
 def _check_writable(folder: Path) -> None:

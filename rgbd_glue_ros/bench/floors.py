@@ -23,7 +23,7 @@ from rgbd_glue_ros.model import LEVELS
 from rgbd_glue_ros.normals import grid_points_and_normals
 from rgbd_glue_ros.types import RgbdFrame
 
-_EVERY = 20
+_EVERY = 50
 # One of several runs in a row finds caches warm and no other process on the core.
 _RUNS = 3
 _TRACK_WINDOW_PX = 21
@@ -218,7 +218,7 @@ FLOORS = (
 
 
 class Floors:
-    """Measures all floors on every twentieth frame that it is shown."""
+    """Measures all floors on every fiftieth frame that it is shown."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
