@@ -16,7 +16,7 @@ from rgbd_glue_ros.glue import FrameFeatures, Glue
 from rgbd_glue_ros.keyframes import Keyframe, Keyframes
 from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
-from rgbd_glue_ros.refinement import Refinement, judge, refine
+from rgbd_glue_ros.refinement import COARSE_TO_FINE, Refinement, judge, refine
 from rgbd_glue_ros.timing import Timing
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -29,6 +29,9 @@ from rgbd_glue_ros.types import (
     View,
 )
 
+# The levels that poses are compared at, and those that the best is finished at, once the velocity
+# that it implies is known: the images of a fast camera depend on that.
+_COARSE, _FINE = COARSE_TO_FINE[:-1], COARSE_TO_FINE[-2:]
 # Between frames farther apart a velocity says too little of the moment of one to time it.
 _STEADY_NS = NANOSECONDS // 10
 # A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
@@ -107,17 +110,14 @@ class Odometry:
                 "leave it out, or call reset() when time starts again",
             )
         self._last_stamp_ns = frame.stamp_ns
-        view = self._view(frame)
+        predicted = self._predicted(frame.stamp_ns, T_guess_camera)
+        view = self._view(frame, predicted)
         prepared = perf_counter()
         features = self._glue.extract(view)
         stages = {"preparation": (prepared - start) * 1e3, **features.stages_ms}
-        if self._motion is None:
+        if self._motion is None or predicted is None:
             return self._begin(frame.stamp_ns, features, stages)
-        predicted = self._motion.predicted(frame.stamp_ns, self._config.motion)
-        if self._T_guess_last is not None and T_guess_camera is not None:
-            step = se3.inverse(self._T_guess_last) @ T_guess_camera
-            predicted = replace(predicted, T_odom_camera=self._motion.T_odom_camera @ step)
-        tracked = self._track(features, predicted.T_odom_camera)
+        tracked = self._track(features, predicted)
         if isinstance(tracked, _Fix):
             return self._accept(predicted, features, tracked, stages)
         recovered = self._recover(features)
@@ -128,26 +128,35 @@ class Odometry:
         )
         return self._miss(self._motion, features, missed)
 
-    def _view(self, frame: RgbdFrame) -> View:
-        """The frame without distortion, its depth in range and at the time of the colour image."""
+    def _predicted(self, stamp_ns: int, T_guess_camera: Float64 | None) -> Motion | None:
+        """The motion at a stamp as far as it is known before the images are; None at the start."""
+        if self._motion is None:
+            return None
+        predicted = self._motion.predicted(stamp_ns, self._config.motion)
+        if self._T_guess_last is None or T_guess_camera is None:
+            return predicted
+        step = se3.inverse(self._T_guess_last) @ T_guess_camera
+        return replace(predicted, T_odom_camera=self._motion.T_odom_camera @ step)
+
+    def _view(self, frame: RgbdFrame, predicted: Motion | None) -> View:
+        """The frame without distortion, its depth in range, and how it was taken."""
         frame = rectified(frame)
         depth = limit_depth(frame.depth, self._config.camera)
-        if self._motion is None:
+        if predicted is None:
             self._timing = Timing.start(self._config.timing, frame.frame_id)
-        K, readout = frame.intrinsics, self._timing.readout
-        if self._motion is None:
-            return View(grey(frame.color), depth, K, readout=readout)
-        # what the camera does between the two images is what it did lately
+        velocity = np.zeros(6) if predicted is None else predicted.velocity
         delay = frame.depth_delay_ns / NANOSECONDS - self._timing.depth_latency
-        return View(grey(frame.color), depth, K, self._motion.velocity, readout, delay)
+        return View(
+            grey(frame.color), depth, frame.intrinsics, velocity, self._timing.readout, delay
+        )
 
-    def _track(self, features: FrameFeatures, predicted: Float64) -> _Fix | RegistrationResult:
+    def _track(self, features: FrameFeatures, motion: Motion) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
 
         Returns:
             A pose, or the registration that says why there is none.
         """
-        odometry = self._config.odometry
+        odometry, predicted = self._config.odometry, motion.T_odom_camera
         references = self._keyframes.nearest(predicted, odometry.window)[: odometry.references]
         reference = references[0]
         prior = None
@@ -161,6 +170,10 @@ class Odometry:
         if result.T_target_source is not None:
             starts.append(reference.T_odom_camera @ result.T_target_source)
         best = self._best_refinement(starts, model, features.view)
+        if best is not None and self._believable(best):
+            fix = self._fix(reference, result, best, model)
+            view = replace(features.view, twist=_corrected(motion, fix).velocity)
+            best = refine(best.T_model_source, model, view, self._config.refine, _FINE)
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         if best is None:
             return result
@@ -177,7 +190,7 @@ class Odometry:
         best: Refinement | None = None
         for start in sorted(judged, key=_support, reverse=True):
             if best is None or self._far(best, start):
-                found = refine(start.T_model_source, model, view, config)
+                found = refine(start.T_model_source, model, view, config, _COARSE)
                 best = max((found, best), key=_support) if best else found
         return best
 
@@ -288,8 +301,7 @@ class Odometry:
         stages: dict[str, float],
     ) -> OdometryEstimate:
         """Corrects the motion by the pose, and makes a keyframe where it is time."""
-        to_body = se3.adjoint(se3.inverse(fix.T_odom_camera))
-        motion = predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
+        motion = _corrected(predicted, fix)
         steady = self._motion is not None and (
             motion.stamp_ns - self._motion.stamp_ns <= _STEADY_NS
         )
@@ -359,6 +371,11 @@ class Odometry:
         # a blurred image is a poor keyframe: a sharper one is probably on its way
         blurred = 2 * len(model.pixels[0].points) < len(fix.reference.model.pixels[0].points)
         return None if blurred and way < 2 else model
+
+
+def _corrected(predicted: Motion, fix: _Fix) -> Motion:
+    to_body = se3.adjoint(se3.inverse(fix.T_odom_camera))
+    return predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
 
 
 def _support(found: Refinement) -> float:

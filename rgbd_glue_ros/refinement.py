@@ -9,6 +9,7 @@ Gauss-Newton from coarse to fine.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,7 @@ from rgbd_glue_ros.residuals import (
 )
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
+COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 _AGREEING_SIGMAS = 3.0
 _CONVERGED = (2e-5, 5e-4, 1e-3)
 # Keeps a direction that neither planes nor pixels see where the start put it.
@@ -65,7 +67,13 @@ class Refinement:
         return self.planes_agreeing / max(self.planes_seen, 1)
 
 
-def refine(T_model_source: Float64, model: Model, source: View, config: RefineConfig) -> Refinement:
+def refine(
+    T_model_source: Float64,
+    model: Model,
+    source: View,
+    config: RefineConfig,
+    levels: Sequence[int] = COARSE_TO_FINE,
+) -> Refinement:
     """Refines a pose by Gauss-Newton, coarse to fine.
 
     Args:
@@ -73,11 +81,12 @@ def refine(T_model_source: Float64, model: Model, source: View, config: RefineCo
         model: planes and pixels.
         source: the frame whose pose it is.
         config: steps at each level (0 only evaluates the start) and weights.
+        levels: of the pyramid to take the steps at; the result is judged at the finest.
     """
     T = T_model_source
     images = pyramid(source.grey)
     light = np.array(_START_LIGHT)
-    for level in reversed(range(LEVELS)):
+    for level in levels:
         for _ in range(config.iterations):
             H, g, _, _ = _linearise(T, model, images[level], level, source, config, light)
             step = np.asarray(np.linalg.solve(H + DAMPING * np.eye(6), -g), np.float64)
