@@ -87,6 +87,9 @@ _DEPTH_ENCODINGS: Mapping[str, tuple[type[np.generic], int]] = {
 # Before the PNG in a compressedDepth message: an enumerator and the two quantisation parameters
 _QUANTISATION = struct.Struct("<iff")
 
+# Focal length and centre of a camera are within so many times, and above this part of, its image.
+MAX_SIDES = 100.0
+
 # How many coefficients each distortion model may have; the order is OpenCV's in both
 _DISTORTION_MODELS: Mapping[str, tuple[int, ...]] = {
     "plumb_bob": (4, 5),
@@ -471,11 +474,16 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
         )
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy)
+    side = max(msg.width, msg.height)
     if not (
-        np.array_equal(matrix, camera.matrix) and min(fx, fy) > 0 and np.isfinite(matrix).all()
+        np.array_equal(matrix, camera.matrix)
+        and side / MAX_SIDES < min(fx, fy)
+        and max(fx, fy, abs(cx), abs(cy)) < side * MAX_SIDES
     ):
         raise InputError(
-            where, f"{name} is no camera matrix: {matrix.tolist()}", "calibrate the camera again"
+            where,
+            f"{name} is no camera matrix of {msg.width}x{msg.height} pixels: {matrix.tolist()}",
+            "calibrate the camera again",
         )
     return _binned(_cropped(camera, msg, where), msg, where)
 

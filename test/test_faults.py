@@ -4,17 +4,39 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from bag_frames import recorded_frames
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
 
 from rgbd_glue_ros.config import load_preset
 from rgbd_glue_ros.depth_source import depth_camera
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages import FrameTopics, frame_from_messages, pose_from_message, stamp_ns
+from rgbd_glue_ros.message_fields import (
+    CameraInfo,
+    CompressedImage,
+    Header,
+    Image,
+    RegionOfInterest,
+    Time,
+)
+from rgbd_glue_ros.messages import (
+    AnyImage,
+    FrameTopics,
+    color_from_message,
+    depth_from_message,
+    frame_from_messages,
+    intrinsics_from_message,
+    pose_from_message,
+    rectified_intrinsics_from_message,
+    stamp_ns,
+)
 from rgbd_glue_ros.monitor import Drop, Summary
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
@@ -98,6 +120,81 @@ def test_a_malformed_frame_is_refused_with_one_line_of_readable_length(name: str
         read_as_the_node_does(sent)
     assert len(str(refused.value)) < 1500
     assert "\n" not in str(refused.value)
+
+
+SIZES = st.sampled_from([0, 1, 2, 5, 8, 320, 2**31 - 1, 2**31, 2**32 - 1])
+NUMBERS = st.floats() | st.sampled_from([0.0, 1.0, -1.0, 300.0, 1e308, 1e-308])
+HEADERS = st.builds(
+    Header,
+    st.builds(Time, st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)),
+    st.sampled_from(["", "color", "depth"]) | st.text(max_size=20),
+)
+DATA = npst.arrays(np.uint8, st.sampled_from([0, 1, 12, 20, 64, 255, 1000]))
+IMAGES = st.builds(
+    Image,
+    header=HEADERS,
+    height=SIZES,
+    width=SIZES,
+    encoding=st.sampled_from(["rgb8", "bgra8", "mono8", "16UC1", "32FC1"]) | st.text(max_size=9),
+    is_bigendian=st.integers(0, 255),
+    step=SIZES,
+    data=DATA,
+)
+COMPRESSED_IMAGES = st.builds(
+    CompressedImage,
+    header=HEADERS,
+    format=st.sampled_from(
+        [
+            "rgb8; jpeg compressed bgr8",
+            "16UC1; compressedDepth png",
+            "32FC1; compressedDepth rvl",
+            "16UC1; compressedDepth rvl",
+            "png",
+        ]
+    )
+    | st.text(max_size=9),
+    data=DATA
+    | st.tuples(st.sampled_from([b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", bytes(12)]), DATA).map(
+        lambda parts: np.concatenate([np.frombuffer(parts[0], np.uint8), parts[1]])
+    ),
+)
+CAMERA_INFOS = st.builds(
+    CameraInfo,
+    header=HEADERS,
+    height=SIZES,
+    width=SIZES,
+    distortion_model=st.sampled_from(["plumb_bob", "rational_polynomial", "equidistant", ""]),
+    d=npst.arrays(np.float64, st.integers(0, 14), elements=NUMBERS),
+    k=npst.arrays(np.float64, 9, elements=NUMBERS),
+    r=npst.arrays(np.float64, 9, elements=NUMBERS),
+    p=npst.arrays(np.float64, 12, elements=NUMBERS),
+    binning_x=SIZES,
+    binning_y=SIZES,
+    roi=st.builds(RegionOfInterest, SIZES, SIZES, SIZES, SIZES, st.booleans()),
+)
+
+
+@given(
+    color=IMAGES | COMPRESSED_IMAGES,
+    depth=IMAGES | COMPRESSED_IMAGES,
+    info=CAMERA_INFOS,
+    depth_info=st.none() | CAMERA_INFOS,
+)
+@settings(max_examples=500)
+def test_whatever_the_fields_hold_they_make_a_frame_or_are_refused(
+    color: AnyImage, depth: AnyImage, info: CameraInfo, depth_info: CameraInfo | None
+) -> None:
+    topics = FrameTopics("/color", "/depth", "/info")
+    for read in (
+        lambda: color_from_message(color, "/color"),
+        lambda: depth_from_message(depth, "/depth"),
+        lambda: intrinsics_from_message(info, "/info"),
+        lambda: rectified_intrinsics_from_message(info, "/info"),
+        lambda: depth_camera(color, depth, info, depth_info, lambda *_: np.eye(4), topics),
+        lambda: frame_from_messages(color, depth, info, topics),
+    ):
+        with suppress(InputError):
+            read()
 
 
 @pytest.mark.parametrize(
