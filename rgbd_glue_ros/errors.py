@@ -28,6 +28,10 @@ class InputError(ValueError):
         self.remedy = remedy
         super().__init__(f"{self.where}: {self.cause}; {self.remedy}")
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        # else another process would make it of its message alone, and fail
+        return type(self), (self.where, self.cause, self.remedy)
+
 
 class MissingExtraError(ImportError):
     """An optional library is not installed; names the extra that brings it."""
@@ -39,3 +43,7 @@ class MissingExtraError(ImportError):
         )
         self.library = library
         self.extra = extra
+        self.purpose = purpose
+
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str, str]]:
+        return type(self), (self.library, self.extra, self.purpose)

@@ -66,7 +66,7 @@ def pairs_of(frames: int, gaps: Sequence[int], every: int | None = None) -> list
 
 
 def run_job(job: PairJob) -> Iterator[Results | Unposed | InputError]:
-    """The results of each pair; a fault of the recording comes in the place where it was met."""
+    """The results of each pair; a fault of the recording comes where it was met."""
     methods = {name: _method(estimator) for name, estimator in job.estimators}
     try:
         with job.open_recording(job.path) as recording:
@@ -80,14 +80,14 @@ def evaluate_pairs(
     pairs: Sequence[Pair],
     methods: Mapping[str, PairMethod],
     camera: CameraConfig,
-) -> Iterator[Results | Unposed]:
+) -> Iterator[Results | Unposed | InputError]:
     """Registers the pairs of a recording, the later frame to the earlier one.
 
-    Every frame is read once, and described once for all pairs that it is in.
+    Every frame is read once, and described once for all pairs that it is in. One that cannot be
+    read is in no pair, and the reason comes in its place.
 
     Raises:
-        InputError: there is no ground truth, or a frame cannot be read; the pairs before it were
-            given.
+        InputError: there is no ground truth.
     """
     truth = true_poses(recording)
     targets: dict[int, list[int]] = {}
@@ -96,8 +96,10 @@ def evaluate_pairs(
         targets.setdefault(source, []).append(target)
         last_use[target] = max(source, last_use.get(target, 0))
     frames: dict[int, PairFrame] = {}
-    needed = sorted({*targets, *last_use})
-    for index, image in zip(needed, recording.select(needed), strict=False):
+    for index, image in _read(recording, sorted({*targets, *last_use})):
+        if isinstance(image, InputError):
+            yield image
+            continue
         pose = pose_at(truth, image.stamp_ns)
         if pose is None:
             yield Unposed(index)
@@ -110,6 +112,26 @@ def evaluate_pairs(
                     for name, method in methods.items()
                 }
         frames = {i: frame for i, frame in frames.items() if last_use.get(i, 0) > index}
+
+
+def _read(
+    recording: Recording, needed: Sequence[int]
+) -> Iterator[tuple[int, RgbdFrame | InputError]]:
+    """The frames of these numbers, or what is wrong with them, up to where the recording ends."""
+    done, said = 0, ""
+    while done < len(needed):
+        try:
+            for image in recording.select(needed[done:]):
+                yield needed[done], image
+                done += 1
+        except InputError as error:  # noqa: PERF203 - a try for each fault, not for each frame
+            yield needed[done], error
+            # said again of the next frame it is of all that follow, as where a file is cut off
+            if str(error) == said:
+                return
+            done, said = done + 1, str(error)
+        else:
+            return
 
 
 def true_poses(recording: Recording) -> Trajectory:

@@ -98,7 +98,7 @@ def walked(experiment: Experiment, walk: Walk | None = None) -> dict[int, list[f
 
 def evaluated(
     experiment: Experiment, methods: Mapping[str, PairMethod], walk: Walk | None = None
-) -> list[Results | Unposed]:
+) -> list[Results | Unposed | InputError]:
     pairs = pairs_of(FRAMES, experiment.gaps, experiment.every)
     return list(evaluate_pairs(walk or Walk(), pairs, methods, experiment.config.camera))
 

@@ -6,10 +6,12 @@ import os
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import make_bag
 import pytest
+from test_cli import write_data_set
 
 from rgbd_glue_ros import cli
 from rgbd_glue_ros.config import Config
@@ -18,7 +20,7 @@ from rgbd_glue_ros.pair_evaluation import PairResult
 from rgbd_glue_ros.pair_jobs import Results
 from rgbd_glue_ros.pairs import GLUE, JOURNAL, Experiment, run_pairs
 from rgbd_glue_ros.parallel import Failure, Pool, Serial, pool
-from rgbd_glue_ros.sequences import open_sequence
+from rgbd_glue_ros.sequences import load_calibration, open_sequence
 
 GAP, EVERY = 4, 6
 
@@ -80,9 +82,9 @@ def pairs_on(where: Pool, folder: Path, on_pair: object = None) -> Experiment:
     return experiment
 
 
-def without_times(experiment: Experiment) -> list[str]:
+def without_times(experiment: Experiment, gap: int = GAP) -> list[str]:
     """Every digit of the results; as text, since NaN is unlike itself."""
-    results: list[PairResult] = experiment.results[GLUE][GAP]
+    results: list[PairResult] = experiment.results[GLUE][gap]
     return [repr(replace(result, seconds=0.0, stages_ms={})) for result in results]
 
 
@@ -111,6 +113,29 @@ def test_a_killed_worker_changes_no_bit_of_the_results(tmp_path: Path) -> None:
     assert len(without_times(serial)) > 15
     assert without_times(parallel) == without_times(serial)
     assert parallel.problems == []
+
+
+def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip("distributed")
+    camera = load_calibration(write_data_set(tmp_path / "poster", 12))
+    (tmp_path / "poster/rgb/006.png").write_bytes(b"damaged")
+    opener = partial(open_sequence, calibration=camera)
+    experiments = []
+    with pool(workers=1) as workers:
+        for where in (Serial(), workers):
+            experiment = Experiment(Config(), [2])
+            folder = tmp_path / type(where).__name__
+            run_pairs([tmp_path / "poster"], opener, experiment, folder, pool=where)
+            experiments.append(experiment)
+    serial, parallel = experiments
+    (problem,) = serial.problems
+    assert "006.png" in problem
+    assert parallel.problems == serial.problems
+    # 0-2, 2-4 and, behind the damaged one, 8-10
+    assert len(without_times(serial, 2)) == 3
+    assert without_times(parallel, 2) == without_times(serial, 2)
 
 
 def test_a_run_that_broke_off_goes_on_to_the_same_results(tmp_path: Path) -> None:
