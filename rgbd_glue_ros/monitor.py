@@ -106,6 +106,8 @@ class Monitor:
         self._latencies_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._evidence: dict[str, str] = {}
+        self._last_pose_ns: int | None = None
+        self._without_pose_ns = 0
         self._last_error = ""
 
     def processed(self, estimate: OdometryEstimate, arrived_ns: int, published_ns: int) -> None:
@@ -114,6 +116,10 @@ class Monitor:
             self._state = estimate.state
             self._frames += 1
             self._tracked += estimate.T_odom_camera is not None
+            if estimate.T_odom_camera is not None:
+                self._last_pose_ns = estimate.stamp_ns
+            if self._last_pose_ns is not None:
+                self._without_pose_ns = max(estimate.stamp_ns - self._last_pose_ns, 0)
             self._latencies_ns.append(published_ns - arrived_ns)
             self._published_ns.append(published_ns)
             if estimate.registration is not None:
@@ -141,7 +147,13 @@ class Monitor:
         """Name and value of all there is to tell, as diagnostics want them."""
         summary = self.summary(now_ns).values()
         with self._lock:
-            return {**summary, **self._evidence, "last_error": self._last_error}
+            seconds = self._without_pose_ns / NANOSECONDS
+            return {
+                **summary,
+                "without_pose_s": f"{seconds:.3f}",
+                **self._evidence,
+                "last_error": self._last_error,
+            }
 
     @property
     def state(self) -> TrackingState:

@@ -79,7 +79,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
 
         self._node_config, self._config = declare_parameters(self)
-        transforms = listen(self)
+        transforms = listen(self, self._node_config)
         self._framing = NodeFraming(self, self._node_config, transforms)
         self._odometry = Odometry(self._config)
         self.monitor = Monitor()

@@ -16,6 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
 from rgbd_glue_ros import message_fields, se3
+from rgbd_glue_ros.config import NodeConfig
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages import pose_from_message, stamp_ns
 from rgbd_glue_ros.transform_tree import HISTORY_NS, TransformTree
@@ -41,7 +42,7 @@ class Transforms(Protocol):
         ...
 
 
-def listen(node: Node) -> Transforms | None:
+def listen(node: Node, config: NodeConfig) -> Transforms | None:
     """Listens to TF as well as it can be done, and logs how; None if it cannot."""
     try:
         import tf2_ros  # noqa: PLC0415 - not part of ROS from PyPI
@@ -68,10 +69,12 @@ def listen(node: Node) -> Transforms | None:
             stamp = None if is_static else stamp_ns(head.stamp)
             tree.add(_name(head.frame_id), _name(transform.child_frame_id), T, stamp)
 
-    node.create_subscription(TFMessage, TF, lambda m: receive(m, is_static=False), TF_QOS)
     node.create_subscription(
         TFMessage, TF_STATIC, lambda m: receive(m, is_static=True), TF_STATIC_QOS
     )
+    # a robot's /tf is much to take in for nothing
+    if config.guess_frame_id or (config.frame_id and not config.camera_pose):
+        node.create_subscription(TFMessage, TF, lambda m: receive(m, is_static=False), TF_QOS)
     return tree
 
 

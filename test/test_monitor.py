@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,14 @@ def test_a_fault_is_news_once_and_the_memory_of_faults_is_bounded() -> None:
     assert not monitor.is_news("/rgb/image", "120 bytes instead of 900")
     news = [monitor.is_news("/rgb/image", "x" * i) for i in range(500)]
     assert sum(news) == MAX_FAULTS - 1
+
+
+def test_the_time_without_a_pose_is_told_and_so_is_the_last_error() -> None:
+    monitor = Monitor()
+    monitor.processed(replace(POSE, stamp_ns=1000 * MS), 0, MS)
+    monitor.processed(replace(NO_POSE, stamp_ns=3500 * MS), 0, MS)
+    monitor.is_news("/depth", "cut off")
+    values = monitor.values(MS)
+    assert (values["without_pose_s"], values["last_error"]) == ("2.500", "/depth: cut off")
+    monitor.processed(replace(POSE, stamp_ns=3600 * MS), 0, MS)
+    assert monitor.values(MS)["without_pose_s"] == "0.000"

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from rgbd_glue_ros import se3
 from rgbd_glue_ros.message_fields import camera_info, color_image, copy_fields, depth_image, header
 from rgbd_glue_ros.messages import pose_from_message
 from rgbd_glue_ros.node_process import NodeProcess, ros_environment
@@ -18,7 +19,7 @@ from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float32
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rclpy.publisher import Publisher
-from ros_rig import PATIENCE_S, Rig, corner_frame
+from ros_rig import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
 from sensor_msgs.msg import CameraInfo, Image
 
 PERIOD_NS = NANOSECONDS // 30
@@ -86,6 +87,23 @@ def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_kno
 
         pose = rig.pose_of(corner_frame(PERIOD_NS))
         np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
+
+
+def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
+    from tf_rig import Robot, transform
+
+    with Robot(ros_domain) as rig:
+        T = se3.from_rotation_translation(np.eye(3), PLACE)
+        rig.tell(transform(OPTICAL_FRAME, DEPTH_FRAME, T))
+        with node_in(ros_domain, camera_axes="optical", wait_for_transform=5):
+            info = rig.publisher(CameraInfo, DEPTH_INFO)
+            rig.wait_until_matched()
+            rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
+            publish(rig, 0, info)
+            rig.pose_at(0)
+            pose = rig.pose_of(corner_frame(PERIOD_NS))
+            np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
 
 
 def test_depth_that_is_registered_in_spite_of_its_frame_is_taken_as_it_is(

@@ -9,56 +9,22 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from rgbd_glue_ros import se3
-from rgbd_glue_ros.frames import T_BODY_OPTICAL, parse_pose
+from rgbd_glue_ros.frames import parse_pose
 from rgbd_glue_ros.messages import pose_from_message, stamp_ns
 from rgbd_glue_ros.node_process import NodeProcess, ros_environment
-from rgbd_glue_ros.types import NANOSECONDS, Float64
+from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
 
 from geometry_msgs.msg import TransformStamped
-from ros_rig import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
+from ros_rig import OPTICAL_FRAME, PATIENCE_S, corner_frame
 from tf2_msgs.msg import TFMessage
+from tf_rig import Robot, transform
 
-from rgbd_glue_ros.message_fields import copy_fields, header
-from rgbd_glue_ros.node_tf import TF, TF_QOS, TF_STATIC, TF_STATIC_QOS
+from rgbd_glue_ros.node_tf import TF
 
 PERIOD_NS = NANOSECONDS // 30
-T_BASE_LINK = parse_pose("", "0.2 0 0.5 0 0.3 0")
-
-
-class Robot(Rig):
-    """A rig that publishes and hears /tf."""
-
-    def __init__(self, domain: int) -> None:
-        super().__init__(domain)
-        self.heard: list[TransformStamped] = []
-        self.node.create_subscription(
-            TFMessage, TF, lambda m: self.heard.extend(m.transforms), TF_QOS
-        )
-        self.moving = self.node.create_publisher(TFMessage, TF, TF_QOS)
-        self.static = self.node.create_publisher(TFMessage, TF_STATIC, TF_STATIC_QOS)
-
-    def tell(self, *transforms: TransformStamped) -> None:
-        """As robot_state_publisher does it."""
-        self.static.publish(TFMessage(transforms=transforms))
-
-    def tell_where_the_camera_is(self) -> None:
-        self.tell(
-            transform("base_link", "camera_link", T_BASE_LINK),
-            transform("camera_link", OPTICAL_FRAME, T_BODY_OPTICAL),
-        )
-
-
-def transform(parent: str, child: str, T: Float64, at_ns: int = 0) -> TransformStamped:
-    message = TransformStamped(child_frame_id=child)
-    copy_fields(header(at_ns, parent), message.header)
-    to, turn = message.transform.translation, message.transform.rotation
-    to.x, to.y, to.z = T[:3, 3].tolist()
-    turn.x, turn.y, turn.z, turn.w = se3.quaternion(T).tolist()
-    return message
 
 
 @contextmanager
