@@ -401,7 +401,7 @@ class OdometryConfig:
         maximum=1.0,
     )
     timing_error: float = _parameter(
-        0.02,
+        0.015,
         "What shutter, exposure and stamps leave unknown about the time of an image; the "
         "covariance grows by the way travelled in it.",
         unit="s",
@@ -409,7 +409,7 @@ class OdometryConfig:
         maximum=1.0,
     )
     scale_error: float = _parameter(
-        0.01,
+        0.005,
         "Relative error of the camera's scale; the covariance grows by this part of the distance "
         "from the keyframe.",
         minimum=0.0,

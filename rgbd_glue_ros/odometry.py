@@ -173,7 +173,8 @@ class Odometry:
         if best is not None and self._believable(best):
             fix = self._fix(reference, result, best, model)
             view = replace(features.view, twist=_corrected(motion, fix).velocity)
-            best = refine(best.T_model_source, model, view, self._config.refine, _FINE)
+            finished = refine(best.T_model_source, model, view, self._config.refine, _FINE)
+            best = finished if self._believable(finished) else best
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         if best is None:
             return result
