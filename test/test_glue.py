@@ -349,11 +349,11 @@ def wrong_prior() -> Rough:
 
 def test_what_survives_by_chance_alone_does_not_count(told: Told) -> None:
     matches = geometric_matches(right=100, wrong=2000)
-    glue, _ = told(matches, "none", GlueConfig(over_chance=0.0))
+    glue, _ = told(matches, "none", GlueConfig())
     by_chance = registered(glue, wrong_prior())
     assert by_chance.filtered
     assert len(by_chance.credible) > 10
-    glue, _ = told(matches, "none", GlueConfig())
+    glue, _ = told(matches, "none", GlueConfig(over_chance=2.0))
     assert not registered(glue, wrong_prior()).filtered
     assert registered(glue, Rough(true_transform(), 0.5)).filtered
 
@@ -362,7 +362,7 @@ def test_the_fallback_mends_a_rough_transform_that_geometry_does_not_agree_with(
     told: Told,
 ) -> None:
     matches = geometric_matches(right=100, wrong=900)
-    glue, feature = told(matches, "none", GlueConfig(fallback="sc2_pcr"))
+    glue, feature = told(matches, "none", GlueConfig(fallback="sc2_pcr", over_chance=2.0))
     result = registered(glue, wrong_prior())
     assert result.filtered
     assert feature.rough is not None
