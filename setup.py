@@ -68,10 +68,7 @@ setup(
         "lz4>=4.3",
         "numba>=0.59",
         "numpy>=1.26.4,<3",
-        # The contributed modules hold RGB-D odometries that ours is measured beside. Debian's
-        # OpenCV has them too; opencv-python-headless has the same module's files without them, so
-        # that one of the two has to be chosen, and for everybody.
-        "opencv-contrib-python-headless>=4.10,<5",
+        "opencv-python-headless>=4.10,<5",
         "PyYAML>=6.0.1",
         "rosbags>=0.11.9,<0.12",
         "scipy>=1.11.4",

@@ -90,6 +90,16 @@ install() {
   touch "$stamp"
 }
 
+# OpenCV's contributed modules hold odometries that ours is measured beside. They come as the same
+# files with more in them, which pip knows no word for: the same release is laid over the other.
+add_contributed_opencv() {
+  local release
+  release=$("$VENV/bin/python" -c 'from importlib.metadata import version; print(version("opencv-python-headless"))')
+  if ! "$VENV/bin/python" -c 'import cv2; cv2.rgbd' 2>/dev/null; then
+    "$VENV/bin/python" -m pip install --force-reinstall --no-deps "opencv-contrib-python-headless==$release"
+  fi
+}
+
 python=$(find_python)
 version=$(version_of "$python")
 VENV=${VENV:-.venv${PYTHON:+-$version}}

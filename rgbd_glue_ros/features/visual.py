@@ -126,7 +126,7 @@ def _create(name: str, **options: float) -> Any:
         raise InputError(
             f"features.visual: {name.lower()}",
             f"OpenCV {cv2.__version__} has it not",
-            "install opencv-contrib-python-headless<5",
+            "install opencv-python-headless<5",
         ) from error
     return create(**options)
 

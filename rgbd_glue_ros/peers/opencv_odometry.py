@@ -24,7 +24,7 @@ class OpenCvOdometry:
             raise InputError(
                 f"the peer {name}",
                 f"OpenCV {cv2.__version__} is here without its contributed modules",
-                "install opencv-contrib-python-headless<5 in place of opencv-python-headless",
+                "install the same release of opencv-contrib-python-headless over it",
             ) from error
         self._create = create
 
