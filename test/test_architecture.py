@@ -24,8 +24,8 @@ ORDER = """
     depth_source frames monitor arrivals match_image
     trajectory sequences evaluation registration_errors chart_axes charts page markdown
     run report replay replays convert
-    pair_methods pair_evaluation paper_tables pair_jobs pair_gallery pairs_figures pairs_report
-    pairs_page pairs
+    pair_methods pair_evaluation paper_tables pair_jobs pair_charts pair_gallery
+    pairs_figures pairs_report pairs_page pairs
     fetch
     node_process node_runtime node_parameters node_inputs node_tf node_framing node_depth
     node_outputs node_watch node_diagnostics node player demo bench cli __main__
