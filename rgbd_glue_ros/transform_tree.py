@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rgbd_glue_ros import se3
+from rgbd_glue_ros.sync import BACKWARD_JUMP_NS
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 HISTORY_NS = 10 * NANOSECONDS
@@ -25,7 +26,7 @@ class _Edge:
     is_static: bool = False
 
     def add(self, stamp_ns: int, T_parent_child: Float64) -> None:
-        if self.stamps_ns and stamp_ns < self.stamps_ns[-1] - HISTORY_NS:
+        if self.stamps_ns and stamp_ns < self.stamps_ns[-1] - BACKWARD_JUMP_NS:
             self.stamps_ns.clear()  # time began anew
             self.poses.clear()
         at = bisect_left(self.stamps_ns, stamp_ns)
