@@ -17,10 +17,13 @@ Everybody gets each frame before anybody gets the next, and each frame begins wi
 Peers are run as plain odometry from frame to frame: no keyframe, no motion model, no prior, at
 the settings that their documentation shows; a frame that a peer cannot register has no pose,
 and the next is registered to the last one that has. A peer that is too slow is measured on the
-frames that it got done in its time. Times are from a frame in memory to its pose: median and
-95th percentile on the wall clock, and the median of the processor time of all threads, which
-other work on the machine disturbs less. APE is after SE(3) alignment, RPE over one second, both
-rmse."""
+frames that it got done in its time, and has no APE, which grows with the way. Times are from a
+frame in memory to its pose: median and 95th percentile on the wall clock, and the median of the
+processor time of all threads, which other work on the machine disturbs less. APE is after SE(3)
+alignment, RPE over one second, both rmse."""
+
+_BUSY = """ **That is more than there are cores: times on the wall clock, and what
+the node had to drop, say more of the other processes than of these.**"""
 
 _STAGES = """\
 Median milliseconds of each stage of ours, and beside it the floor: what its core costs in C++
@@ -67,6 +70,7 @@ def to_markdown(figures: _Figures) -> str:
 def _header(figures: _Figures) -> str:
     machine = figures["machine"]
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
+    busy = max(figures["load"]) > machine["cores"] + 1
     load = " to ".join(f"{value:.1f}" for value in figures["load"])
     written = f"{figures['begun']}, in {figures['minutes']:.0f} min"
     return f"""\
@@ -79,7 +83,7 @@ Written {written}, by
 on {machine["cores"]} cores of {machine["processor"]}, {machine["memory_gb"]} GB, \
 {machine["system"]}, Python {machine["python"]}; {versions}. \
 Processes that wanted to run on the whole machine, over a minute: {load}; niceness of these \
-{machine["niceness"]}.
+{machine["niceness"]}.{_BUSY if busy else ""}
 
 The peers come with `pip install 'rgbd_glue_ros[bench]'`; `scripts/bench` does all of it."""
 
@@ -88,8 +92,9 @@ def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
     head = ["", "frames", "ms", "p95", "CPU ms", "APE (cm)", "RPE (cm/s)", "RPE (°/s)", "lost"]
     parts = []
     for name, content in sequences.items():
+        frames = content["contest"][OURS]["frames"]
         rows = [
-            _contestant(f"**{who}**" if who == OURS else who, result)
+            _contestant(f"**{who}**" if who == OURS else who, result, frames)
             for who, result in content["contest"].items()
         ]
         rows += [[who, f"not installed: {how}", *[""] * 7] for who, how in not_installed.items()]
@@ -99,15 +104,17 @@ def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
     return "\n\n".join(parts)
 
 
-def _contestant(who: str, result: _Figures) -> list[str]:
+def _contestant(who: str, result: _Figures, frames: int) -> list[str]:
     wall, cpu = result.get("wall_ms", {}), result.get("cpu_ms", {})
+    ape, *rpe = _errors(result)
     return [
         who,
         str(result["frames"]),
         number(wall.get("p50"), 1),
         number(wall.get("p95"), 1),
         number(cpu.get("p50"), 1),
-        *_errors(result),
+        ape if result["frames"] == frames else NOTHING,
+        *rpe,
         str(result["lost"]),
     ]
 
