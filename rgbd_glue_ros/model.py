@@ -8,23 +8,31 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.camera import (
+    DEPTH_EDGE_SIGMAS,
     apparent_velocity,
+    depth_sigma,
     keypoints_to_points,
     seconds_after_color,
     seen_before,
     shutter_part,
 )
 from rgbd_glue_ros.normals import grid_points_and_normals
-from rgbd_glue_ros.types import Float64, Int64, UInt8, View
+from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
 LEVELS = 3
 # Edge of the cells that give one pixel each, at every level of the pyramid: coarse levels have
 # fewer pixels, so their cells are smaller.
 _CELLS_PX = (8, 5, 4)
 _MIN_GRADIENT = 5.0
+# A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
+# seen there moves with the edge and not with the pixel's own depth.
+_OCCLUSION_PX = 3
+# A surface that recedes by this part of its depth within that distance is still one.
+_RECEDING = 0.02
 
 
 @dataclass(frozen=True)
@@ -161,6 +169,7 @@ def _planes(view: View, grid_step: int) -> Planes:
 def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     """The pixel with the strongest gradient in each cell of a level, where its depth is known."""
     rows = _strongest_gradients(image, _CELLS_PX[level], _MIN_GRADIENT)
+    rows = rows[_uncovered(view.depth, rows * 2**level, _OCCLUSION_PX * 2**level)]
     uv = (rows[:, ::-1] * 2**level).astype(np.float32)
     points, known = keypoints_to_points(uv, view)
     return Pixels(
@@ -191,3 +200,19 @@ def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
                 found[n, 0], found[n, 1] = row, column
                 n += 1
     return found[:n]
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _uncovered(depth: Float32, pixels: Int64, reach: int) -> NDArray[np.bool_]:
+    """Which pixels, int64 [N, 2] rows and columns, have no nearer surface within ``reach``."""
+    height, width = depth.shape
+    free = np.zeros(len(pixels), np.bool_)
+    for i in range(len(pixels)):
+        row, column = pixels[i, 0], pixels[i, 1]
+        z = nearest = depth[row, column]
+        for v in range(max(0, row - reach), min(height, row + reach + 1)):
+            for u in range(max(0, column - reach), min(width, column + reach + 1)):
+                nearest = min(nearest, depth[v, u])
+        # where depth is unknown this is false
+        free[i] = z - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest) + _RECEDING * nearest
+    return free

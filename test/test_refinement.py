@@ -75,6 +75,22 @@ def test_the_planes_of_a_model_are_on_its_surfaces_and_its_pixels_have_their_bri
     np.testing.assert_array_equal(finest.brightness, view.grey[v, u])
 
 
+def test_no_pixel_of_a_model_is_at_the_far_side_of_an_edge() -> None:
+    """A near board before a wall, both with a pattern; at its rim the board's pixels alone stay."""
+    rng = np.random.default_rng(0)
+    grey = rng.integers(0, 255, (240, 320)).astype(np.uint8)
+    depth = np.full((240, 320), 3.0, np.float32)
+    depth[80:160, 100:200] = 1.5
+    for level, pixels in enumerate(model_of(View(grey, depth, CAMERA), STEP).pixels):
+        u, v = np.rint(project(pixels.points, CAMERA)).T
+        wall = pixels.points[:, 2] > 2
+        reach = 3 * 2**level
+        beside = (u > 99 - reach) & (u < 200 + reach) & (v > 79 - reach) & (v < 160 + reach)
+        assert not (wall & beside).any()
+        assert (~wall).any()
+        assert wall.any()
+
+
 @given(SEEDS)
 @settings(max_examples=10)
 def test_refinement_ends_at_the_truth_from_wherever_a_start_may_be_off(seed: int) -> None:
