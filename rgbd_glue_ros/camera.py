@@ -25,7 +25,7 @@ from rgbd_glue_ros.types import (
 DEPTH_EDGE_SIGMAS = 6.0
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def depth_sigma(z: float) -> float:
     """Standard deviation of a structured-light depth z, metres (Khoshelham and Elberink 2012).
 
@@ -47,7 +47,7 @@ def limit_depth(depth: Float32, limits: CameraConfig) -> Float32:
     return np.asarray(_limited(depth, limits.depth_min, limits.depth_max), np.float32)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _limited(depth: Float32, nearest: float, farthest: float) -> Float32:
     limited = np.empty(depth.shape, np.float32)
     for v in range(depth.shape[0]):
@@ -128,7 +128,7 @@ def cloud(depth: Float32, intrinsics: CameraIntrinsics) -> Float64:
     return back_project(uv, depth[v, u].astype(np.float64), intrinsics)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def sample_depth(depth: Float32, u: float, v: float) -> float:
     """Bilinear depth at pixel (u, v); NaN outside, next to unknown depth and across edges."""
     height, width = depth.shape
@@ -147,7 +147,7 @@ def sample_depth(depth: Float32, u: float, v: float) -> float:
     return float(z)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def depth_at(depth: Float32, uv: Float32) -> Float64:
     """``sample_depth`` at each of the pixels uv [N, 2]; float64 [N]."""
     z = np.empty(len(uv))
@@ -156,7 +156,7 @@ def depth_at(depth: Float32, uv: Float32) -> Float64:
     return z
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def displaced(
     x: float, y: float, z: float, seconds: float, twist: Float64
 ) -> tuple[float, float, float]:
@@ -168,7 +168,7 @@ def displaced(
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) -> Float64:
     """Depth [N] at pixels uv [N, 2] of an image taken before the camera moved by ``motion`` [6]."""
     found = np.empty(len(uv))

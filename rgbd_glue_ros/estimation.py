@@ -12,7 +12,7 @@ from rgbd_glue_ros.types import Correspondences, Float64, Int64
 _MIN_SPREAD_M = 1e-3
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def procrustes(source: Float64, target: Float64, weights: Float64) -> Float64:
     """Equation 10: the T that minimises sum_i w_i |T p_i - q_i|² (Kabsch 1976).
 
@@ -81,7 +81,7 @@ def distances(T: Float64, matches: Correspondences) -> Float64:
     return _distances(T, matches.source, matches.target)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _distances(T: Float64, source: Float64, target: Float64) -> Float64:
     d_T = np.empty(len(source))
     for i in range(len(source)):
@@ -143,7 +143,7 @@ def _samples(n: int, iterations: int, rng: np.random.Generator) -> Int64:
     return np.stack([a, b, c], axis=1)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _best_sample(
     source: Float64, target: Float64, samples: Int64, threshold: float
 ) -> tuple[int, int]:

@@ -10,7 +10,9 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import cv2
@@ -42,6 +44,14 @@ from rgbd_glue_ros.types import (
 Reader = TypeVar("Reader")
 
 AnyImage = Image | CompressedImage
+
+
+# Depth is decoded beside colour: compressed, each takes milliseconds, and neither holds the
+# interpreter's lock.
+@lru_cache(maxsize=1)
+def _beside() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix="depth")
+
 
 # image_transport appends these to the name of the image's topic
 COLOR_SUFFIX, DEPTH_SUFFIX = "/compressed", "/compressedDepth"
@@ -222,8 +232,9 @@ def frame_from_messages(
     Raises:
         InputError: one of them cannot be used, or the sizes have different aspects.
     """
+    decoded = _beside().submit(depth_from_message, depth, topics.depth)
     color_pixels = color_from_message(color, topics.color)
-    depth_pixels = depth_from_message(depth, topics.depth)
+    depth_pixels = decoded.result()
     camera = (
         rectified_intrinsics_from_message(info, topics.info)
         if is_rectified(topics.color)

@@ -180,7 +180,7 @@ def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
     """Row and column, int64 [N, 2], of the strongest gradient above the threshold in each cell."""
     height, width = image.shape
@@ -202,7 +202,7 @@ def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
     return found[:n]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _uncovered(depth: Float32, pixels: Int64, reach: int) -> NDArray[np.bool_]:
     """Which pixels, int64 [N, 2] rows and columns, have no nearer surface within ``reach``."""
     height, width = depth.shape

@@ -38,7 +38,7 @@ def grid_points_and_normals(
     return _points_and_normals(depth, K.fx, K.fy, K.cx, K.cy, step)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _points_and_normals(
     depth: Float32, fx: float, fy: float, cx: float, cy: float, step: int
 ) -> tuple[Float64, Float64]:

@@ -170,11 +170,9 @@ class Odometry:
         if result.T_target_source is not None:
             starts.append(reference.T_odom_camera @ result.T_target_source)
         best = self._best_refinement(starts, model, features.view)
-        if best is not None and self._believable(best):
-            fix = self._fix(reference, result, best, model)
-            view = replace(features.view, twist=_corrected(motion, fix).velocity)
-            finished = refine(best.T_model_source, model, view, self._config.refine, _FINE)
-            best = finished if self._believable(finished) else best
+        if best is not None:
+            velocity = _corrected(motion, self._fix(reference, result, best, model)).velocity
+            best = self._finished(best, model, features.view, velocity)
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         if best is None:
             return result
@@ -182,12 +180,20 @@ class Odometry:
             return result.refused(RegistrationStatus.INCONSISTENT)
         return self._fix(reference, result, best, model)
 
+    def _finished(
+        self, coarse: Refinement, model: Model, view: View, velocity: Float64
+    ) -> Refinement:
+        """Refines further under the velocity that the frame had; what was, if that fails."""
+        config, T = self._config.refine, coarse.T_model_source
+        finished = refine(T, model, replace(view, twist=velocity), config, _FINE)
+        return finished if self._believable(finished) else judge(T, model, view, config)
+
     def _best_refinement(
         self, starts: list[Float64], model: Model, view: View
     ) -> Refinement | None:
         """Refines from the start that fits best, and from any other that it ends far from."""
         config = self._config.refine
-        judged = [judge(T, model, view, config) for T in starts]
+        judged = [judge(T, model, view, config, _COARSE[-1]) for T in starts]
         best: Refinement | None = None
         for start in sorted(judged, key=_support, reverse=True):
             if best is None or self._far(best, start):

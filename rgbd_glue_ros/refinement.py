@@ -45,9 +45,9 @@ class Refinement:
     Attributes:
         T_model_source: float64 [4, 4].
         information: float64 [6, 6], the Hessian at the pose, perturbation on the left.
-        planes_seen: planes that project onto known depth.
+        planes_seen: planes that project onto known depth; at level l, of every 2^l-th.
         planes_agreeing: those that lie where the depth image has them.
-        pixels_seen: pixels of the finest level inside the image.
+        pixels_seen: pixels of the level judged at inside the image.
         correlation: of their brightness in the model and in the image, from -1 to 1.
         light: float64 [3], gain and bias from the image's brightness to the model's, and the
             standard deviation of what is left.
@@ -81,7 +81,7 @@ def refine(
         model: planes and pixels.
         source: the frame whose pose it is.
         config: steps at each level (0 only evaluates the start) and weights.
-        levels: of the pyramid to take the steps at; the result is judged at the finest.
+        levels: of the pyramid to take the steps at; the result is judged at the last.
     """
     T = T_model_source
     images = pyramid(source.grey)
@@ -93,17 +93,26 @@ def refine(
             T = se3.exp(step) @ T
             if np.abs(step).max() < _CONVERGED[level]:
                 break
-    return judge(T, model, source, config)
+    return _judged(T, model, images[levels[-1]], levels[-1], source, config)
 
 
-def judge(T_model_source: Float64, model: Model, source: View, config: RefineConfig) -> Refinement:
-    """How well a model and a frame agree on a pose, at full resolution."""
+def judge(
+    T_model_source: Float64, model: Model, source: View, config: RefineConfig, level: int = 0
+) -> Refinement:
+    """How well a model and a frame agree on a pose, at a level of the pyramid."""
+    image = pyramid(source.grey)[level] if level else source.grey
+    return _judged(T_model_source, model, image, level, source, config)
+
+
+def _judged(
+    T: Float64, model: Model, image: UInt8, level: int, source: View, config: RefineConfig
+) -> Refinement:
     light = np.array(_START_LIGHT)
     # brightness is compared under the gain and bias that the first look finds
-    _pixel_terms(T_model_source, model, source.grey, 0, source, config, light)
+    _pixel_terms(T, model, image, level, source, config, light)
     used = light.copy()
-    H, _, planes, pixels = _linearise(T_model_source, model, source.grey, 0, source, config, light)
-    return Refinement(T_model_source, H, *planes, *pixels, used)
+    H, _, planes, pixels = _linearise(T, model, image, level, source, config, light)
+    return Refinement(T, H, *planes, *pixels, used)
 
 
 def _linearise(
@@ -165,7 +174,7 @@ def _pixel_terms(
     return H, g, pixels
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _add_planes(
     T: Float64,
     points: Float64,
@@ -218,7 +227,7 @@ def _add_planes(
     return seen, agreeing
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _add_pixels(
     T: Float64,
     points: Float64,

@@ -138,7 +138,7 @@ def _terms(
     return H, g
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _passing(x: float, y: float, z: float, twist: Float64) -> tuple[float, float, float]:
     """``apparent_velocity`` of one point."""
     return (
@@ -148,7 +148,7 @@ def _passing(x: float, y: float, z: float, twist: Float64) -> tuple[float, float
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _add_planes(
     T: Float64,
     points: Float64,
@@ -199,7 +199,7 @@ def _add_planes(
                 H[a, b] += w * J[a] * J[b]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _add_pixels(
     T: Float64,
     points: Float64,

@@ -16,7 +16,7 @@ from rgbd_glue_ros.types import Float32, Float64
 BINS = 11
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int) -> Float32:
     """FPFH of every grid point over the neighbours within ``radius`` in its window.
 
@@ -60,7 +60,7 @@ def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int
     return _weighted_sum(points, spfh, limit, half_window)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def pair_bins(
     dx: float, dy: float, dz: float, squared: float, n1: Float64, n2: Float64
 ) -> tuple[int, int, int]:
@@ -99,12 +99,12 @@ def pair_bins(
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _bin(fraction: float) -> int:
     return min(max(math.floor(BINS * fraction), 0), BINS - 1)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _weighted_sum(points: Float64, spfh: Float32, limit: float, half_window: int) -> Float32:
     """FPFH(p) = SPFH(p) + the neighbours' SPFH by inverse squared distance, scaled to 100."""
     rows, columns = points.shape[:2]
@@ -135,7 +135,7 @@ def _weighted_sum(points: Float64, spfh: Float32, limit: float, half_window: int
     return fpfh
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def guided_search(
     source: Float64,
     source_descriptors: Float32,
