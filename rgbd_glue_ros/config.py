@@ -249,7 +249,7 @@ class RefineConfig:
     """The joint refinement after the fit, beyond the paper."""
 
     iterations: int = _parameter(
-        3,
+        5,
         "Gauss-Newton steps at each level of the image pyramid, at most; 0 leaves the fit of the "
         "paper as it is.",
         minimum=0,

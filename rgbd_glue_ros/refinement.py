@@ -32,7 +32,7 @@ from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 _AGREEING_SIGMAS = 3.0
-_CONVERGED = (2e-5, 5e-4, 1e-3)
+_CONVERGED = (1e-4, 5e-4, 1e-3)
 # Keeps a direction that neither planes nor pixels see where the start put it.
 DAMPING = 100.0
 _START_LIGHT = (1.0, 0.0, 15.0)
