@@ -19,6 +19,8 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64
 _MEMORY_S = 0.25
 # Before anything is known: a camera on a robot or in a hand, m/s and rad/s.
 _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
+# No camera is moved faster and sees anything: it was found again elsewhere.
+_FASTEST = np.array([5.0] * 3 + [10.0] * 3)
 _SURPRISE = float(chi2.ppf(0.999, 6))
 
 
@@ -82,9 +84,14 @@ class Motion:
         # Joseph's form: the difference P - gain P has no digit left after a minute without a pose
         kept = np.eye(12)
         kept[:, :6] -= gain
-        return replace(
+        corrected = replace(
             self,
             T_odom_camera=self.T_odom_camera @ se3.exp(change[:6]),
             velocity=self.velocity + change[6:],
             covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
         )
+        if (np.abs(corrected.velocity) < _FASTEST).all():
+            return corrected
+        start = Motion.start(self.stamp_ns, corrected.T_odom_camera)
+        start.covariance[:6, :6] = corrected.covariance[:6, :6]
+        return start

@@ -175,3 +175,15 @@ def test_noisy_poses_of_a_smooth_motion_come_out_smoother() -> None:
         left.append(np.linalg.norm((motion.T_odom_camera - T)[:3, 3]))
     assert np.mean(left[30:]) < 0.6 * np.mean(noise[30:])
     assert motion.velocity == pytest.approx([0.3, 0, 0.2, 0, 0.3, 0], abs=0.1)
+
+
+def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
+    """Half a turn in a thirtieth of a second is no motion."""
+    motion = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, MotionConfig())
+    elsewhere = se3.exp(np.array([0.0, 0, 0, 0, 0, np.pi]))
+    covariance = np.eye(6) * 1e-6
+    found = motion.corrected(elsewhere, covariance)
+    np.testing.assert_allclose(found.T_odom_camera, elsewhere, atol=1e-3)
+    np.testing.assert_array_equal(found.velocity, 0.0)
+    assert (np.diag(found.covariance)[6:] >= 1.0).all()
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
