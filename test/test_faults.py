@@ -219,7 +219,8 @@ def test_malformed_frames_change_neither_the_poses_of_the_good_ones_nor_the_memo
         rig.diagnostics.clear()
         rig.wait(lambda: rig.diagnostics, "diagnostics")
         refused = summary(rig.diagnostics[-1]).drops[Drop.UNUSABLE]
-        assert refused > rounds / 4  # of the others, the time was wrong or a newer frame came
+        # of the others, the time was wrong or a newer frame came, the more the slower the machine
+        assert refused > len(breakers) / 2
         poses = np.array([pose_from_message(pose, "pose") for pose in rig.poses])
         stamps = [stamp_ns(pose.header.stamp) for pose in rig.poses]
         assert stamps == [START_NS + i * PERIOD_NS for i in range(rounds)]
