@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.config import CameraConfig
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -25,7 +25,7 @@ from rgbd_glue_ros.types import (
 DEPTH_EDGE_SIGMAS = 6.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def depth_sigma(z: float) -> float:
     """Standard deviation of a structured-light depth z, metres (Khoshelham and Elberink 2012).
 
@@ -47,13 +47,14 @@ def limit_depth(depth: Float32, limits: CameraConfig) -> Float32:
     return np.asarray(_limited(depth, limits.depth_min, limits.depth_max), np.float32)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _limited(depth: Float32, nearest: float, farthest: float) -> Float32:
     limited = np.empty(depth.shape, np.float32)
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
             z = depth[v, u]
-            limited[v, u] = z if nearest <= z <= farthest else np.nan
+            # both comparisons are made, so that there is no branch
+            limited[v, u] = z if (z >= nearest) & (z <= farthest) else np.float32(np.nan)
     return limited
 
 
@@ -128,7 +129,7 @@ def cloud(depth: Float32, intrinsics: CameraIntrinsics) -> Float64:
     return back_project(uv, depth[v, u].astype(np.float64), intrinsics)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def sample_depth(depth: Float32, u: float, v: float) -> float:
     """Bilinear depth at pixel (u, v); NaN outside, next to unknown depth and across edges."""
     height, width = depth.shape
@@ -147,7 +148,7 @@ def sample_depth(depth: Float32, u: float, v: float) -> float:
     return float(z)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def depth_at(depth: Float32, uv: Float32) -> Float64:
     """``sample_depth`` at each of the pixels uv [N, 2]; float64 [N]."""
     z = np.empty(len(uv))
@@ -156,7 +157,7 @@ def depth_at(depth: Float32, uv: Float32) -> Float64:
     return z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def displaced(
     x: float, y: float, z: float, seconds: float, twist: Float64
 ) -> tuple[float, float, float]:
@@ -168,7 +169,7 @@ def displaced(
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) -> Float64:
     """Depth [N] at pixels uv [N, 2] of an image taken before the camera moved by ``motion`` [6]."""
     found = np.empty(len(uv))

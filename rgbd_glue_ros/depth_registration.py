@@ -14,9 +14,9 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numba import njit
 
 from rgbd_glue_ros.camera import DEPTH_EDGE_SIGMAS, depth_sigma
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
 
 _Point = tuple[float, float, float]
@@ -89,7 +89,7 @@ def _lens(camera: CameraIntrinsics) -> tuple[Float64, Float64, float]:
     return focal, distortion, reach
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _seen(
     depth: Float32, rays: Float64, T: Float64, focal: Float64, lens: Float64, reach: float
 ) -> Float64:
@@ -121,7 +121,7 @@ def _seen(
     return points
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw(depth: Float32, points: Float64, span: float, image: Float32) -> None:
     """Draws the triangles between neighbours, and points that have none, into a z-buffer."""
     height, width = depth.shape
@@ -145,19 +145,19 @@ def _draw(depth: Float32, points: Float64, span: float, image: Float32) -> None:
                     image[i, j] = min(image[i, j], z)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _is_one_surface(a: float, b: float, c: float) -> bool:
     limit = DEPTH_EDGE_SIGMAS * depth_sigma(min(a, b, c))
     # a comparison with NaN is false: nothing is spanned next to unknown depth
     return bool(abs(a - b) < limit and abs(b - c) < limit and abs(c - a) < limit)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _point(points: Float64, at: tuple[int, int]) -> _Point:
     return points[at[0], at[1], 0], points[at[0], at[1], 1], points[at[0], at[1], 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _triangle(a: _Point, b: _Point, c: _Point, span: float, image: Float32) -> None:
     """Draws a triangle, unless it is seen from behind or larger than ``span`` pixels."""
     ub, vb, uc, vc = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]

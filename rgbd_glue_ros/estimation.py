@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+import math
 
+import numpy as np
+
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.se3 import skew, transform
 from rgbd_glue_ros.types import Correspondences, Float64, Int64
 
@@ -12,7 +14,7 @@ from rgbd_glue_ros.types import Correspondences, Float64, Int64
 _MIN_SPREAD_M = 1e-3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def procrustes(source: Float64, target: Float64, weights: Float64) -> Float64:
     """Equation 10: the T that minimises sum_i w_i |T p_i - q_i|² (Kabsch 1976).
 
@@ -27,13 +29,15 @@ def procrustes(source: Float64, target: Float64, weights: Float64) -> Float64:
     total = weights.sum()
     mean_p, mean_q = np.zeros(3), np.zeros(3)
     for i in range(len(weights)):
-        mean_p += weights[i] / total * source[i]
-        mean_q += weights[i] / total * target[i]
+        for a in range(3):
+            mean_p[a] += weights[i] / total * source[i, a]
+            mean_q[a] += weights[i] / total * target[i, a]
     H = np.zeros((3, 3))
     for i in range(len(weights)):
         for a in range(3):
+            w = weights[i] * (target[i, a] - mean_q[a])
             for b in range(3):
-                H[a, b] += weights[i] * (target[i, a] - mean_q[a]) * (source[i, b] - mean_p[b])
+                H[a, b] += w * (source[i, b] - mean_p[b])
     U, _, Vt = np.linalg.svd(H)
     sign = np.eye(3)
     sign[2, 2] = np.sign(np.linalg.det(U) * np.linalg.det(Vt))
@@ -61,16 +65,30 @@ def randomised_procrustes(
     Returns:
         T_target_source, float64 [4, 4].
     """
-    best = np.asarray(procrustes(matches.source, matches.target, matches.weights), np.float64)
-    least = np.inf
     size = min(len(matches), max(3, round(fraction * len(matches))))
-    for _ in range(subsets):
-        rows = rng.permutation(len(matches))[:size]
-        if np.count_nonzero(matches.weights[rows]) < 3:
+    rows = [rng.permutation(len(matches))[:size] for _ in range(subsets)]
+    return _best_subset(
+        matches.source,
+        matches.target,
+        matches.weights,
+        np.asarray(rows, np.int64).reshape(subsets, size),
+    )
+
+
+@compiled
+def _best_subset(source: Float64, target: Float64, weights: Float64, subsets: Int64) -> Float64:
+    """The fit to those rows, of int64 [subsets, size], that leaves the least weighted residual."""
+    best = procrustes(source, target, weights)
+    least = np.inf
+    for rows in subsets:
+        w = weights[rows]
+        if np.count_nonzero(w) < 3:
             continue
-        T = procrustes(matches.source[rows], matches.target[rows], matches.weights[rows])
+        T = procrustes(source[rows], target[rows], w)
         # squared, it would favour the subset whose fit is nearest to that of all, outliers included
-        residual = float(matches.weights @ distances(T, matches))
+        residual = 0.0
+        for i in range(len(weights)):
+            residual += weights[i] * _distance(T, source, target, i)
         if residual < least:
             best, least = T, residual
     return best
@@ -78,21 +96,26 @@ def randomised_procrustes(
 
 def distances(T: Float64, matches: Correspondences) -> Float64:
     """Equation 2: d_T = |T p - q| of each match, float64 [N], metres."""
-    return _distances(T, matches.source, matches.target)  # type: ignore[no-any-return]
+    return _distances(T, matches.source, matches.target)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _distances(T: Float64, source: Float64, target: Float64) -> Float64:
     d_T = np.empty(len(source))
     for i in range(len(source)):
-        squared = 0.0
-        for a in range(3):
-            d = T[a, 3] - target[i, a]
-            for b in range(3):
-                d += T[a, b] * source[i, b]
-            squared += d * d
-        d_T[i] = np.sqrt(squared)
+        d_T[i] = _distance(T, source, target, i)
     return d_T
+
+
+@compiled
+def _distance(T: Float64, source: Float64, target: Float64, i: int) -> float:
+    squared = 0.0
+    for a in range(3):
+        d = T[a, 3] - target[i, a]
+        for b in range(3):
+            d += T[a, b] * source[i, b]
+        squared += d * d
+    return math.sqrt(squared)
 
 
 def ransac(
@@ -143,7 +166,7 @@ def _samples(n: int, iterations: int, rng: np.random.Generator) -> Int64:
     return np.stack([a, b, c], axis=1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _best_sample(
     source: Float64, target: Float64, samples: Int64, threshold: float
 ) -> tuple[int, int]:
@@ -169,13 +192,7 @@ def _best_sample(
         T = procrustes(source[rows], target[rows], ones)
         count = 0
         for i in range(n):
-            squared = 0.0
-            for a in range(3):
-                d = T[a, 3] - target[i, a]
-                for b in range(3):
-                    d += T[a, b] * source[i, b]
-                squared += d * d
-            if squared <= threshold * threshold:
+            if _distance(T, source, target, i) <= threshold:
                 count += 1
         if count > most:
             best, most = s, count

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from rgbd_glue_ros import se3
@@ -20,6 +19,7 @@ from rgbd_glue_ros.camera import (
     seen_before,
     shutter_part,
 )
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.normals import grid_points_and_normals
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
@@ -180,7 +180,7 @@ def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
     """Row and column, int64 [N, 2], of the strongest gradient above the threshold in each cell."""
     height, width = image.shape
@@ -202,7 +202,7 @@ def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
     return found[:n]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _uncovered(depth: Float32, pixels: Int64, reach: int) -> NDArray[np.bool_]:
     """Which pixels, int64 [N, 2] rows and columns, have no nearer surface within ``reach``."""
     height, width = depth.shape

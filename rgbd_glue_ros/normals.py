@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from rgbd_glue_ros.camera import depth_sigma
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
 
 # A plane is fitted to this many pixels to each side of a grid point, every second one.
@@ -35,10 +35,10 @@ def grid_points_and_normals(
         frame; NaN where the surface is unknown, an edge, or seen too flat.
     """
     K = intrinsics
-    return _points_and_normals(depth, K.fx, K.fy, K.cx, K.cy, step)  # type: ignore[no-any-return]
+    return _points_and_normals(depth, K.fx, K.fy, K.cx, K.cy, step)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _points_and_normals(
     depth: Float32, fx: float, fy: float, cx: float, cy: float, step: int
 ) -> tuple[Float64, Float64]:

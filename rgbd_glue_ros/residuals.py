@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from rgbd_glue_ros.camera import depth_sigma, displaced, sample_depth
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import Float32, Float64, UInt8
 
 # Farther than this many sigma apart, a plane and a depth are not the same surface.
@@ -14,7 +13,7 @@ _LATERAL_SIGMA_PX = 0.5
 _NEAREST_M = 0.05
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def in_camera(
     T: Float64,
     points: Float64,
@@ -57,7 +56,7 @@ def in_camera(
     return sx, sy, sz, part
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def seen_surface(
     depth: Float32, K: Float64, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
@@ -67,7 +66,7 @@ def seen_surface(
     return rx * measured, ry * measured, measured
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def plane_variance(
     nx: float, ny: float, nz: float, x: float, y: float, z: float, K: Float64
 ) -> float:
@@ -80,14 +79,14 @@ def plane_variance(
     return float(along * along + lateral * lateral * (nx * nx + ny * ny))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def inside(image: UInt8, u: float, v: float) -> bool:
     """Whether the brightness at pixel (u, v) and its gradient can be read."""
     height, width = image.shape
     return bool(u >= 1.0 and v >= 1.0 and u < width - 2.0 and v < height - 2.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def brightness_at(image: UInt8, u: float, v: float) -> float:
     """Bilinear brightness at pixel (u, v), which must be ``inside``."""
     u0, v0 = int(u), int(v)
@@ -97,7 +96,7 @@ def brightness_at(image: UInt8, u: float, v: float) -> float:
     return float((1 - b) * top + b * bottom)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def gradient_at(image: UInt8, u: float, v: float) -> tuple[float, float]:
     """Central differences of the brightness at pixel (u, v), which must be ``inside``."""
     gu = 0.5 * (brightness_at(image, u + 1.0, v) - brightness_at(image, u - 1.0, v))

@@ -11,9 +11,9 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.image_files import check_size
 
@@ -54,7 +54,7 @@ def decode_rvl(data: bytes | memoryview, where: str) -> NDArray[np.uint16]:
     return pixels.reshape(height, width)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _number(words: NDArray[np.uint32], nibble: int) -> tuple[int, int]:
     """The number that starts at a nibble, and where the next one does; -1 where there is none."""
     number, bits = 0, 0
@@ -69,7 +69,7 @@ def _number(words: NDArray[np.uint32], nibble: int) -> tuple[int, int]:
     return -1, nibble
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _decode(words: NDArray[np.uint32], pixels: NDArray[np.uint16]) -> bool:
     """Fills ``pixels``, which are zero; returns whether the words told of exactly so many."""
     pixel = nibble = previous = 0

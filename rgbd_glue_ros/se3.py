@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import Float64
 
 
@@ -21,9 +24,21 @@ def from_translation_quaternion(t: Float64, q: Float64) -> Float64:
     return from_rotation_translation(Rotation.from_quat(q).as_matrix(), t)
 
 
+@compiled
 def quaternion(T: Float64) -> Float64:
-    """The rotation of T as a unit quaternion x y z w with w >= 0, shape [4]."""
-    q = np.asarray(Rotation.from_matrix(T[:3, :3]).as_quat(), np.float64)
+    """The rotation of T as a unit quaternion x y z w with w >= 0, shape [4] (Shepperd 1978)."""
+    # four times the squares of x, y, z and w: the greatest is divided by
+    trace = T[0, 0] + T[1, 1] + T[2, 2]
+    squares = 1.0 - trace + 2.0 * np.array([T[0, 0], T[1, 1], T[2, 2], trace])
+    q = np.empty(4)
+    a = np.argmax(squares)
+    b, c = (a + 1) % 3, (a + 2) % 3
+    if a == 3:
+        q[:] = T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1], squares[3]
+    else:
+        q[a], q[b], q[c] = squares[a], T[a, b] + T[b, a], T[a, c] + T[c, a]
+        q[3] = T[c, b] - T[b, c]
+    q /= math.sqrt((q * q).sum())
     return -q if q[3] < 0 else q
 
 
@@ -48,26 +63,39 @@ def skew(v: Float64) -> Float64:
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]], np.float64)
 
 
+@compiled
 def exp(twist: Float64) -> Float64:
     """The exponential map of a twist (v, omega) [6]: the motion it makes in unit time."""
-    v, omega = twist[:3], twist[3:]
-    theta = float(np.linalg.norm(omega))
-    W = skew(omega)
-    if theta < 1e-5:
-        # Taylor series: the closed form divides by theta squared
-        V = np.eye(3) + W / 2 + W @ W / 6
+    W = np.zeros((3, 3))
+    W[0, 1], W[0, 2], W[1, 2] = -twist[5], twist[4], -twist[3]
+    W -= W.T
+    W_squared = W @ W
+    squared = twist[3] ** 2 + twist[4] ** 2 + twist[5] ** 2
+    if squared < 1e-10:
+        # Taylor series: the closed forms divide by the angle cubed
+        sine, cosine, third = 1.0 - squared / 6, 0.5 - squared / 24, 1.0 / 6 - squared / 120
     else:
-        V = (
-            np.eye(3)
-            + (1 - np.cos(theta)) / theta**2 * W
-            + (theta - np.sin(theta)) / theta**3 * W @ W
-        )
-    return from_rotation_translation(Rotation.from_rotvec(omega).as_matrix(), V @ v)
+        theta = math.sqrt(squared)
+        sine, cosine = math.sin(theta) / theta, (1.0 - math.cos(theta)) / squared
+        third = (1.0 - sine) / squared
+    T = np.eye(4)
+    T[:3, :3] += sine * W + cosine * W_squared
+    v = twist[:3].astype(np.float64)
+    T[:3, 3] = v + (cosine * W + third * W_squared) @ v
+    return T
+
+
+@compiled
+def rotation_vector(T: Float64) -> Float64:
+    """The axis of T's rotation times its angle, radians in [0, pi]; float64 [3]."""
+    q = quaternion(T)
+    sine = math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2)
+    return q[:3] * (2.0 * math.atan2(sine, q[3]) / sine) if sine > 0.0 else np.zeros(3)
 
 
 def log(T: Float64) -> Float64:
     """The twist (v, omega) [6] with exp(twist) == T; the rotation angle is at most pi."""
-    omega = np.asarray(Rotation.from_matrix(T[:3, :3]).as_rotvec(), np.float64)
+    omega = rotation_vector(T)
     theta = float(np.linalg.norm(omega))
     W = skew(omega)
     if theta < 1e-5:
@@ -114,4 +142,4 @@ def perturbation_covariance(T: Float64, covariance: Float64) -> Float64:
 
 def rotation_angle(T: Float64) -> float:
     """The angle of T's rotation, radians in [0, pi]."""
-    return float(np.linalg.norm(Rotation.from_matrix(T[:3, :3]).as_rotvec()))
+    return float(np.linalg.norm(rotation_vector(T)))

@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from rgbd_glue_ros.camera import displaced
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.config import RefineConfig, TimingConfig
 from rgbd_glue_ros.model import Model
 from rgbd_glue_ros.refinement import DAMPING, Refinement
@@ -138,7 +138,7 @@ def _terms(
     return H, g
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _passing(x: float, y: float, z: float, twist: Float64) -> tuple[float, float, float]:
     """``apparent_velocity`` of one point."""
     return (
@@ -148,7 +148,7 @@ def _passing(x: float, y: float, z: float, twist: Float64) -> tuple[float, float
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _add_planes(
     T: Float64,
     points: Float64,
@@ -199,7 +199,7 @@ def _add_planes(
                 H[a, b] += w * J[a] * J[b]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _add_pixels(
     T: Float64,
     points: Float64,

@@ -16,7 +16,7 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 
 # A module imports only what stands above it; a folder's modules may also import one another.
 ORDER = """
-    errors types config se3
+    errors types config compiled se3
     camera depth_registration normals matching estimation baselines features glue peers
     model residuals refinement timing keyframes motion odometry warm_up
     parallel journal

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.estimation import distances, procrustes
 from rgbd_glue_ros.types import Correspondences, Float32, Float64
 
@@ -13,13 +13,13 @@ _REFINEMENTS = 20
 
 def length_differences(matches: Correspondences) -> Float32:
     """| |p_i - p_j| - |q_i - q_j| | of every two matches, float32 [N, N], metres."""
-    return _length_differences(  # type: ignore[no-any-return]
+    return _length_differences(
         np.ascontiguousarray(matches.source.T, np.float32),
         np.ascontiguousarray(matches.target.T, np.float32),
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _length_differences(p: Float32, q: Float32) -> Float32:
     n = p.shape[1]
     differences = np.empty((n, n), np.float32)

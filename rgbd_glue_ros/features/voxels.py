@@ -6,10 +6,10 @@ Neighbourhoods, normals and histograms are those of Open3D, computed three to fo
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.features.fpfh import BINS, pair_bins
 from rgbd_glue_ros.types import Float32, Float64, Int64
 
@@ -63,7 +63,7 @@ def normals(
     return np.ascontiguousarray(directions)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _covariances(
     points: Float64, neighbours: Int64, distances: Float64, radius: float
 ) -> tuple[Float64, NDArray[np.bool_]]:
@@ -88,7 +88,7 @@ def _covariances(
     return covariances, alone
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def fpfh(points: Float64, normals: Float64, neighbours: Int64, distances: Float64) -> Float32:
     """FPFH of every point over its neighbours, float32 [N, 33]; zero where it is alone.
 
