@@ -163,7 +163,7 @@ class FeaturesConfig:
         minimum=100,
     )
     grid_step: int = _parameter(
-        10, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
+        12, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
     )
 
 

@@ -249,7 +249,7 @@ def test_guided_matches_are_within_the_radius_and_weighted_by_likeness() -> None
     feature = GridFpfh(CONFIG)
     source, target = (feature.extract(view) for view in views())
     matches = feature.match(source, target, Rough(true_transform(), 0.05))
-    assert len(matches) > 300
+    assert len(matches) > np.isfinite(source.points[..., 2]).sum() / 3
     assert distances(true_transform(), matches).max() <= 0.05
     assert 0 < matches.weights.min() < matches.weights.max() <= 1
 

@@ -9,14 +9,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import Float32, Float64
 
 BINS = 11
 
+# Lower edges of the bins of an angle in [-pi, pi].
+_EDGES = -np.pi + 2 * np.pi / BINS * np.arange(BINS)
+_COSINES, _SINES = np.cos(_EDGES), np.sin(_EDGES)
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+
+@compiled
 def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int) -> Float32:
     """FPFH of every grid point over the neighbours within ``radius`` in its window.
 
@@ -57,10 +61,10 @@ def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int
         for c in range(columns):
             if neighbours[r, c] > 0:
                 spfh[r, c] *= np.float32(100.0 / neighbours[r, c])
-    return _weighted_sum(points, spfh, limit, half_window)  # type: ignore[no-any-return]
+    return _weighted_sum(points, spfh, limit, half_window)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def pair_bins(
     dx: float, dy: float, dz: float, squared: float, n1: Float64, n2: Float64
 ) -> tuple[int, int, int]:
@@ -80,44 +84,49 @@ def pair_bins(
     vy = dz * n1[0] - dx * n1[2]
     vz = dx * n1[1] - dy * n1[0]
     length = math.sqrt(vx * vx + vy * vy + vz * vz)
-    theta, alpha = 0.0, 0.0
+    b0, alpha = BINS // 2, 0.0
     if length > 0.0:
         vx, vy, vz = vx / length, vy / length, vz / length
         wx = n1[1] * vz - n1[2] * vy
         wy = n1[2] * vx - n1[0] * vz
         wz = n1[0] * vy - n1[1] * vx
         alpha = vx * n2[0] + vy * n2[1] + vz * n2[2]
-        theta = math.atan2(
+        b0 = _angle_bin(
             wx * n2[0] + wy * n2[1] + wz * n2[2], n1[0] * n2[0] + n1[1] * n2[1] + n1[2] * n2[2]
         )
     else:
         phi = 0.0
-    return (
-        _bin((theta + math.pi) / (2.0 * math.pi)),
-        _bin((alpha + 1.0) * 0.5),
-        _bin((phi + 1.0) * 0.5),
-    )
+    return b0, _bin((alpha + 1.0) * 0.5), _bin((phi + 1.0) * 0.5)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _bin(fraction: float) -> int:
     return min(max(math.floor(BINS * fraction), 0), BINS - 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
+def _angle_bin(y: float, x: float) -> int:
+    """The bin of atan2(y, x) among those of [-pi, pi], from which edges it is to the left of."""
+    found = 0 if y < 0.0 else BINS // 2
+    for k in range(found + 1, found + 1 + BINS // 2):
+        if _COSINES[k] * y - _SINES[k] * x > 0.0:
+            found += 1
+    return found
+
+
+@compiled
 def _weighted_sum(points: Float64, spfh: Float32, limit: float, half_window: int) -> Float32:
     """FPFH(p) = SPFH(p) + the neighbours' SPFH by inverse squared distance, scaled to 100."""
     rows, columns = points.shape[:2]
     fpfh = np.zeros((rows, columns, 3 * BINS), np.float32)
-    total = np.empty(3 * BINS, np.float32)
+    weight = np.zeros((rows, columns), np.float32)
     for r in range(rows):
         for c in range(columns):
             if not points[r, c, 2] > 0.0:
                 continue
-            total[:] = 0.0
-            weight = np.float32(0.0)
-            for i in range(max(0, r - half_window), min(rows, r + half_window + 1)):
-                for j in range(max(0, c - half_window), min(columns, c + half_window + 1)):
+            for i in range(r, min(rows, r + half_window + 1)):
+                first = c + 1 if i == r else max(0, c - half_window)
+                for j in range(first, min(columns, c + half_window + 1)):
                     dx = points[i, j, 0] - points[r, c, 0]
                     dy = points[i, j, 1] - points[r, c, 1]
                     dz = points[i, j, 2] - points[r, c, 2]
@@ -125,17 +134,22 @@ def _weighted_sum(points: Float64, spfh: Float32, limit: float, half_window: int
                     if not 0.0 < squared <= limit:
                         continue
                     w = np.float32(1.0 / squared)
-                    weight += w
+                    weight[r, c] += w
+                    weight[i, j] += w
                     for k in range(3 * BINS):
-                        total[k] += w * spfh[i, j, k]
-            if weight > 0.0:
-                # each neighbour's three histograms sum to 100 each, so the weights are the sum
+                        fpfh[r, c, k] += w * spfh[i, j, k]
+                    for k in range(3 * BINS):
+                        fpfh[i, j, k] += w * spfh[r, c, k]
+    for r in range(rows):
+        for c in range(columns):
+            if weight[r, c] > 0.0:
+                # each neighbour's three histograms sum to 100, so the weights are the sum
                 for k in range(3 * BINS):
-                    fpfh[r, c, k] = spfh[r, c, k] + total[k] / weight
+                    fpfh[r, c, k] = spfh[r, c, k] + fpfh[r, c, k] / weight[r, c]
     return fpfh
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def guided_search(
     source: Float64,
     source_descriptors: Float32,
