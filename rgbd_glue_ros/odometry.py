@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -66,6 +67,7 @@ class Odometry:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._glue = Glue(config)
+        self._beside = ThreadPoolExecutor(1, thread_name_prefix="prediction")
         self.reset()
 
     def reconfigure(self, config: Config) -> None:
@@ -163,13 +165,16 @@ class Odometry:
         if odometry.prior_radius > 0:
             T_reference_predicted = se3.inverse(reference.T_odom_camera) @ predicted
             prior = Rough(T_reference_predicted, odometry.prior_radius)
+        model = blend([k.model for k in references])
+        from_prediction = prior and self._beside.submit(
+            refine, predicted, model, features.view, self._config.refine, _COARSE
+        )
         result = self._glue.register(features, reference.features, prior)
         start = perf_counter()
-        model = blend([k.model for k in references])
-        starts = [] if prior is None else [predicted]
+        best = from_prediction.result() if from_prediction else None
         if result.T_target_source is not None:
-            starts.append(reference.T_odom_camera @ result.T_target_source)
-        best = self._best_refinement(starts, model, features.view)
+            found = reference.T_odom_camera @ result.T_target_source
+            best = self._better(best, found, model, features.view)
         if best is not None:
             velocity = _corrected(motion, self._fix(reference, result, best, model)).velocity
             best = self._finished(best, model, features.view, velocity)
@@ -188,18 +193,12 @@ class Odometry:
         finished = refine(T, model, replace(view, twist=velocity), config, _FINE)
         return finished if self._believable(finished) else judge(T, model, view, config)
 
-    def _best_refinement(
-        self, starts: list[Float64], model: Model, view: View
-    ) -> Refinement | None:
-        """Refines from the start that fits best, and from any other that it ends far from."""
-        config = self._config.refine
-        judged = [judge(T, model, view, config, _COARSE[-1]) for T in starts]
-        best: Refinement | None = None
-        for start in sorted(judged, key=_support, reverse=True):
-            if best is None or self._far(best, start):
-                found = refine(start.T_model_source, model, view, config, _COARSE)
-                best = max((found, best), key=_support) if best else found
-        return best
+    def _better(self, best: Refinement | None, T: Float64, model: Model, view: View) -> Refinement:
+        """The best refinement so far, or, where T is far from it, that from T if it fits better."""
+        if best is not None and not self._far(best, T):
+            return best
+        found = refine(T, model, view, self._config.refine, _COARSE)
+        return found if best is None else max((found, best), key=_support)
 
     def _recover(self, features: FrameFeatures) -> _Fix | None:
         """Looks for the frame near a few keyframes, without a prior and more sceptically.
@@ -229,9 +228,9 @@ class Odometry:
         )
         return _Fix(refined.T_model_source, covariance, reference, result, refined, model)
 
-    def _far(self, a: Refinement, b: Refinement) -> bool:
+    def _far(self, found: Refinement, T_other: Float64) -> bool:
         odometry = self._config.odometry
-        T = se3.inverse(a.T_model_source) @ b.T_model_source
+        T = se3.inverse(found.T_model_source) @ T_other
         return bool(
             np.linalg.norm(T[:3, 3]) > odometry.surprise_translation
             or se3.rotation_angle(T) > odometry.surprise_rotation

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.camera import displaced
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.config import RefineConfig
 from rgbd_glue_ros.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.residuals import (
@@ -83,17 +84,15 @@ def refine(
         config: steps at each level (0 only evaluates the start) and weights.
         levels: of the pyramid to take the steps at; the result is judged at the last.
     """
-    T = T_model_source
     images = pyramid(source.grey)
     light = np.array(_START_LIGHT)
-    for level in levels:
-        for _ in range(config.iterations):
-            H, g, _, _ = _linearise(T, model, images[level], level, source, config, light)
-            step = np.asarray(np.linalg.solve(H + DAMPING * np.eye(6), -g), np.float64)
-            T = se3.exp(step) @ T
-            if np.abs(step).max() < _CONVERGED[level]:
-                break
-    return _judged(T, model, images[levels[-1]], levels[-1], source, config)
+    T = T_model_source
+    for level in levels[:-1]:
+        meeting = _meeting(model, images[level], level, source, config)
+        T = _descended(T, meeting, light, config.iterations, _CONVERGED[level])[0]
+    finest = levels[-1]
+    meeting = _meeting(model, images[finest], finest, source, config)
+    return Refinement(*_descended(T, meeting, light, config.iterations, _CONVERGED[finest]))
 
 
 def judge(
@@ -101,97 +100,117 @@ def judge(
 ) -> Refinement:
     """How well a model and a frame agree on a pose, at a level of the pyramid."""
     image = pyramid(source.grey)[level] if level else source.grey
-    return _judged(T_model_source, model, image, level, source, config)
-
-
-def _judged(
-    T: Float64, model: Model, image: UInt8, level: int, source: View, config: RefineConfig
-) -> Refinement:
+    meeting = _meeting(model, image, level, source, config)
     light = np.array(_START_LIGHT)
     # brightness is compared under the gain and bias that the first look finds
-    _pixel_terms(T, model, image, level, source, config, light)
-    used = light.copy()
-    H, _, planes, pixels = _linearise(T, model, image, level, source, config, light)
-    return Refinement(T, H, *planes, *pixels, used)
+    _linearised(T_model_source, meeting, light)
+    return Refinement(*_descended(T_model_source, meeting, light, 0, 0.0))
 
 
-def _linearise(
-    T: Float64,
-    model: Model,
-    image: UInt8,
-    level: int,
-    source: View,
-    config: RefineConfig,
-    light: Float64,
-) -> tuple[Float64, Float64, tuple[int, int], tuple[int, float]]:
-    """Hessian and gradient at T, and the counts of planes and pixels; updates ``light``."""
-    H, g, pixels = _pixel_terms(T, model, image, level, source, config, light)
+class _Meeting(NamedTuple):
+    """A model and a frame at one level of the pyramid: all that residuals are made of but T.
+
+    Attributes:
+        points: float64 [N, 3] of planes.
+        normals: float64 [N, 3].
+        depth: float32 [H, W] of the frame.
+        K_depth: float64 [4], fx, fy, cx, cy.
+        pixels: float64 [M, 3], textured points.
+        brightness: float64 [M] of these.
+        image: uint8 [H / 2^level, W / 2^level] of the frame.
+        K_image: float64 [4].
+        twist: float64 [6], how the camera moves.
+        readout: of its shutter, seconds.
+        delay: of its depth, seconds.
+        plane_cauchy: residual, in standard deviations, at which a plane's weight is halved.
+        pixel_cauchy: that of a pixel.
+        pixel_weight: of a pixel beside a plane.
+    """
+
+    points: Float64
+    normals: Float64
+    depth: Float32
+    K_depth: Float64
+    pixels: Float64
+    brightness: Float64
+    image: UInt8
+    K_image: Float64
+    twist: Float64
+    readout: float
+    delay: float
+    plane_cauchy: float
+    pixel_cauchy: float
+    pixel_weight: float
+
+
+def _meeting(
+    model: Model, image: UInt8, level: int, source: View, config: RefineConfig
+) -> _Meeting:
+    K = source.intrinsics.focal_and_centre
     thinned = slice(None, None, 2**level)
-    planes = _add_planes(
-        T,
-        model.planes.points[thinned],
-        model.planes.normals[thinned],
+    return _Meeting(
+        np.ascontiguousarray(model.planes.points[thinned]),
+        np.ascontiguousarray(model.planes.normals[thinned]),
         source.depth,
-        source.intrinsics.focal_and_centre,
-        source.twist,
-        source.readout,
-        source.depth_delay,
-        config.plane_cauchy,
-        H,
-        g,
-    )
-    upper = np.triu_indices(6, 1)
-    H[upper[::-1]] = H[upper]
-    return H, g, planes, pixels
-
-
-def _pixel_terms(
-    T: Float64,
-    model: Model,
-    image: UInt8,
-    level: int,
-    source: View,
-    config: RefineConfig,
-    light: Float64,
-) -> tuple[Float64, Float64, tuple[int, float]]:
-    """Upper half of the Hessian, gradient, and pixels seen and their correlation."""
-    H, g = np.zeros((6, 6)), np.zeros(6)
-    pixels = _add_pixels(
-        T,
+        K,
         model.pixels[level].points,
         model.pixels[level].brightness,
         image,
         # pyrDown centres pixel i of a level on pixel 2 i of the one below
-        source.intrinsics.focal_and_centre / 2**level,
+        K / 2**level,
         source.twist,
         source.readout,
-        light,
-        config.pixel_weight,
+        source.depth_delay,
+        config.plane_cauchy,
         config.pixel_cauchy,
-        H,
-        g,
+        config.pixel_weight,
     )
-    return H, g, pixels
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _add_planes(
-    T: Float64,
-    points: Float64,
-    normals: Float64,
-    depth: Float32,
-    K: Float64,
-    twist: Float64,
-    readout: float,
-    delay: float,
-    cauchy: float,
-    H: Float64,
-    g: Float64,
-) -> tuple[int, int]:
+@compiled
+def _descended(
+    T: Float64, meeting: _Meeting, light: Float64, iterations: int, converged: float
+) -> tuple[Float64, Float64, int, int, int, float, Float64]:
+    """T after Gauss-Newton steps, until one is shorter than ``converged``, as ``Refinement``.
+
+    What is said of it is from before that last step, which is too short to change it. ``light``
+    is updated.
+    """
+    for i in range(iterations + 1):
+        used = light.copy()
+        H, g, planes, pixels = _linearised(T, meeting, light)
+        if i == iterations:
+            break
+        step = np.linalg.solve(H + DAMPING * np.eye(6), -g).astype(np.float64)
+        T = se3.exp(step) @ T
+        if np.abs(step).max() < converged:
+            break
+    return T, H, planes[0], planes[1], pixels[0], pixels[1], used
+
+
+@compiled
+def _linearised(
+    T: Float64, meeting: _Meeting, light: Float64
+) -> tuple[Float64, Float64, tuple[int, int], tuple[int, float]]:
+    """Hessian and gradient at T, and the counts of planes and pixels; updates ``light``."""
+    H, g = np.zeros((6, 6)), np.zeros(6)
+    pixels = _add_pixels(T, meeting, light, H, g)
+    planes = _add_planes(T, meeting, H, g)
+    for a in range(6):
+        for b in range(a):
+            H[a, b] = H[b, a]
+    return H, g, planes, pixels
+
+
+@compiled
+def _add_planes(T: Float64, meeting: _Meeting, H: Float64, g: Float64) -> tuple[int, int]:
     """Adds the point-to-plane terms at T to g and to the upper half of H.
 
     Returns the planes seen and those of them that agree.
     """
+    points, normals, depth, K = meeting.points, meeting.normals, meeting.depth, meeting.K_depth
+    twist, readout, delay = meeting.twist, meeting.readout, meeting.delay
+    cauchy = meeting.plane_cauchy
     agreeing, seen = 0, 0
     J = np.empty(6)
     for i in range(len(points)):
@@ -227,26 +246,19 @@ def _add_planes(
     return seen, agreeing
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _add_pixels(
-    T: Float64,
-    points: Float64,
-    brightness: Float64,
-    image: UInt8,
-    K: Float64,
-    twist: Float64,
-    readout: float,
-    light: Float64,
-    weight: float,
-    cauchy: float,
-    H: Float64,
-    g: Float64,
+    T: Float64, meeting: _Meeting, light: Float64, H: Float64, g: Float64
 ) -> tuple[int, float]:
     """Adds the photometric terms at T to g and H's upper half; returns pixels seen, correlation.
 
     ``light`` is as in ``Refinement``; it is estimated anew for the next call, as exposure changes
     between frames.
     """
+    points, brightness = meeting.pixels, meeting.brightness
+    image, K = meeting.image, meeting.K_image
+    twist, readout = meeting.twist, meeting.readout
+    weight, cauchy = meeting.pixel_weight, meeting.pixel_cauchy
     J = np.empty(6)
     gain, bias, sigma = light[0], light[1], light[2]
     seen, spread = 0, 0.0
