@@ -213,6 +213,6 @@ def procrustes_information(T: Float64, matches: Correspondences) -> Float64:
     # J = [I, -skew(m)] for m = T p
     H[:3, 3:] = -skew(w @ moved)
     H[3:, :3] = H[:3, 3:].T
-    outer = np.einsum("i,ij,ik->jk", w, moved, moved)
+    outer = (moved.T * w) @ moved
     H[3:, 3:] = np.eye(3) * np.trace(outer) - outer
     return H

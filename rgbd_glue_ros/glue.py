@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from time import perf_counter
 from typing import Any, TypeVar
 
@@ -54,7 +55,13 @@ def error_variance(inliers: Correspondences, T: Float64) -> float:
 
 def adaptive_threshold(variance: float, confidence: float = 0.95) -> float:
     """Equations 6 and 7: epsilon = sqrt(sigma² chi²_confidence(3)), metres."""
-    return float(np.sqrt(variance * chi2.ppf(confidence, 3)))
+    return float(np.sqrt(variance * _chi_squared(confidence)))
+
+
+@lru_cache
+def _chi_squared(confidence: float) -> float:
+    """The quantile of chi² with three degrees of freedom."""
+    return float(chi2.ppf(confidence, 3))
 
 
 def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspondences:

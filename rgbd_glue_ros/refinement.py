@@ -33,7 +33,8 @@ from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 _AGREEING_SIGMAS = 3.0
-_CONVERGED = (1e-4, 5e-4, 1e-3)
+# A shorter step, in metres and radians, changes nothing that could be noticed.
+_CONVERGED = 1e-4
 # Keeps a direction that neither planes nor pixels see where the start put it.
 DAMPING = 100.0
 _START_LIGHT = (1.0, 0.0, 15.0)
@@ -89,10 +90,10 @@ def refine(
     T = T_model_source
     for level in levels[:-1]:
         meeting = _meeting(model, images[level], level, source, config)
-        T = _descended(T, meeting, light, config.iterations, _CONVERGED[level])[0]
+        T = _descended(T, meeting, light, config.iterations)[0]
     finest = levels[-1]
     meeting = _meeting(model, images[finest], finest, source, config)
-    return Refinement(*_descended(T, meeting, light, config.iterations, _CONVERGED[finest]))
+    return Refinement(*_descended(T, meeting, light, config.iterations))
 
 
 def judge(
@@ -104,7 +105,7 @@ def judge(
     light = np.array(_START_LIGHT)
     # brightness is compared under the gain and bias that the first look finds
     _linearised(T_model_source, meeting, light)
-    return Refinement(*_descended(T_model_source, meeting, light, 0, 0.0))
+    return Refinement(*_descended(T_model_source, meeting, light, 0))
 
 
 class _Meeting(NamedTuple):
@@ -169,12 +170,11 @@ def _meeting(
 
 @compiled
 def _descended(
-    T: Float64, meeting: _Meeting, light: Float64, iterations: int, converged: float
+    T: Float64, meeting: _Meeting, light: Float64, iterations: int
 ) -> tuple[Float64, Float64, int, int, int, float, Float64]:
-    """T after Gauss-Newton steps, until one is shorter than ``converged``, as ``Refinement``.
+    """T after Gauss-Newton steps, until one is too short to matter, as ``Refinement``.
 
-    What is said of it is from before that last step, which is too short to change it. ``light``
-    is updated.
+    What is said of it is from before that last step. ``light`` is updated.
     """
     for i in range(iterations + 1):
         used = light.copy()
@@ -183,7 +183,7 @@ def _descended(
             break
         step = np.linalg.solve(H + DAMPING * np.eye(6), -g).astype(np.float64)
         T = se3.exp(step) @ T
-        if np.abs(step).max() < converged:
+        if np.abs(step).max() < _CONVERGED:
             break
     return T, H, planes[0], planes[1], pixels[0], pixels[1], used
 
