@@ -33,8 +33,9 @@ from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 _AGREEING_SIGMAS = 3.0
-# A shorter step, in metres and radians, changes nothing that could be noticed.
-_CONVERGED = 1e-4
+# A step shorter than this, in metres and radians, ends the search; at the levels before the last
+# one, which only have to find the next one's start, a longer one does.
+_CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
 # Keeps a direction that neither planes nor pixels see where the start put it.
 DAMPING = 100.0
 _START_LIGHT = (1.0, 0.0, 15.0)
@@ -90,10 +91,10 @@ def refine(
     T = T_model_source
     for level in levels[:-1]:
         meeting = _meeting(model, images[level], level, source, config)
-        T = _descended(T, meeting, light, config.iterations)[0]
+        T = _descended(T, meeting, light, config.iterations, _NEAR_ENOUGH)[0]
     finest = levels[-1]
     meeting = _meeting(model, images[finest], finest, source, config)
-    return Refinement(*_descended(T, meeting, light, config.iterations))
+    return Refinement(*_descended(T, meeting, light, config.iterations, _CONVERGED))
 
 
 def judge(
@@ -105,7 +106,7 @@ def judge(
     light = np.array(_START_LIGHT)
     # brightness is compared under the gain and bias that the first look finds
     _linearised(T_model_source, meeting, light)
-    return Refinement(*_descended(T_model_source, meeting, light, 0))
+    return Refinement(*_descended(T_model_source, meeting, light, 0, _CONVERGED))
 
 
 class _Meeting(NamedTuple):
@@ -170,9 +171,9 @@ def _meeting(
 
 @compiled
 def _descended(
-    T: Float64, meeting: _Meeting, light: Float64, iterations: int
+    T: Float64, meeting: _Meeting, light: Float64, iterations: int, converged: float
 ) -> tuple[Float64, Float64, int, int, int, float, Float64]:
-    """T after Gauss-Newton steps, until one is too short to matter, as ``Refinement``.
+    """T after Gauss-Newton steps, until one is shorter than ``converged``, as ``Refinement``.
 
     What is said of it is from before that last step. ``light`` is updated.
     """
@@ -183,7 +184,7 @@ def _descended(
             break
         step = np.linalg.solve(H + DAMPING * np.eye(6), -g).astype(np.float64)
         T = se3.exp(step) @ T
-        if np.abs(step).max() < _CONVERGED:
+        if np.abs(step).max() < converged:
             break
     return T, H, planes[0], planes[1], pixels[0], pixels[1], used
 
