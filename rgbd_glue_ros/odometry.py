@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -67,7 +67,7 @@ class Odometry:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._glue = Glue(config)
-        self._beside = ThreadPoolExecutor(1, thread_name_prefix="prediction")
+        self._beside = ThreadPoolExecutor(1, thread_name_prefix="beside")
         self.reset()
 
     def reconfigure(self, config: Config) -> None:
@@ -80,7 +80,7 @@ class Odometry:
         self.state = TrackingState.INITIALIZING
         self._keyframes = Keyframes(self._config.odometry.keyframes)
         self._motion: Motion | None = None
-        self._timing = Timing.start(self._config.timing, "")
+        self._timing = _at_once(Timing.start(self._config.timing, ""))
         self._last_stamp_ns: int | None = None
         self._missed = 0
         self._T_guess_last: Float64 | None = None
@@ -145,12 +145,11 @@ class Odometry:
         frame = rectified(frame)
         depth = limit_depth(frame.depth, self._config.camera)
         if predicted is None:
-            self._timing = Timing.start(self._config.timing, frame.frame_id)
+            self._timing = _at_once(Timing.start(self._config.timing, frame.frame_id))
+        timing = self._timing.result()
         velocity = np.zeros(6) if predicted is None else predicted.velocity
-        delay = frame.depth_delay_ns / NANOSECONDS - self._timing.depth_latency
-        return View(
-            grey(frame.color), depth, frame.intrinsics, velocity, self._timing.readout, delay
-        )
+        delay = frame.depth_delay_ns / NANOSECONDS - timing.depth_latency
+        return View(grey(frame.color), depth, frame.intrinsics, velocity, timing.readout, delay)
 
     def _track(self, features: FrameFeatures, motion: Motion) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
@@ -318,20 +317,25 @@ class Odometry:
         covariance = fix.reference.covariance + self._relative_covariance(motion, fix.reference)
         # now that the frame has a pose, its velocity is known better than it was before
         features = replace(features, view=replace(features.view, twist=motion.velocity))
-        start = perf_counter()
-        if steady and not self._timing.settled:
-            self._timing = self._timing.corrected(
-                fix.refinement, fix.model, features.view, self._config.refine, self._config.timing
+        timing = self._timing.result()
+        if steady and not timing.settled:
+            # the next frame is the first to need it
+            self._timing = self._beside.submit(
+                timing.corrected,
+                fix.refinement,
+                fix.model,
+                features.view,
+                self._config.refine,
+                self._config.timing,
             )
-        timed = perf_counter()
+        start = perf_counter()
         model = self._keyframe_model(features, fix)
         if model is not None:
             self._keyframes.add(motion.stamp_ns, T, covariance, features, model)
         stages = {
             **stages,
             **fix.registration.stages_ms,
-            "timing": (timed - start) * 1e3,
-            "keyframe": (perf_counter() - timed) * 1e3,
+            "keyframe": (perf_counter() - start) * 1e3,
         }
         return OdometryEstimate(
             motion.stamp_ns,
@@ -377,6 +381,13 @@ class Odometry:
         # a blurred image is a poor keyframe: a sharper one is probably on its way
         blurred = 2 * len(model.pixels[0].points) < len(fix.reference.model.pixels[0].points)
         return None if blurred and way < 2 else model
+
+
+def _at_once(timing: Timing) -> Future[Timing]:
+    """What is known already, as what is being found out."""
+    known: Future[Timing] = Future()
+    known.set_result(timing)
+    return known
 
 
 def _corrected(predicted: Motion, fix: _Fix) -> Motion:
