@@ -14,9 +14,7 @@ from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8
 # Rows of the distance matrix that are held at once: 512 x 10000 float32 are 20 MB, which stay in
 # the cache between the product and the search for the greatest.
 _BLOCK = 512
-# A Hamming distance above and the row's number below these bits of one integer.
-_ROW_BITS = 32
-_FARTHEST = np.iinfo(np.int64).max
+_FARTHEST = np.iinfo(np.int32).max
 
 
 def nearest_two(query: Float32 | UInt8, reference: Float32 | UInt8) -> tuple[Int64, Float64]:
@@ -81,7 +79,7 @@ def _population_count(_context: Any, word: Any) -> Any:
 
 
 @compiled
-def _least(numbers: Int64) -> int:
+def _least(numbers: NDArray[np.int32]) -> int:
     """``numbers.min()``, which numba does not compile to vector instructions."""
     least = numbers[0]
     for j in range(len(numbers)):
@@ -94,21 +92,22 @@ def _nearest_two_words(
     query: NDArray[np.uint64], columns: NDArray[np.uint64]
 ) -> tuple[Int64, Float64]:
     """As ``nearest_two``, of words [N, W] and, so that loops run along memory, [W, M]."""
+    count = columns.shape[1]
     index = np.empty(len(query), np.int64)
     distances = np.empty((len(query), 2))
-    ones = np.empty(columns.shape[1], np.int64)
+    # distance and row as one number, of which the least is all that has to be looked for
+    keys = np.empty(count, np.int32)
     for i in range(len(query)):
-        ones[:] = 0
+        keys[:] = 0
         for k in range(query.shape[1]):
-            for j in range(len(ones)):
-                ones[j] += np.int64(_population_count(query[i, k] ^ columns[k, j]))
-        # distance and row as one number: the least is all that has to be looked for
-        for j in range(len(ones)):
-            ones[j] = (ones[j] << _ROW_BITS) | j
-        nearest = _least(ones)
-        index[i] = nearest & ((1 << _ROW_BITS) - 1)
-        ones[index[i]] = _FARTHEST
-        distances[i, 0], distances[i, 1] = nearest >> _ROW_BITS, _least(ones) >> _ROW_BITS
+            for j in range(count):
+                keys[j] += np.int32(_population_count(query[i, k] ^ columns[k, j]))
+        for j in range(count):
+            keys[j] = keys[j] * np.int32(count) + np.int32(j)
+        nearest = _least(keys)
+        index[i] = nearest % count
+        keys[index[i]] = _FARTHEST
+        distances[i, 0], distances[i, 1] = nearest // count, _least(keys) // count
     return index, distances
 
 

@@ -164,13 +164,10 @@ class Odometry:
         if odometry.prior_radius > 0:
             T_reference_predicted = se3.inverse(reference.T_odom_camera) @ predicted
             prior = Rough(T_reference_predicted, odometry.prior_radius)
-        model = blend([k.model for k in references])
-        from_prediction = prior and self._beside.submit(
-            refine, predicted, model, features.view, self._config.refine, _COARSE
-        )
+        prediction = self._beside.submit(self._try, predicted, references, features.view, prior)
         result = self._glue.register(features, reference.features, prior)
         start = perf_counter()
-        best = from_prediction.result() if from_prediction else None
+        model, best = prediction.result()
         if result.T_target_source is not None:
             found = reference.T_odom_camera @ result.T_target_source
             best = self._better(best, found, model, features.view)
@@ -183,6 +180,15 @@ class Odometry:
         if not self._believable(best):
             return result.refused(RegistrationStatus.INCONSISTENT)
         return self._fix(reference, result, best, model)
+
+    def _try(
+        self, predicted: Float64, references: list[Keyframe], view: View, prior: Rough | None
+    ) -> tuple[Model, Refinement | None]:
+        """What to refine against, and the refinement from the prediction, if that is a prior."""
+        model = blend([keyframe.model for keyframe in references])
+        if prior is None:
+            return model, None
+        return model, refine(predicted, model, view, self._config.refine, _COARSE)
 
     def _finished(
         self, coarse: Refinement, model: Model, view: View, velocity: Float64
