@@ -29,6 +29,7 @@ class Worker(ABC, Generic[T]):
         self._waiting: deque[T] = deque()
         self._changed = threading.Condition()
         self._closed = False
+        self._is_idle = True
         # a daemon, so that work that never ends cannot keep the process alive
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self._thread.start()
@@ -55,10 +56,12 @@ class Worker(ABC, Generic[T]):
     def _run(self) -> None:
         while True:
             with self._changed:
+                self._is_idle = True
                 self._changed.wait_for(lambda: self._closed or self._waiting)
                 if self._closed:
                     return
                 item = self._waiting.popleft()
+                self._is_idle = False
                 self._changed.notify_all()
             try:
                 self._work(item)
@@ -82,9 +85,10 @@ class NewestWorker(Worker[T]):
     def submit(self, item: T) -> None:
         """Leaves ``item`` for the thread; returns at once."""
         with self._changed:
+            # what an idle thread is about to take does not wait for anything
+            taken = [self._waiting.popleft()] if self._is_idle and self._waiting else []
             replaced = list(self._waiting)
-            self._waiting.clear()
-            self._waiting.append(item)
+            self._waiting = deque([*taken, item])
             self._changed.notify_all()
         for older in replaced:
             self._dropped(older)

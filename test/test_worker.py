@@ -44,6 +44,19 @@ def test_while_one_item_is_in_work_only_the_newest_waits() -> None:
     assert station.done == [1, 4]
 
 
+def test_of_items_that_come_at_once_an_idle_worker_takes_the_first_and_the_newest() -> None:
+    station = Station()
+    worker = NewestWorker(station.work, station.dropped.append)
+    station.go_on.release(2)
+    with worker._changed:  # before the thread can take any
+        for item in (1, 2, 3):
+            worker.submit(item)
+    assert [station.started.get(timeout=PATIENCE_S) for _ in range(2)] == [1, 3]
+    assert worker.close(PATIENCE_S)
+    assert station.done == [1, 3]
+    assert station.dropped == [2]
+
+
 def test_an_exception_is_logged_and_the_next_item_is_worked_on(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
