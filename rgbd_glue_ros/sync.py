@@ -195,8 +195,8 @@ class Synchronizer(Generic[Item]):
 
     A colour and a depth image are paired when their stamps are at most ``max_interval_ns`` apart
     and neither has a clearly nearer partner. Equal stamps pair at once. So do others, where unequal
-    stamps are the rule and these are within half the channel's period, since nothing nearer is to
-    be expected; else they pair when the next image has shown that it is no nearer.
+    stamps are the rule and the next image is not to be expected any nearer by the channel's period;
+    else they pair when that has shown that it is no nearer.
 
     The camera info is the one with the colour image's stamp, or else the nearest. As long as
     newer ones may come, a pair waits for it; when ``queue_size`` pairs have waited in vain, infos
@@ -280,14 +280,17 @@ class Synchronizer(Generic[Item]):
             if interval > 0 and not self._is_usual(interval, first.period_ns):
                 if not rest and not is_last:
                     return
-                nearer = interval - self.max_interval_ns // NEARER_FRACTION
-                if rest and abs(rest[0].stamp_ns - later.stamp_ns) < nearer:
+                if rest and abs(rest[0].stamp_ns - later.stamp_ns) < self._displacing(interval):
                     earlier.counts.unmatched += 1
                     earlier.take()
                     continue
             self._pairs.append((colors.take(), depths.take()))
             self._last_interval_ns = interval
             self._intervals_ns.append(interval)
+
+    def _displacing(self, interval: int) -> int:
+        """How near the next image has to be to take the partner from one ``interval`` away."""
+        return interval - self.max_interval_ns // NEARER_FRACTION
 
     @staticmethod
     def _may_be_of_another_time(earlier: _Queue[Item], later: _Queue[Item]) -> bool:
@@ -308,7 +311,8 @@ class Synchronizer(Generic[Item]):
 
         Where stamps were equal so far, unequal ones mean that a partner is missing.
         """
-        is_near = period_ns is not None and 2 * interval < period_ns
+        # the next image comes no earlier than a period after the first
+        is_near = period_ns is not None and period_ns - interval >= self._displacing(interval)
         return is_near and self._last_interval_ns > 0
 
     def _complete(self, *, is_last: bool) -> list[Match[Item]]:

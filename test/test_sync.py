@@ -42,16 +42,17 @@ def test_equal_stamps_match_as_soon_as_all_three_are_there() -> None:
     assert sync.add(Channel.DEPTH, 7, "depth") == [Match(7, 0, "color", "depth", "info", False)]
 
 
-def test_near_stamps_match_without_waiting_for_the_next_image() -> None:
-    """Once the period is known, nothing can come that is nearer than half of it."""
+@pytest.mark.parametrize("offset", [10 * MS, PERIOD // 2, 18 * MS])
+def test_near_stamps_match_without_waiting_for_the_next_image(offset: int) -> None:
+    """Once the period is known, nothing is to be expected that is so much nearer as to count."""
     sync: Synchronizer[int] = Synchronizer(20 * MS, 10)
-    for channel, stamp in triples([0, PERIOD], depth_offset=10 * MS):
+    for channel, stamp in triples([0, PERIOD], depth_offset=offset):
         sync.add(channel, stamp, stamp)
     now = 2 * PERIOD
     sync.add(Channel.INFO, now, now)
     sync.add(Channel.COLOR, now, now)
-    (match,) = sync.add(Channel.DEPTH, now + 10 * MS, now + 10 * MS)
-    assert (match.color, match.interval_ns) == (now, 10 * MS)
+    (match,) = sync.add(Channel.DEPTH, now + offset, now + offset)
+    assert (match.color, match.interval_ns) == (now, offset)
 
 
 def test_each_image_goes_to_its_nearest_partner_not_to_the_first_within_reach() -> None:
