@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
+from scipy.special import chdtri
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.se3 import skew, transform
@@ -12,6 +14,13 @@ from rgbd_glue_ros.types import Correspondences, Float64, Int64
 
 # A sample or a set whose points spread less than this across a line fixes no rotation about it.
 _MIN_SPREAD_M = 1e-3
+
+
+@lru_cache
+def chi_squared(confidence: float, degrees: int) -> float:
+    """The value that chi² with so many degrees of freedom stays below with a probability."""
+    # scipy.stats has it by this name, and takes half a second to import
+    return float(chdtri(degrees, 1.0 - confidence))
 
 
 @compiled

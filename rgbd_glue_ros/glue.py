@@ -8,16 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.stats import chi2
 
 from rgbd_glue_ros.baselines.sc2_pcr import sc2_pcr
 from rgbd_glue_ros.config import Config
 from rgbd_glue_ros.estimation import (
+    chi_squared,
     distances,
     procrustes,
     procrustes_information,
@@ -55,13 +54,7 @@ def error_variance(inliers: Correspondences, T: Float64) -> float:
 
 def adaptive_threshold(variance: float, confidence: float = 0.95) -> float:
     """Equations 6 and 7: epsilon = sqrt(sigma² chi²_confidence(3)), metres."""
-    return float(np.sqrt(variance * _chi_squared(confidence)))
-
-
-@lru_cache
-def _chi_squared(confidence: float) -> float:
-    """The quantile of chi² with three degrees of freedom."""
-    return float(chi2.ppf(confidence, 3))
+    return float(np.sqrt(variance * chi_squared(confidence, 3)))
 
 
 def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspondences:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import MotionConfig
+from rgbd_glue_ros.estimation import chi_squared
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # A velocity is worth something for this long; after it the camera is expected where it was.
@@ -21,7 +21,7 @@ _MEMORY_S = 0.25
 _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 # No camera is moved faster and sees anything: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
-_SURPRISE = float(chi2.ppf(0.999, 6))
+_SURPRISE = chi_squared(0.999, 6)
 
 
 @dataclass(frozen=True)
