@@ -94,6 +94,8 @@ class Timing:
         predicted = self.covariance + np.eye(2) * config.drift**2
         covariance = np.asarray(np.linalg.inv(np.linalg.inv(predicted) + information), np.float64)
         known = np.array([self.depth_latency, self.readout]) - covariance @ gradient
+        if not (np.isfinite(known).all() and np.isfinite(covariance).all()):
+            return self  # every later frame would inherit it
         latency, readout = np.clip(known, -_LIMIT_S, _LIMIT_S)
         return Timing(float(latency), float(readout), covariance)
 

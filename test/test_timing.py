@@ -87,3 +87,13 @@ def test_a_calibration_of_ones_own_is_kept_for_any_camera() -> None:
         timing = Timing.start(own, frame_id)
         assert timing.settled
         assert (timing.depth_latency, timing.readout) == (0.004, 0.01)
+
+
+def test_a_frame_that_gives_no_finite_number_leaves_the_timing_as_it_was() -> None:
+    timing = Timing.start(SURE, "")
+    view = prepared(rolling_frame(TIMES[0], 0.0, 0.0), TIMES[0], timing)
+    model = model_of(view, STEP)
+    found = refine(np.eye(4), model, view, REFINE)
+    poisoned = replace(found, light=np.full(3, np.nan))
+    assert timing.corrected(found, model, view, REFINE, SURE) is not timing
+    assert timing.corrected(poisoned, model, view, REFINE, SURE) is timing
