@@ -26,7 +26,6 @@ from rgbd_glue_ros.types import RgbdFrame
 _EVERY = 50
 # One of several runs in a row finds caches warm and no other process on the core.
 _RUNS = 3
-_TRACK_WINDOW_PX = 21
 _MIN_MATCHES = 4
 _SURE = 0.9999
 
@@ -135,11 +134,6 @@ def _visual_matching(now: Inputs, before: Inputs) -> object:
     return matcher.knnMatch(now.keypoints[1], before.keypoints[1], k=2)
 
 
-def _visual_tracking(now: Inputs, before: Inputs) -> object:
-    window = (_TRACK_WINDOW_PX, _TRACK_WINDOW_PX)
-    return cv2.calcOpticalFlowPyrLK(before.grey, now.grey, before.uv, None, winSize=window)
-
-
 def _geometric_features(now: Inputs, _: Inputs) -> object:
     o3d = _open3d()
     search = o3d.geometry.KDTreeSearchParamHybrid(radius=0.12, max_nn=48)
@@ -186,7 +180,11 @@ def _keyframe(now: Inputs, _: Inputs) -> object:
 
 FLOORS = (
     Floor("preparation", "grey image by OpenCV, one copy of the depth image", _preparation),
-    Floor("visual_features", "cv2.ORB, the same settings", _visual_features),
+    Floor(
+        "visual_features",
+        "cv2.ORB with its own 8 levels of the pyramid, where ours has 4",
+        _visual_features,
+    ),
     Floor(
         "geometric_features",
         "Open3D's FPFH of the same points, normals given",
@@ -194,7 +192,6 @@ FLOORS = (
         needs_open3d=True,
     ),
     Floor("visual_matching", "cv2.BFMatcher, two nearest of all", _visual_matching),
-    Floor("visual_tracking", "cv2.calcOpticalFlowPyrLK of the keypoints", _visual_tracking),
     Floor("ransac", "cv2.solvePnPRansac by three points; it stops once it is sure", _ransac),
     Floor(
         "geometric_matching",
