@@ -682,7 +682,9 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
         "(default: %(default)g)",
     )
     parser.add_argument(
-        "--robustness", action="store_true", help="also with frames missing, dark, blind, patchy"
+        "--robustness",
+        action="store_true",
+        help="also with frames missing, dark, blind or patchy, or with somebody in them",
     )
     parser.add_argument(
         "--live", action="store_true", help="also played to the node over DDS, at its own rate"

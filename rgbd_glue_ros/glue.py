@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, TypeVar
 
@@ -140,6 +140,10 @@ class Glue:
         described, geometric_ms = geometric.result()
         times = {"visual_features": visual_ms, "geometric_features": geometric_ms}
         return FrameFeatures(view, visual, described, times)
+
+    def seen_anew(self, features: FrameFeatures, view: View) -> FrameFeatures:
+        """The features of a view with the same colours but other depth."""
+        return replace(features, view=view, geometric=self._geometric.extract(view))
 
     def register(
         self, source: FrameFeatures, target: FrameFeatures, prior: Rough | None = None

@@ -19,6 +19,8 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64
 _MEMORY_S = 0.25
 # Before anything is known: a camera on a robot or in a hand, m/s and rad/s.
 _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
+# How much a camera that shows anything may change its speed between two frames, m/s and rad/s.
+_CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
 # No camera is moved faster and sees anything: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
 _SURPRISE = chi_squared(0.999, 6)
@@ -63,6 +65,18 @@ class Motion:
         # what the camera does after the memory has faded, nobody knows
         velocity = self.velocity * (moving / elapsed)
         return Motion(stamp_ns, self.T_odom_camera @ step, velocity, covariance)
+
+    def reaches(self, T_odom_camera: Float64, predicted: Motion) -> bool:
+        """Whether a camera that was last here can be there now.
+
+        Args:
+            T_odom_camera: there, float64 [4, 4].
+            predicted: where it is expected now.
+        """
+        elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
+        covariance = predicted.covariance[:6, :6] + np.diag((_CHANGE_OF_SPEED * elapsed) ** 2)
+        way = se3.log(se3.inverse(predicted.T_odom_camera) @ T_odom_camera)
+        return bool(way @ np.linalg.solve(covariance, way) < _SURPRISE)
 
     def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
         """The motion after a measured pose.

@@ -17,6 +17,7 @@ from rgbd_glue_ros.glue import FrameFeatures, Glue
 from rgbd_glue_ros.keyframes import Keyframe, Keyframes
 from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
+from rgbd_glue_ros.moving import still
 from rgbd_glue_ros.refinement import COARSE_TO_FINE, Refinement, judge, refine
 from rgbd_glue_ros.timing import Timing
 from rgbd_glue_ros.types import (
@@ -33,6 +34,9 @@ from rgbd_glue_ros.types import (
 # The levels that poses are compared at, and those that the best is finished at, once the velocity
 # that it implies is known: the images of a fast camera depend on that.
 _COARSE, _FINE = COARSE_TO_FINE[:-1], COARSE_TO_FINE[-2:]
+# Surfaces fill an image, but all its texture may be on somebody who walks through it: what the
+# correlation of brightness counts beside the agreement of planes.
+_TEXTURE = 0.3
 # Between frames farther apart a velocity says too little of the moment of one to time it.
 _STEADY_NS = NANOSECONDS // 10
 # A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
@@ -119,10 +123,10 @@ class Odometry:
         stages = {"preparation": (prepared - start) * 1e3, **features.stages_ms}
         if self._motion is None or predicted is None:
             return self._begin(frame.stamp_ns, features, stages)
-        tracked = self._track(features, predicted)
+        tracked = self._track(features, self._motion, predicted)
         if isinstance(tracked, _Fix):
             return self._accept(predicted, features, tracked, stages)
-        recovered = self._recover(features)
+        recovered = self._recover(features, self._motion, predicted)
         if recovered is not None:
             return self._accept(predicted, features, recovered, stages)
         missed = OdometryEstimate(
@@ -151,20 +155,22 @@ class Odometry:
         delay = frame.depth_delay_ns / NANOSECONDS - timing.depth_latency
         return View(grey(frame.color), depth, frame.intrinsics, velocity, timing.readout, delay)
 
-    def _track(self, features: FrameFeatures, motion: Motion) -> _Fix | RegistrationResult:
+    def _track(
+        self, features: FrameFeatures, last: Motion, predicted: Motion
+    ) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
 
         Returns:
             A pose, or the registration that says why there is none.
         """
-        odometry, predicted = self._config.odometry, motion.T_odom_camera
-        references = self._keyframes.nearest(predicted, odometry.window)[: odometry.references]
+        odometry, T_predicted = self._config.odometry, predicted.T_odom_camera
+        references = self._keyframes.nearest(T_predicted, odometry.window)[: odometry.references]
         reference = references[0]
         prior = None
         if odometry.prior_radius > 0:
-            T_reference_predicted = se3.inverse(reference.T_odom_camera) @ predicted
+            T_reference_predicted = se3.inverse(reference.T_odom_camera) @ T_predicted
             prior = Rough(T_reference_predicted, odometry.prior_radius)
-        prediction = self._beside.submit(self._try, predicted, references, features.view, prior)
+        prediction = self._beside.submit(self._try, T_predicted, references, features.view, prior)
         result = self._glue.register(features, reference.features, prior)
         start = perf_counter()
         model, best = prediction.result()
@@ -172,12 +178,15 @@ class Odometry:
             found = reference.T_odom_camera @ result.T_target_source
             best = self._better(best, found, model, features.view)
         if best is not None:
-            velocity = _corrected(motion, self._fix(reference, result, best, model)).velocity
+            velocity = _corrected(predicted, self._fix(reference, result, best, model)).velocity
             best = self._finished(best, model, features.view, velocity)
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         if best is None:
             return result
-        if not self._believable(best):
+        if not (
+            self._believable(best, best.planes_visible)
+            and last.reaches(best.T_model_source, predicted)
+        ):
             return result.refused(RegistrationStatus.INCONSISTENT)
         return self._fix(reference, result, best, model)
 
@@ -196,7 +205,9 @@ class Odometry:
         """Refines further under the velocity that the frame had; what was, if that fails."""
         config, T = self._config.refine, coarse.T_model_source
         finished = refine(T, model, replace(view, twist=velocity), config, _FINE)
-        return finished if self._believable(finished) else judge(T, model, view, config)
+        if self._believable(finished, finished.planes_visible):
+            return finished
+        return judge(T, model, view, config)
 
     def _better(self, best: Refinement | None, T: Float64, model: Model, view: View) -> Refinement:
         """The best refinement so far, or, where T is far from it, that from T if it fits better."""
@@ -205,10 +216,11 @@ class Odometry:
         found = refine(T, model, view, self._config.refine, _COARSE)
         return found if best is None else max((found, best), key=_support)
 
-    def _recover(self, features: FrameFeatures) -> _Fix | None:
+    def _recover(self, features: FrameFeatures, last: Motion, predicted: Motion) -> _Fix | None:
         """Looks for the frame near a few keyframes, without a prior and more sceptically.
 
-        The latest come first; while the camera stays lost, frame by frame all others.
+        The latest come first; while the camera stays lost, frame by frame all others. Planes that
+        are hidden count as well: somebody before the camera is no proof of a place.
         """
         odometry = self._config.odometry
         for keyframe in self._keyframes.in_turn(odometry.recovery_attempts, self._missed):
@@ -220,7 +232,11 @@ class Odometry:
                 continue
             T = keyframe.T_odom_camera @ result.T_target_source
             refined = refine(T, keyframe.model, features.view, self._config.refine)
-            if self._believable(refined) and refined.correlation >= odometry.pixel_correlation:
+            if (
+                self._believable(refined, refined.planes_seen)
+                and refined.correlation >= odometry.pixel_correlation
+                and last.reaches(refined.T_model_source, predicted)
+            ):
                 return self._fix(keyframe, result, refined, keyframe.model)
         return None
 
@@ -241,13 +257,17 @@ class Odometry:
             or se3.rotation_angle(T) > odometry.surprise_rotation
         )
 
-    def _believable(self, found: Refinement) -> bool:
-        """Whether planes or pixels speak for the pose and the planes do not speak against it."""
+    def _believable(self, found: Refinement, asked: int) -> bool:
+        """Whether planes or pixels speak for the pose and the planes do not speak against it.
+
+        ``asked`` are the planes of which a part has to agree.
+        """
         odometry = self._config.odometry
-        planes_count = found.planes_seen >= odometry.min_planes
-        if planes_count and found.plane_agreement < odometry.plane_agreement / 2:
+        enough = asked >= odometry.min_planes
+        agreement = found.planes_agreeing / max(asked, 1)
+        if enough and agreement < odometry.plane_agreement / 2:
             return False
-        return (planes_count and found.plane_agreement >= odometry.plane_agreement) or (
+        return (enough and agreement >= odometry.plane_agreement) or (
             found.pixels_seen >= odometry.min_pixels
             and found.correlation >= odometry.pixel_correlation
         )
@@ -335,9 +355,9 @@ class Odometry:
                 self._config.timing,
             )
         start = perf_counter()
-        model = self._keyframe_model(features, fix)
-        if model is not None:
-            self._keyframes.add(motion.stamp_ns, T, covariance, features, model)
+        keyframe = self._as_keyframe(features, fix)
+        if keyframe is not None:
+            self._keyframes.add(motion.stamp_ns, T, covariance, *keyframe)
         stages = {
             **stages,
             **fix.registration.stages_ms,
@@ -350,7 +370,7 @@ class Odometry:
             se3.pose_covariance(T, covariance),
             motion.velocity,
             motion.covariance[6:, 6:],
-            model is not None,
+            keyframe is not None,
             fix.reference.number,
             fix.registration,
             stages,
@@ -371,8 +391,10 @@ class Odometry:
         covariance: Float64 = adjoint @ (motion.covariance[:6, :6] + unseen) @ adjoint.T
         return covariance
 
-    def _keyframe_model(self, features: FrameFeatures, fix: _Fix) -> Model | None:
-        """The model of a frame that should become a keyframe; None if it should not."""
+    def _as_keyframe(
+        self, features: FrameFeatures, fix: _Fix
+    ) -> tuple[FrameFeatures, Model] | None:
+        """What a frame that should become a keyframe shows of the room; None if it should not."""
         odometry = self._config.odometry
         T = se3.inverse(fix.reference.T_odom_camera) @ fix.T_odom_camera
         way = max(
@@ -381,12 +403,20 @@ class Odometry:
         )
         if way < 1:
             return None
-        model = model_of(features.view, self._config.refine.grid_step)
+        near = self._keyframes.nearest(fix.T_odom_camera, odometry.window)[: odometry.references]
+        others = [(keyframe.features.view, keyframe.T_odom_camera) for keyframe in near]
+        view = still(features.view, fix.T_odom_camera, others)
+        if view is not None:
+            seen_anew = self._beside.submit(self._glue.seen_anew, features, view)
+            model = model_of(view, self._config.refine.grid_step)
+            features = seen_anew.result()
+        else:
+            model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < odometry.min_planes:
             return None
         # a blurred image is a poor keyframe: a sharper one is probably on its way
         blurred = 2 * len(model.pixels[0].points) < len(fix.reference.model.pixels[0].points)
-        return None if blurred and way < 2 else model
+        return None if blurred and way < 2 else (features, model)
 
 
 def _at_once(timing: Timing) -> Future[Timing]:
@@ -403,4 +433,4 @@ def _corrected(predicted: Motion, fix: _Fix) -> Motion:
 
 def _support(found: Refinement) -> float:
     """How well planes and pixels agree, for choosing between two poses of one frame."""
-    return found.plane_agreement + max(found.correlation, 0.0)
+    return found.plane_agreement + _TEXTURE * max(found.correlation, 0.0)

@@ -21,13 +21,14 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.config import RefineConfig
 from rgbd_glue_ros.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.residuals import (
-    PLANE_GATE_SIGMAS,
+    GATE_SIGMAS,
     brightness_at,
     gradient_at,
     in_camera,
     inside,
     plane_variance,
     seen_surface,
+    shows_another,
 )
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
@@ -50,7 +51,8 @@ class Refinement:
         information: float64 [6, 6], the Hessian at the pose, perturbation on the left.
         planes_seen: planes that project onto known depth; at level l, of every 2^l-th.
         planes_agreeing: those that lie where the depth image has them.
-        pixels_seen: pixels of the level judged at inside the image.
+        planes_hidden: those that something nearer hides.
+        pixels_seen: pixels of the level judged at inside the image, where no other surface is.
         correlation: of their brightness in the model and in the image, from -1 to 1.
         light: float64 [3], gain and bias from the image's brightness to the model's, and the
             standard deviation of what is left.
@@ -60,6 +62,7 @@ class Refinement:
     information: Float64
     planes_seen: int
     planes_agreeing: int
+    planes_hidden: int
     pixels_seen: int
     correlation: float
     light: Float64
@@ -68,6 +71,11 @@ class Refinement:
     def plane_agreement(self) -> float:
         """The part of the planes seen that agree; 0 where none is seen."""
         return self.planes_agreeing / max(self.planes_seen, 1)
+
+    @property
+    def planes_visible(self) -> int:
+        """Planes seen that nothing nearer hides."""
+        return self.planes_seen - self.planes_hidden
 
 
 def refine(
@@ -172,7 +180,7 @@ def _meeting(
 @compiled
 def _descended(
     T: Float64, meeting: _Meeting, light: Float64, iterations: int, converged: float
-) -> tuple[Float64, Float64, int, int, int, float, Float64]:
+) -> tuple[Float64, Float64, int, int, int, int, float, Float64]:
     """T after Gauss-Newton steps, until one is shorter than ``converged``, as ``Refinement``.
 
     What is said of it is from before that last step. ``light`` is updated.
@@ -186,13 +194,13 @@ def _descended(
         T = se3.exp(step) @ T
         if np.abs(step).max() < converged:
             break
-    return T, H, planes[0], planes[1], pixels[0], pixels[1], used
+    return T, H, planes[0], planes[1], planes[2], pixels[0], pixels[1], used
 
 
 @compiled
 def _linearised(
     T: Float64, meeting: _Meeting, light: Float64
-) -> tuple[Float64, Float64, tuple[int, int], tuple[int, float]]:
+) -> tuple[Float64, Float64, tuple[int, int, int], tuple[int, float]]:
     """Hessian and gradient at T, and the counts of planes and pixels; updates ``light``."""
     H, g = np.zeros((6, 6)), np.zeros(6)
     pixels = _add_pixels(T, meeting, light, H, g)
@@ -204,23 +212,25 @@ def _linearised(
 
 
 @compiled
-def _add_planes(T: Float64, meeting: _Meeting, H: Float64, g: Float64) -> tuple[int, int]:
+def _add_planes(T: Float64, meeting: _Meeting, H: Float64, g: Float64) -> tuple[int, int, int]:
     """Adds the point-to-plane terms at T to g and to the upper half of H.
 
-    Returns the planes seen and those of them that agree.
+    Returns the planes seen, those of them that agree, and those that something nearer hides.
     """
     points, normals, depth, K = meeting.points, meeting.normals, meeting.depth, meeting.K_depth
     twist, readout, delay = meeting.twist, meeting.readout, meeting.delay
     cauchy = meeting.plane_cauchy
-    agreeing, seen = 0, 0
+    seen, agreeing, hidden = 0, 0, 0
     J = np.empty(6)
     for i in range(len(points)):
         x, y, z, part = in_camera(T, points, i, K, depth.shape[0], twist, readout, delay)
         if z <= 0.0:
             continue
+        expected = z
         x, y, z = seen_surface(depth, K, x, y, z)
         if not z > 0.0:
             continue
+        nearer = z < expected
         x, y, z = displaced(x, y, z, delay + part * readout, twist)
         seen += 1
         q0 = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
@@ -233,7 +243,8 @@ def _add_planes(T: Float64, meeting: _Meeting, H: Float64, g: Float64) -> tuple[
         nz = T[0, 2] * n0 + T[1, 2] * n1 + T[2, 2] * n2
         variance = plane_variance(nx, ny, nz, x, y, z, K)
         squared = r * r / variance
-        if squared > PLANE_GATE_SIGMAS**2:
+        if squared > GATE_SIGMAS**2:
+            hidden += int(nearer)
             continue
         if squared < _AGREEING_SIGMAS**2:
             agreeing += 1
@@ -244,7 +255,7 @@ def _add_planes(T: Float64, meeting: _Meeting, H: Float64, g: Float64) -> tuple[
             g[a] += w * r * J[a]
             for b in range(a, 6):
                 H[a, b] += w * J[a] * J[b]
-    return seen, agreeing
+    return seen, agreeing, hidden
 
 
 @compiled
@@ -262,6 +273,7 @@ def _add_pixels(
     weight, cauchy = meeting.pixel_weight, meeting.pixel_cauchy
     J = np.empty(6)
     gain, bias, sigma = light[0], light[1], light[2]
+    to_depth = meeting.K_depth[0] / K[0]
     seen, spread = 0, 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
     for i in range(len(points)):
@@ -271,6 +283,9 @@ def _add_pixels(
         x, y = x / z, y / z
         u, v = K[0] * x + K[2], K[1] * y + K[3]
         if not inside(image, u, v):
+            continue
+        # where an edge passes in front, or what was seen has moved away
+        if shows_another(meeting.depth, u * to_depth, v * to_depth, z):
             continue
         value = brightness_at(image, u, v)
         r = gain * value + bias - brightness[i]

@@ -6,11 +6,13 @@ from rgbd_glue_ros.camera import depth_sigma, displaced, sample_depth
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import Float32, Float64, UInt8
 
-# Farther than this many sigma apart, a plane and a depth are not the same surface.
-PLANE_GATE_SIGMAS = 10.0
+# Farther than this many sigma of depth apart, two depths are not the same surface.
+GATE_SIGMAS = 10.0
 # Blur of depth edges and lens: a depth belongs to a pixel only to about this accuracy.
 _LATERAL_SIGMA_PX = 0.5
 _NEAREST_M = 0.05
+# By this part of its depth a surface may recede, or be off, within what a pose is wrong.
+_RECEDING = 0.02
 
 
 @compiled
@@ -102,3 +104,24 @@ def gradient_at(image: UInt8, u: float, v: float) -> tuple[float, float]:
     gu = 0.5 * (brightness_at(image, u + 1.0, v) - brightness_at(image, u - 1.0, v))
     gv = 0.5 * (brightness_at(image, u, v + 1.0) - brightness_at(image, u, v - 1.0))
     return gu, gv
+
+
+@compiled
+def apart(z: float) -> float:
+    """How far from a depth z another one is surely another surface, m.
+
+    More than noise: images are not taken at quite the same time, and surfaces recede.
+    """
+    return GATE_SIGMAS * depth_sigma(z) + _RECEDING * z
+
+
+@compiled
+def shows_another(depth: Float32, u: float, v: float, z: float) -> bool:
+    """Whether another surface is seen at pixel (u, v) than the one expected at depth z.
+
+    Where depth is unknown, nothing says so.
+    """
+    row, column = int(v + 0.5), int(u + 0.5)
+    if row >= depth.shape[0] or column >= depth.shape[1]:
+        return False
+    return bool(abs(depth[row, column] - z) > apart(z))

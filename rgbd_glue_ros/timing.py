@@ -19,13 +19,14 @@ from rgbd_glue_ros.config import RefineConfig, TimingConfig
 from rgbd_glue_ros.model import Model
 from rgbd_glue_ros.refinement import DAMPING, Refinement
 from rgbd_glue_ros.residuals import (
-    PLANE_GATE_SIGMAS,
+    GATE_SIGMAS,
     brightness_at,
     gradient_at,
     in_camera,
     inside,
     plane_variance,
     seen_surface,
+    shows_another,
 )
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
@@ -128,6 +129,7 @@ def _terms(
         pixels.velocity,
         pixels.part,
         source.grey,
+        source.depth,
         K,
         source.twist,
         source.readout,
@@ -185,7 +187,7 @@ def _add_planes(
         nz = T[0, 2] * n0 + T[1, 2] * n1 + T[2, 2] * n2
         variance = plane_variance(nx, ny, nz, x, y, z, K)
         squared = r * r / variance
-        if squared > PLANE_GATE_SIGMAS**2:
+        if squared > GATE_SIGMAS**2:
             continue
         w = 1.0 / (variance * (1.0 + squared / (cauchy * cauchy)))
         J[0], J[1], J[2] = n0, n1, n2
@@ -209,6 +211,7 @@ def _add_pixels(
     velocity: Float64,
     part: Float64,
     image: UInt8,
+    depth: Float32,
     K: Float64,
     twist: Float64,
     readout: float,
@@ -226,7 +229,7 @@ def _add_pixels(
             continue
         x, y = px / z, py / z
         u, v = K[0] * x + K[2], K[1] * y + K[3]
-        if not inside(image, u, v):
+        if not inside(image, u, v) or shows_another(depth, u, v, z):
             continue
         r = gain * brightness_at(image, u, v) + bias - brightness[i]
         w = weight / (sigma * sigma * (1.0 + (r / (cauchy * sigma)) ** 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.config import Config, with_values
 from rgbd_glue_ros.odometry import Odometry
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 
@@ -15,7 +15,8 @@ _PERIOD_NS = NANOSECONDS // 30
 
 def warm_up(config: Config) -> None:
     """Runs an odometry of its own over made-up frames; takes long only where nothing is cached."""
-    odometry = Odometry(config)
+    # every frame becomes a keyframe, as that takes code of its own
+    odometry = Odometry(with_values(config, {"odometry.keyframe_translation": 0.001}))
     for i in range(4):
         odometry.process(_frame(i))
 

@@ -187,3 +187,29 @@ def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
     np.testing.assert_array_equal(found.velocity, 0.0)
     assert (np.diag(found.covariance)[6:] >= 1.0).all()
     assert np.linalg.eigvalsh(found.covariance).min() > 0
+
+
+@pytest.mark.parametrize(
+    ("way", "frames", "reached"),
+    [
+        ([0.1, 0, 0, 0, 0, 0], 1, True),  # pushed
+        ([0, 0, 0, 0.1, 0, 0], 1, True),
+        ([0.5, 0, 0, 0, 0, 0], 1, False),  # farther than anybody goes in a thirtieth of a second
+        ([0, 0, 0, 1.0, 0, 0], 1, False),
+        ([0.5, 0, 0, 0, 0, 0], 10, True),  # not seen for a third of a second
+        ([0, 0, 0, 3.0, 0, 0], 60, True),
+        ([0, 0, 100.0, 0, 0, 0], 60, False),
+    ],
+)
+def test_a_camera_gets_so_far_and_no_farther(way: list[float], frames: int, reached: bool) -> None:
+    last = moving(np.array([0.2, 0, 0, 0, 0.3, 0]))
+    predicted = last.predicted(frames * PERIOD_NS, CONFIG)
+    there = predicted.T_odom_camera @ se3.exp(np.array(way))
+    assert last.reaches(there, predicted) == reached
+
+
+def test_the_prediction_is_always_within_reach() -> None:
+    last = moving(np.array([0.2, -1.0, 0, 0, 0.3, 2.0]))
+    for frames in (1, 5, 100):
+        predicted = last.predicted(frames * PERIOD_NS, CONFIG)
+        assert last.reaches(predicted.T_odom_camera, predicted)

@@ -229,3 +229,34 @@ def test_depth_noise_of_the_sensor_leaves_millimetres() -> None:
     found = refine(perturbed(0), the_model(), source, CONFIG)
     assert_at_truth(found, metres=0.005, radians=0.003)
     assert found.plane_agreement > 0.5
+
+
+def test_planes_that_somebody_hides_are_counted_and_do_not_pull() -> None:
+    source = the_source()
+    near = source.depth.copy()
+    near[:, : CAMERA.width // 3] = 0.6
+    found = refine(perturbed(1), the_model(), replace(source, depth=near), CONFIG)
+    assert_at_truth(found, 0.003, 0.002)
+    assert 0.2 < found.planes_hidden / found.planes_seen < 0.5
+    assert found.planes_visible == found.planes_seen - found.planes_hidden
+    assert found.planes_agreeing > 0.9 * found.planes_visible
+
+
+def test_planes_that_are_gone_are_not_hidden() -> None:
+    source = the_source()
+    far = replace(source, depth=source.depth + np.float32(3.0))
+    found = judge(true_transform(), the_model(), far, CONFIG)
+    assert found.planes_seen > 0
+    assert found.planes_hidden == 0
+
+
+def test_pixels_before_which_something_else_is_seen_are_left_out() -> None:
+    source = the_source()
+    width = CAMERA.width // 2
+    near, painted = source.depth.copy(), source.grey.copy()
+    near[:, :width] = 0.6
+    painted[:, :width] = np.random.default_rng(0).integers(0, 256, painted[:, :width].shape)
+    found = judge(true_transform(), the_model(), replace(source, grey=painted), CONFIG)
+    hidden = judge(true_transform(), the_model(), replace(source, grey=painted, depth=near), CONFIG)
+    assert hidden.pixels_seen < 0.7 * found.pixels_seen
+    assert hidden.correlation > 0.9 > found.correlation

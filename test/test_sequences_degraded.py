@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,9 @@ from rgbd_glue_ros.sequences.degraded import (
     first,
     no_color,
     no_depth,
+    somebody_walks_by,
 )
+from rgbd_glue_ros.sequences.passer_by import PasserBy
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame, Trajectory
 
 CAMERA = CameraIntrinsics(160, 120, 100.0, 100.0, 79.5, 59.5)
@@ -114,6 +117,49 @@ def test_depth_is_unknown_for_a_second_from_the_middle_on() -> None:
     blind = [frame for frame in degraded(no_depth(1.0)) if np.isnan(frame.depth).all()]
     assert times(blind) == pytest.approx(np.arange(3.0, 4.0, 0.1))
     assert all((frame.color == 128).all() for frame in blind)
+
+
+def test_somebody_walks_from_left_to_right_and_back() -> None:
+    before = [frame.depth < 1.9 for frame in degraded(somebody_walks_by(PasserBy(period=4.0)))]
+    columns = [np.flatnonzero(person.any(axis=0)) for person in before]
+    middle = [c.mean() if len(c) else np.nan for c in columns]
+    assert np.isnan([middle[0], middle[20], middle[40]]).all()  # outside at each end
+    assert middle[10] == pytest.approx(79.5, abs=1.0)
+    assert middle[9] < middle[10] < middle[11]
+    assert middle[29] > middle[30] > middle[31]
+    assert len(columns[10]) == pytest.approx(100 * 2 * 0.28 / 1.5, rel=0.05)
+
+
+def test_somebody_is_a_round_body_before_the_wall_and_cut_off_above() -> None:
+    frame = degraded(somebody_walks_by(PasserBy(period=4.0, tall=0.3)))[10]
+    assert np.nanmin(frame.depth) == pytest.approx(1.5 - 0.28, abs=1e-3)
+    assert frame.depth[60, 80] < frame.depth[60, 70] < 1.5
+    assert (frame.depth[:20] == 2.0).all()
+    np.testing.assert_array_equal(
+        (frame.color != 128).any(axis=2) | (frame.depth < 2.0), frame.depth < 2.0
+    )
+    assert frame.color[frame.depth < 1.9].std() > 30
+
+
+def test_somebody_behind_the_wall_is_not_seen() -> None:
+    for frame in degraded(somebody_walks_by(PasserBy(distance=3.0))):
+        assert (frame.depth == 2.0).all()
+        assert (frame.color == 128).all()
+
+
+def test_what_is_unknown_is_taken_to_be_behind_somebody() -> None:
+    frame = replace(next(iter(Grey())), depth=np.full((120, 160), np.nan, np.float32))
+    crossed = PasserBy(period=4.0).before(replace(frame, stamp_ns=NANOSECONDS), 0)
+    assert 0.1 < np.isfinite(crossed.depth).mean() < 0.5
+
+
+def test_a_grey_image_stays_one() -> None:
+    frame = next(iter(Grey()))
+    crossed = PasserBy(period=4.0).before(
+        replace(frame, color=frame.color[..., 0], stamp_ns=NANOSECONDS), 0
+    )
+    assert crossed.color.shape == (120, 160)
+    assert crossed.color.dtype == np.uint8
 
 
 @pytest.mark.parametrize("degradation", DEGRADATIONS, ids=lambda d: d.name)

@@ -1,4 +1,4 @@
-"""What the odometry makes of frames that are missing, dark, blind or patchy."""
+"""What the odometry makes of frames that are missing, dark, blind, patchy or crossed."""
 
 from __future__ import annotations
 

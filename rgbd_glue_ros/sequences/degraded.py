@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.sequences.base import Sequence, selected
+from rgbd_glue_ros.sequences.passer_by import PasserBy
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, Trajectory
 
 _SEED = 0
@@ -170,6 +171,18 @@ def _for_a_while(
     return apply
 
 
+def somebody_walks_by(somebody: PasserBy = PasserBy()) -> Degradation:  # noqa: B008 - frozen
+    """Somebody walks up and down before the camera."""
+
+    def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
+        start_ns: int | None = None
+        for frame in frames:
+            start_ns = frame.stamp_ns if start_ns is None else start_ns
+            yield somebody.before(frame, start_ns)
+
+    return Degradation("somebody walks by", apply)
+
+
 DEGRADATIONS = (
     every(2),
     every(3),
@@ -178,4 +191,5 @@ DEGRADATIONS = (
     depth_holes(0.5),
     no_color(1.0),
     no_depth(1.0),
+    somebody_walks_by(),
 )
