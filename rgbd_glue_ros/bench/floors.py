@@ -19,6 +19,7 @@ import numpy as np
 
 from rgbd_glue_ros.camera import back_project, depth_at, grey, limit_depth, rectified
 from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.features.visual import orb_detector
 from rgbd_glue_ros.model import LEVELS
 from rgbd_glue_ros.normals import grid_points_and_normals
 from rgbd_glue_ros.types import RgbdFrame
@@ -67,7 +68,7 @@ class Inputs:
     @cached_property
     def orb(self) -> Any:
         """OpenCV's detector."""
-        return cv2.ORB.create(nfeatures=self.config.features.keypoints, fastThreshold=10)
+        return orb_detector(self.config.features)
 
     @cached_property
     def uv(self) -> Any:
@@ -182,7 +183,7 @@ FLOORS = (
     Floor("preparation", "grey image by OpenCV, one copy of the depth image", _preparation),
     Floor(
         "visual_features",
-        "cv2.ORB with its own 8 levels of the pyramid, where ours has 4",
+        "cv2.ORB with the same settings",
         _visual_features,
     ),
     Floor(

@@ -136,14 +136,16 @@ def sift(config: FeaturesConfig) -> OpenCvFeature:
     return OpenCvFeature(_create("SIFT", nfeatures=config.keypoints), config)
 
 
-def orb(config: FeaturesConfig) -> OpenCvFeature:
-    """ORB (Rublee et al. 2011)."""
+def orb_detector(config: FeaturesConfig) -> Any:
+    """OpenCV's ORB as the odometry uses it."""
     # half as many levels as is OpenCV's habit, as far apart: a third less time, and frames of one
     # camera seldom see a thing at more than twice the scale
-    detector = _create(
-        "ORB", nfeatures=config.keypoints, fastThreshold=10, nlevels=4, scaleFactor=1.4
-    )
-    return OpenCvFeature(detector, config)
+    return _create("ORB", nfeatures=config.keypoints, fastThreshold=10, nlevels=4, scaleFactor=1.4)
+
+
+def orb(config: FeaturesConfig) -> OpenCvFeature:
+    """ORB (Rublee et al. 2011)."""
+    return OpenCvFeature(orb_detector(config), config)
 
 
 def brisk(config: FeaturesConfig) -> OpenCvFeature:
