@@ -21,13 +21,13 @@ from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 # Surfaces are compared cell by cell, so that an error of the pose of as many pixels does no harm.
 _CELL_PX = 8
-# Every pixel is looked at in steps of this; depth edges are blurred by less.
-_BLOCK_PX = 4
+# One pixel of each block is looked at for all of it.
+_BLOCK_PX = 8
 # Nearer than this nothing is seen.
 _NEAREST_M = 0.05
 # A block is moving if most of those around it are; then so are those next to it, whose depth mixes
 # both surfaces.
-_AROUND = 5
+_AROUND = 3
 # When more than this part of a frame seems to have moved, it is the pose that is wrong.
 _MOST = 0.7
 
@@ -80,11 +80,14 @@ def _nearest_surfaces(depth: Float32) -> Float32:
 
 @compiled
 def _least_of_cells(depth: Float32) -> Float32:
-    """Least known depth in each cell, float32 [H / cell, W / cell]; infinite where none is."""
+    """Least depth in each cell, of every second pixel, float32 [H / cell, W / cell].
+
+    Infinite where none is known.
+    """
     rows, columns = depth.shape[0] // _CELL_PX, depth.shape[1] // _CELL_PX
     cells = np.full((rows, columns), np.float32(np.inf))
-    for v in range(rows * _CELL_PX):
-        for u in range(columns * _CELL_PX):
+    for v in range(0, rows * _CELL_PX, 2):
+        for u in range(0, columns * _CELL_PX, 2):
             # the comparison with NaN is false, where a call of min would take it
             if depth[v, u] < cells[v // _CELL_PX, u // _CELL_PX]:  # noqa: PLR1730
                 cells[v // _CELL_PX, u // _CELL_PX] = depth[v, u]

@@ -183,9 +183,8 @@ class Odometry:
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         if best is None:
             return result
-        if not (
-            self._believable(best, best.planes_visible)
-            and last.reaches(best.T_model_source, predicted)
+        if not self._believable(best, best.planes_visible) or not (
+            last.reaches(best.T_model_source, predicted) or self._certain(best)
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
         return self._fix(reference, result, best, model)
@@ -235,7 +234,7 @@ class Odometry:
             if (
                 self._believable(refined, refined.planes_seen)
                 and refined.correlation >= odometry.pixel_correlation
-                and last.reaches(refined.T_model_source, predicted)
+                and (last.reaches(refined.T_model_source, predicted) or self._certain(refined))
             ):
                 return self._fix(keyframe, result, refined, keyframe.model)
         return None
@@ -269,6 +268,18 @@ class Odometry:
             return False
         return (enough and agreement >= odometry.plane_agreement) or (
             found.pixels_seen >= odometry.min_pixels
+            and found.correlation >= odometry.pixel_correlation
+        )
+
+    def _certain(self, found: Refinement) -> bool:
+        """Whether a pose is to be believed that a camera hardly gets to: stamps may be wrong.
+
+        Planes and pixels must speak for it, those too that something may hide.
+        """
+        odometry = self._config.odometry
+        return (
+            found.planes_seen >= odometry.min_planes
+            and found.plane_agreement >= odometry.plane_agreement
             and found.correlation >= odometry.pixel_correlation
         )
 

@@ -373,22 +373,25 @@ def test_a_camera_that_was_carried_elsewhere_in_the_dark_is_found_there() -> Non
     assert np.nanmax(metres) < 0.03
 
 
-def test_a_camera_that_was_turned_over_in_the_dark_is_found_upside_down() -> None:
+def test_a_camera_that_was_turned_over_is_found_upside_down() -> None:
     frames = recorded_frames()
-    hidden = [covered(frames[20])] * 20
-    estimates = track(numbered([*frames[:20], *hidden, *map(turned_over, frames[20:30])]))
-    metres, radians = errors(estimates[40:], true_poses()[20:30] @ np.diag([-1, -1, 1, 1]))
-    assert {estimate.state for estimate in estimates[43:]} == {TRACKING}
+    estimates = track(numbered([*frames[:20], *map(turned_over, frames[20:30])]))
+    metres, radians = errors(estimates[20:], true_poses()[20:30] @ np.diag([-1, -1, 1, 1]))
+    assert {estimate.state for estimate in estimates[23:]} == {TRACKING}
     assert np.nanmax(metres) < 0.03
     assert np.nanmax(radians) < 0.02
 
 
-def test_a_place_that_nobody_gets_to_from_one_frame_to_the_next_is_not_believed() -> None:
-    frames = recorded_frames()
-    estimates = track(numbered([*frames[:20], *map(turned_over, frames[20:23]), *frames[23:30]]))
-    assert [estimate.state for estimate in estimates[20:23]] == [LOST] * 3
-    metres, _ = errors(estimates[23:], true_poses()[23:30])
-    assert np.max(metres) < 0.02
+def test_frames_too_far_apart_for_their_stamps_are_tracked() -> None:
+    """As recordings whose frames are numbered and not stamped, with most of them left out."""
+    step = 10
+    truth = true_poses()[::step]
+    way = np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1)
+    assert way.max() > 0.1  # 3 m/s from standing still
+    estimates = track(numbered(recorded_frames()[::step]))
+    assert {estimate.state for estimate in estimates} == {TRACKING}
+    metres, _ = errors(estimates, truth)
+    assert metres.max() < 0.02
 
 
 @pytest.mark.parametrize("somebody", [PasserBy(period=3.5), PasserBy(distance=1.0, period=2.5)])
@@ -444,12 +447,11 @@ def test_while_nothing_is_seen_the_new_start_waits() -> None:
 def test_a_lost_camera_is_found_at_a_place_that_it_left_many_keyframes_ago() -> None:
     config = with_values(PATIENT, {"odometry.recovery_attempts": 2})
     way = [panned_frame(radians) for radians in np.arange(0, 1.5, 0.1)]
-    hidden = [covered(way[-1])] * 20
-    estimates = track(numbered([*way, *hidden, *[panned_frame(0.02)] * 6]), config)
+    estimates = track(numbered([*way, covered(way[-1]), *[panned_frame(0.02)] * 6]), config)
     assert sum(e.is_keyframe for e in estimates[:15]) >= 5
-    found = [e for e in estimates[35:] if e.state is TRACKING]
+    found = [e for e in estimates[16:] if e.state is TRACKING]
     assert found
-    assert estimates[35].state is LOST  # the latest keyframes do not show that place
+    assert estimates[16].state is LOST  # the latest keyframes do not show that place
     for estimate in found:
         T = estimate.T_odom_camera
         assert T is not None
