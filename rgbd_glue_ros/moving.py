@@ -1,8 +1,8 @@
 """What moves in a frame: surfaces where keyframes saw that nothing was.
 
-A keyframe that shows a person makes what the person hides of the room unknown and drags along the
-frames that see the person elsewhere. So the depth of what has come between the camera and a
-surface seen before is taken out of a frame before it becomes a keyframe.
+Frames that see a person elsewhere would be pulled along by a keyframe that shows them. So the depth
+of whatever has come between the camera and a surface seen before is taken out of a frame before it
+becomes a keyframe.
 """
 
 from __future__ import annotations
