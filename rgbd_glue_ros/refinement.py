@@ -273,19 +273,19 @@ def _add_pixels(
     weight, cauchy = meeting.pixel_weight, meeting.pixel_cauchy
     J = np.empty(6)
     gain, bias, sigma = light[0], light[1], light[2]
-    to_depth = meeting.K_depth[0] / K[0]
     seen, spread = 0, 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
     for i in range(len(points)):
         x, y, z, _ = in_camera(T, points, i, K, image.shape[0], twist, readout, 0.0)
         if z <= 0.0:
             continue
+        there = displaced(x, y, z, -meeting.delay, twist)
         x, y = x / z, y / z
         u, v = K[0] * x + K[2], K[1] * y + K[3]
         if not inside(image, u, v):
             continue
         # where an edge passes in front, or what was seen has moved away
-        if shows_another(meeting.depth, u * to_depth, v * to_depth, z):
+        if shows_another(meeting.depth, meeting.K_depth, there[0], there[1], there[2]):
             continue
         value = brightness_at(image, u, v)
         r = gain * value + bias - brightness[i]

@@ -116,12 +116,14 @@ def apart(z: float) -> float:
 
 
 @compiled
-def shows_another(depth: Float32, u: float, v: float, z: float) -> bool:
-    """Whether another surface is seen at pixel (u, v) than the one expected at depth z.
+def shows_another(depth: Float32, K: Float64, x: float, y: float, z: float) -> bool:
+    """Whether another surface is seen where a point is expected, in the depth image's own frame.
 
     Where depth is unknown, nothing says so.
     """
-    row, column = int(v + 0.5), int(u + 0.5)
-    if row >= depth.shape[0] or column >= depth.shape[1]:
+    if z < _NEAREST_M:
+        return False
+    row, column = int(K[1] * y / z + K[3] + 0.5), int(K[0] * x / z + K[2] + 0.5)
+    if row < 0 or column < 0 or row >= depth.shape[0] or column >= depth.shape[1]:
         return False
     return bool(abs(depth[row, column] - z) > apart(z))

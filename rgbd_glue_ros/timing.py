@@ -133,6 +133,7 @@ def _terms(
         K,
         source.twist,
         source.readout,
+        source.depth_delay,
         found.light,
         refine.pixel_weight,
         refine.pixel_cauchy,
@@ -215,6 +216,7 @@ def _add_pixels(
     K: Float64,
     twist: Float64,
     readout: float,
+    delay: float,
     light: Float64,
     weight: float,
     cauchy: float,
@@ -229,7 +231,8 @@ def _add_pixels(
             continue
         x, y = px / z, py / z
         u, v = K[0] * x + K[2], K[1] * y + K[3]
-        if not inside(image, u, v) or shows_another(depth, u, v, z):
+        there = displaced(px, py, z, -delay, twist)
+        if not inside(image, u, v) or shows_another(depth, K, there[0], there[1], there[2]):
             continue
         r = gain * brightness_at(image, u, v) + bias - brightness[i]
         w = weight / (sigma * sigma * (1.0 + (r / (cauchy * sigma)) ** 2))
