@@ -16,15 +16,13 @@ import numpy as np
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.compiled import compiled
-from rgbd_glue_ros.residuals import apart
+from rgbd_glue_ros.residuals import NEAREST_M, apart
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 # Surfaces are compared cell by cell, so that an error of the pose of as many pixels does no harm.
 _CELL_PX = 8
 # One pixel of each block is looked at for all of it.
 _BLOCK_PX = 8
-# Nearer than this nothing is seen.
-_NEAREST_M = 0.05
 # A block is moving if most of those around it are; then so are those next to it, whose depth mixes
 # both surfaces.
 _AROUND = 3
@@ -122,7 +120,7 @@ def _mark_in_front(
             x, y = (u - K[2]) / K[0] * z, (v - K[3]) / K[1] * z
             there = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
             # with NaN this is false, too
-            if not there > _NEAREST_M:
+            if not there > NEAREST_M:
                 continue
             right = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
             down = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]

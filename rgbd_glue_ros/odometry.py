@@ -164,7 +164,7 @@ class Odometry:
             A pose, or the registration that says why there is none.
         """
         odometry, T_predicted = self._config.odometry, predicted.T_odom_camera
-        references = self._keyframes.nearest(T_predicted, odometry.window)[: odometry.references]
+        references = self._references(T_predicted)
         reference = references[0]
         prior = None
         if odometry.prior_radius > 0:
@@ -188,6 +188,11 @@ class Odometry:
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
         return self._fix(reference, result, best, model)
+
+    def _references(self, T_odom_camera: Float64) -> list[Keyframe]:
+        """The keyframes that a frame there is compared with, the nearest first."""
+        odometry = self._config.odometry
+        return self._keyframes.nearest(T_odom_camera, odometry.window)[: odometry.references]
 
     def _try(
         self, predicted: Float64, references: list[Keyframe], view: View, prior: Rough | None
@@ -414,15 +419,13 @@ class Odometry:
         )
         if way < 1:
             return None
-        near = self._keyframes.nearest(fix.T_odom_camera, odometry.window)[: odometry.references]
+        near = self._references(fix.T_odom_camera)
         others = [(keyframe.features.view, keyframe.T_odom_camera) for keyframe in near]
         view = still(features.view, fix.T_odom_camera, others)
-        if view is not None:
-            seen_anew = self._beside.submit(self._glue.seen_anew, features, view)
-            model = model_of(view, self._config.refine.grid_step)
-            features = seen_anew.result()
-        else:
-            model = model_of(features.view, self._config.refine.grid_step)
+        anew = None if view is None else self._beside.submit(self._glue.seen_anew, features, view)
+        model = model_of(features.view if view is None else view, self._config.refine.grid_step)
+        if anew is not None:
+            features = anew.result()
         if len(model.planes.points) < odometry.min_planes:
             return None
         # a blurred image is a poor keyframe: a sharper one is probably on its way

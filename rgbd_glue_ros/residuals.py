@@ -10,7 +10,8 @@ from rgbd_glue_ros.types import Float32, Float64, UInt8
 GATE_SIGMAS = 10.0
 # Blur of depth edges and lens: a depth belongs to a pixel only to about this accuracy.
 _LATERAL_SIGMA_PX = 0.5
-_NEAREST_M = 0.05
+# Nearer than this nothing is seen.
+NEAREST_M = 0.05
 # By this part of its depth a surface may recede, or be off, within what a pose is wrong.
 _RECEDING = 0.02
 
@@ -44,7 +45,7 @@ def in_camera(
     """
     d0, d1, d2 = points[i, 0] - T[0, 3], points[i, 1] - T[1, 3], points[i, 2] - T[2, 3]
     z = T[0, 2] * d0 + T[1, 2] * d1 + T[2, 2] * d2
-    if z < _NEAREST_M:
+    if z < NEAREST_M:
         return 0.0, 0.0, -1.0, 0.0
     x = T[0, 0] * d0 + T[1, 0] * d1 + T[2, 0] * d2
     y = T[0, 1] * d0 + T[1, 1] * d1 + T[2, 1] * d2
@@ -53,7 +54,7 @@ def in_camera(
     for _ in range(2):
         part = (K[1] * sy / sz + K[3]) / height - 0.5
         sx, sy, sz = displaced(x, y, z, -(delay + part * readout), twist)
-        if sz < _NEAREST_M:
+        if sz < NEAREST_M:
             return 0.0, 0.0, -1.0, 0.0
     return sx, sy, sz, part
 
@@ -121,7 +122,7 @@ def shows_another(depth: Float32, K: Float64, x: float, y: float, z: float) -> b
 
     Where depth is unknown, nothing says so.
     """
-    if z < _NEAREST_M:
+    if z < NEAREST_M:
         return False
     row, column = int(K[1] * y / z + K[3] + 0.5), int(K[0] * x / z + K[2] + 0.5)
     if row < 0 or column < 0 or row >= depth.shape[0] or column >= depth.shape[1]:

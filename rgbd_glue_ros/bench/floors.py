@@ -181,11 +181,7 @@ def _keyframe(now: Inputs, _: Inputs) -> object:
 
 FLOORS = (
     Floor("preparation", "grey image by OpenCV, one copy of the depth image", _preparation),
-    Floor(
-        "visual_features",
-        "cv2.ORB with the same settings",
-        _visual_features,
-    ),
+    Floor("visual_features", "cv2.ORB with the same settings", _visual_features),
     Floor(
         "geometric_features",
         "Open3D's FPFH of the same points, normals given",

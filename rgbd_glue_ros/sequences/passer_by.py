@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -71,7 +72,9 @@ def _rays(pixels: int, focal: float, centre: float) -> Float64:
     return np.asarray((np.arange(pixels) - centre) / focal, np.float64)
 
 
+@lru_cache(maxsize=1)
 def _cloth() -> UInt8:
+    """The cloth's brightness, uint8 [patches, patches]."""
     noise = np.random.default_rng(_SEED).normal(size=(_PATCHES, _PATCHES)).astype(np.float32)
     smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
     return np.asarray(np.clip(120 + _CONTRAST * smooth / smooth.std(), 0, 255), np.uint8)
