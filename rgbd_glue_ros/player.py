@@ -108,7 +108,7 @@ class Player:
     """A camera that shows a recording; a context manager.
 
     Attributes:
-        published_ns: by stamp, when the last message with it was published, monotonic clock.
+        published_ns: by stamp, when publication of the last message with it began, monotonic clock.
         poses: by stamp, the poses [4, 4] that came.
         arrived_ns: by stamp, when the pose came, monotonic clock.
         keyframes: stamps of the frames that became keyframes.
@@ -184,8 +184,9 @@ class Player:
 
     def publish(self, message: PlayedMessage) -> None:
         """Publishes a message as it was recorded, byte for byte."""
-        self._publishers[message.channel].publish(message.data)
+        # before, since a node may have it before this process goes on
         self.published_ns[message.stamp_ns] = time.monotonic_ns()
+        self._publishers[message.channel].publish(message.data)
 
     def play(self, rate: float) -> Iterator[PlayedMessage]:
         """Publishes all messages at ``rate`` times the recording's speed; gives each after that."""
