@@ -6,7 +6,7 @@ One function per equation; ``Glue.register`` reads like section 3 of the paper.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, TypeVar
@@ -120,14 +120,40 @@ class FrameFeatures:
     stages_ms: dict[str, float]
 
 
+@dataclass(frozen=True)
+class Extraction:
+    """Features of a frame in the making: the geometric ones on another thread.
+
+    Attributes:
+        view: the frame.
+        visual: extracts the visual features.
+        geometric: the geometric features and their time in milliseconds, as soon as they are there.
+    """
+
+    view: View
+    visual: Callable[[View], Any]
+    geometric: Future[tuple[Any, float]]
+
+    def finished(self) -> FrameFeatures:
+        """Extracts the visual features on this thread, and waits for the others."""
+        visual, visual_ms = _timed(self.visual, self.view)
+        geometric, geometric_ms = self.geometric.result()
+        times = {"visual_features": visual_ms, "geometric_features": geometric_ms}
+        return FrameFeatures(self.view, visual, geometric, times)
+
+
 class Glue:
-    """Registers RGB-D frames by the features and parameters of a configuration."""
+    """Registers RGB-D frames by the features and parameters of a configuration.
+
+    Attributes:
+        beside: one thread for what is done beside the caller's, in the order of submission.
+    """
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._visual = VISUAL[config.features.visual](config.features)
         self._geometric = GEOMETRIC[config.features.geometric](config.features)
-        self._threads = ThreadPoolExecutor(1, thread_name_prefix="geometric")
+        self.beside = ThreadPoolExecutor(1, thread_name_prefix="beside")
 
     def reconfigure(self, config: Config) -> None:
         """Takes other parameters, with the same features."""
@@ -135,11 +161,12 @@ class Glue:
 
     def extract(self, view: View) -> FrameFeatures:
         """Section 3.1: visual and geometric features, side by side on two threads."""
-        geometric = self._threads.submit(_timed, self._geometric.extract, view)
-        visual, visual_ms = _timed(self._visual.extract, view)
-        described, geometric_ms = geometric.result()
-        times = {"visual_features": visual_ms, "geometric_features": geometric_ms}
-        return FrameFeatures(view, visual, described, times)
+        return self.extraction(view).finished()
+
+    def extraction(self, view: View) -> Extraction:
+        """Begins ``extract``, for whom has more to do on the thread beside."""
+        geometric = self.beside.submit(_timed, self._geometric.extract, view)
+        return Extraction(view, self._visual.extract, geometric)
 
     def seen_anew(self, features: FrameFeatures, view: View) -> FrameFeatures:
         """The features of a view with the same colours but other depth."""

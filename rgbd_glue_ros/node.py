@@ -20,6 +20,7 @@ from types import TracebackType
 from typing import Any
 
 import rclpy
+from geometry_msgs.msg import PoseStamped
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from std_srvs.srv import Empty
@@ -205,8 +206,8 @@ class OdometryNode(Node):  # type: ignore[misc]
                 if T_guess_child is None
                 else T_guess_child @ se3.inverse(framing.T_camera_child)
             )
-            estimate = self._odometry.process(frame, T_guess_camera)
-            self._outputs.publish(estimate, framing, frame, T_guess_child)
+            estimate = self._odometry.track(frame, T_guess_camera)
+            pose = self._outputs.publish(estimate, framing, frame, T_guess_child)
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)
             if self.monitor.is_news(fault.where, fault.cause):
@@ -219,6 +220,22 @@ class OdometryNode(Node):  # type: ignore[misc]
             return
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
         self._announce(state_before, estimate)
+        self._update_map(pose)
+
+    def _update_map(self, pose: PoseStamped | None) -> None:
+        """Does what only the next frame needs, now that the pose is on its way.
+
+        Args:
+            pose: as published; None if there was none.
+        """
+        try:
+            is_keyframe = self._odometry.update_map()
+        except Exception as error:
+            if self.monitor.is_news("a keyframe", repr(error)):
+                logger.exception("A keyframe could not be made; going on without it")
+            return
+        if is_keyframe and pose is not None:
+            self._outputs.publish_keyframe(pose)
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)

@@ -78,7 +78,7 @@ class NodeOutputs:
         framing: Framing,
         frame: RgbdFrame,
         T_guess_child: Float64 | None,
-    ) -> None:
+    ) -> PoseStamped | None:
         """Publishes an estimate.
 
         Args:
@@ -86,13 +86,16 @@ class NodeOutputs:
             framing: from the camera to the frames that are published.
             frame: that it is of.
             T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
+
+        Returns:
+            The pose as published; None if there is none.
         """
         child = self.config.frame_id or frame.frame_id
         self._show_matches(frame, estimate)
         if estimate.T_odom_camera is None:
             if self.config.publish_null_when_lost:
                 self._odom.publish(self._null(estimate.stamp_ns, child))
-            return
+            return None
         head = message_fields.header(estimate.stamp_ns, self.config.odom_frame_id)
         T_odom_child = framing.pose(estimate.T_odom_camera)
         pose = message_fields.copy_fields(
@@ -100,11 +103,20 @@ class NodeOutputs:
         )
         self._broadcast(T_odom_child, T_guess_child, estimate.stamp_ns)
         self._pose.publish(pose)
+        self._publish_odom(estimate, framing, pose, child)
         self._extend_path(pose)
-        if estimate.is_keyframe:
-            self._keyframe.publish(pose)
+        return pose
+
+    def publish_keyframe(self, pose: PoseStamped) -> None:
+        """Publishes the pose of a frame that became a keyframe."""
+        self._keyframe.publish(pose)
+
+    def _publish_odom(
+        self, estimate: OdometryEstimate, framing: Framing, pose: PoseStamped, child: str
+    ) -> None:
         if (
-            estimate.covariance is None
+            estimate.T_odom_camera is None
+            or estimate.covariance is None
             or estimate.twist is None
             or estimate.twist_covariance is None
         ):

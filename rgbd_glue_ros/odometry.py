@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -61,17 +61,45 @@ class _Fix:
     model: Model
 
 
+@dataclass(frozen=True)
+class _Search:
+    """What the pose of a frame is looked for by.
+
+    ``reference`` is the nearest keyframe; ``prior`` where the frame is in it by the prediction,
+    None if that is none; ``prediction`` what ``_try`` gives.
+    """
+
+    features: FrameFeatures
+    reference: Keyframe
+    prior: Rough | None
+    prediction: Future[tuple[Model, Refinement | None]]
+
+
+@dataclass(frozen=True)
+class _Posed:
+    """A frame with a pose, which may become a keyframe.
+
+    ``covariance`` is that of the pose, perturbation on the left, odom frame; ``reference`` the
+    keyframe that the pose was found from, None where the frame starts anew.
+    """
+
+    stamp_ns: int
+    T_odom_camera: Float64
+    covariance: Float64
+    features: FrameFeatures
+    reference: Keyframe | None
+
+
 class Odometry:
     """Turns RGB-D frames into poses T_odom_camera.
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: one
-    thread calls ``process``.
+    thread calls.
     """
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._glue = Glue(config)
-        self._beside = ThreadPoolExecutor(1, thread_name_prefix="beside")
         self.reset()
 
     def reconfigure(self, config: Config) -> None:
@@ -83,6 +111,7 @@ class Odometry:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
         self.state = TrackingState.INITIALIZING
         self._keyframes = Keyframes(self._config.odometry.keyframes)
+        self._posed: _Posed | None = None
         self._motion: Motion | None = None
         self._timing = _at_once(Timing.start(self._config.timing, ""))
         self._last_stamp_ns: int | None = None
@@ -90,6 +119,18 @@ class Odometry:
         self._T_guess_last: Float64 | None = None
 
     def process(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
+        """``track`` and ``update_map`` in one, for whom the pose alone is in no hurry.
+
+        Returns:
+            What ``track`` does, and what came of the frame in ``update_map``.
+        """
+        estimate = self.track(frame, T_guess_camera)
+        start = perf_counter()
+        is_keyframe = self.update_map()
+        stages = {**estimate.stages_ms, "keyframe": (perf_counter() - start) * 1e3}
+        return replace(estimate, is_keyframe=is_keyframe, stages_ms=stages)
+
+    def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
         """Registers a frame and returns what is known after it.
 
         Args:
@@ -98,17 +139,14 @@ class Odometry:
                 of its own; None if there is none. Its motion since the last pose is where the
                 search starts.
 
+        Returns:
+            The estimate; whether the frame becomes a keyframe is for ``update_map`` to say.
+
         Raises:
             InputError: the frame is not later than the one before. Nothing else raises: an image
                 that shows nothing gives an estimate without a pose.
         """
-        estimate = self._process(frame, T_guess_camera)
-        if estimate.T_odom_camera is not None:
-            self._T_guess_last = T_guess_camera
-        return estimate
-
-    def _process(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
-        start = perf_counter()
+        self.update_map()
         if self._last_stamp_ns is not None and frame.stamp_ns <= self._last_stamp_ns:
             raise InputError(
                 f"frame at {frame.stamp_ns} ns",
@@ -116,23 +154,47 @@ class Odometry:
                 "leave it out, or call reset() when time starts again",
             )
         self._last_stamp_ns = frame.stamp_ns
+        estimate = self._tracked(frame, T_guess_camera)
+        if estimate.T_odom_camera is not None:
+            self._T_guess_last = T_guess_camera
+        return estimate
+
+    def update_map(self) -> bool:
+        """Makes a keyframe of the frame tracked last, where it is time.
+
+        That takes a while, and no pose waits for it but that of the next frame: call it when the
+        pose is on its way. Where nobody does, the next ``track`` does.
+
+        Returns:
+            Whether the frame became one.
+        """
+        posed, self._posed = self._posed, None
+        if posed is None:
+            return False
+        shown = self._as_keyframe(posed)
+        if shown is not None:
+            self._keyframes.add(posed.stamp_ns, posed.T_odom_camera, posed.covariance, *shown)
+        return shown is not None
+
+    def _tracked(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
+        start = perf_counter()
         predicted = self._predicted(frame.stamp_ns, T_guess_camera)
         view = self._view(frame, predicted)
-        prepared = perf_counter()
-        features = self._glue.extract(view)
-        stages = {"preparation": (prepared - start) * 1e3, **features.stages_ms}
+        stages = {"preparation": (perf_counter() - start) * 1e3}
         if self._motion is None or predicted is None:
-            return self._begin(frame.stamp_ns, features, stages)
-        tracked = self._track(features, self._motion, predicted)
+            return self._begin(frame.stamp_ns, self._glue.extract(view), stages)
+        search = self._search(view, predicted)
+        stages |= search.features.stages_ms
+        tracked = self._track(search, self._motion, predicted)
         if isinstance(tracked, _Fix):
-            return self._accept(predicted, features, tracked, stages)
-        recovered = self._recover(features, self._motion, predicted)
+            return self._accept(predicted, search.features, tracked, stages)
+        recovered = self._recover(search.features, self._motion, predicted)
         if recovered is not None:
-            return self._accept(predicted, features, recovered, stages)
+            return self._accept(predicted, search.features, recovered, stages)
         missed = OdometryEstimate(
             frame.stamp_ns, TrackingState.LOST, registration=tracked, stages_ms=stages
         )
-        return self._miss(self._motion, features, missed)
+        return self._miss(self._motion, search.features, missed)
 
     def _predicted(self, stamp_ns: int, T_guess_camera: Float64 | None) -> Motion | None:
         """The motion at a stamp as far as it is known before the images are; None at the start."""
@@ -155,25 +217,29 @@ class Odometry:
         delay = frame.depth_delay_ns / NANOSECONDS - timing.depth_latency
         return View(grey(frame.color), depth, frame.intrinsics, velocity, timing.readout, delay)
 
-    def _track(
-        self, features: FrameFeatures, last: Motion, predicted: Motion
-    ) -> _Fix | RegistrationResult:
+    def _search(self, view: View, predicted: Motion) -> _Search:
+        """What registration and refinement start from; the refinement from the prediction runs."""
+        odometry, T_predicted = self._config.odometry, predicted.T_odom_camera
+        references = self._references(T_predicted)
+        prior = None
+        if odometry.prior_radius > 0:
+            T_reference_predicted = se3.inverse(references[0].T_odom_camera) @ T_predicted
+            prior = Rough(T_reference_predicted, odometry.prior_radius)
+        extraction = self._glue.extraction(view)
+        # on the same thread after the geometric features, which are done before the visual ones
+        prediction = self._glue.beside.submit(self._try, T_predicted, references, view, prior)
+        return _Search(extraction.finished(), references[0], prior, prediction)
+
+    def _track(self, search: _Search, last: Motion, predicted: Motion) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
 
         Returns:
             A pose, or the registration that says why there is none.
         """
-        odometry, T_predicted = self._config.odometry, predicted.T_odom_camera
-        references = self._references(T_predicted)
-        reference = references[0]
-        prior = None
-        if odometry.prior_radius > 0:
-            T_reference_predicted = se3.inverse(reference.T_odom_camera) @ T_predicted
-            prior = Rough(T_reference_predicted, odometry.prior_radius)
-        prediction = self._beside.submit(self._try, T_predicted, references, features.view, prior)
-        result = self._glue.register(features, reference.features, prior)
+        features, reference = search.features, search.reference
+        result = self._glue.register(features, reference.features, search.prior)
         start = perf_counter()
-        model, best = prediction.result()
+        model, best = search.prediction.result()
         if result.T_target_source is not None:
             found = reference.T_odom_camera @ result.T_target_source
             best = self._better(best, found, model, features.view)
@@ -295,16 +361,26 @@ class Odometry:
         model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < self._config.odometry.min_planes:
             return OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
-        keyframe = self._keyframes.add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
-        self._motion = Motion.start(stamp_ns, np.eye(4))
+        return self._start(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, stages)
+
+    def _start(
+        self,
+        stamp_ns: int,
+        T: Float64,
+        covariance: Float64,
+        features: FrameFeatures,
+        stages: dict[str, float],
+    ) -> OdometryEstimate:
+        """Takes the pose of a frame for known; it becomes the first keyframe."""
+        self._posed = _Posed(stamp_ns, T, covariance, features, None)
+        self._motion = Motion.start(stamp_ns, T)
         self.state = TrackingState.TRACKING
         return OdometryEstimate(
             stamp_ns,
             self.state,
-            keyframe.T_odom_camera,
-            keyframe.covariance,
-            is_keyframe=True,
-            keyframe_id=keyframe.number,
+            T,
+            se3.pose_covariance(T, covariance),
+            keyframe_id=self._keyframes.next_number,
             stages_ms=stages,
         )
 
@@ -326,19 +402,8 @@ class Odometry:
         adjoint = se3.adjoint(motion.T_odom_camera)
         covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
         self._keyframes.forget()
-        keyframe = self._keyframes.add(stamp_ns, motion.T_odom_camera, covariance, features, model)
-        self._motion = Motion.start(stamp_ns, motion.T_odom_camera)
-        self.state = TrackingState.TRACKING
         self._missed = 0
-        return OdometryEstimate(
-            stamp_ns,
-            self.state,
-            keyframe.T_odom_camera,
-            se3.pose_covariance(keyframe.T_odom_camera, covariance),
-            is_keyframe=True,
-            keyframe_id=keyframe.number,
-            stages_ms=missed.stages_ms,
-        )
+        return self._start(stamp_ns, motion.T_odom_camera, covariance, features, missed.stages_ms)
 
     def _accept(
         self,
@@ -362,7 +427,7 @@ class Odometry:
         timing = self._timing.result()
         if steady and not timing.settled:
             # the next frame is the first to need it
-            self._timing = self._beside.submit(
+            self._timing = self._glue.beside.submit(
                 timing.corrected,
                 fix.refinement,
                 fix.model,
@@ -370,15 +435,7 @@ class Odometry:
                 self._config.refine,
                 self._config.timing,
             )
-        start = perf_counter()
-        keyframe = self._as_keyframe(features, fix)
-        if keyframe is not None:
-            self._keyframes.add(motion.stamp_ns, T, covariance, *keyframe)
-        stages = {
-            **stages,
-            **fix.registration.stages_ms,
-            "keyframe": (perf_counter() - start) * 1e3,
-        }
+        self._posed = _Posed(motion.stamp_ns, T, covariance, features, fix.reference)
         return OdometryEstimate(
             motion.stamp_ns,
             self.state,
@@ -386,10 +443,9 @@ class Odometry:
             se3.pose_covariance(T, covariance),
             motion.velocity,
             motion.covariance[6:, 6:],
-            keyframe is not None,
-            fix.reference.number,
-            fix.registration,
-            stages,
+            keyframe_id=fix.reference.number,
+            registration=fix.registration,
+            stages_ms={**stages, **fix.registration.stages_ms},
         )
 
     def _relative_covariance(self, motion: Motion, reference: Keyframe) -> Float64:
@@ -407,30 +463,36 @@ class Odometry:
         covariance: Float64 = adjoint @ (motion.covariance[:6, :6] + unseen) @ adjoint.T
         return covariance
 
-    def _as_keyframe(
-        self, features: FrameFeatures, fix: _Fix
-    ) -> tuple[FrameFeatures, Model] | None:
+    def _as_keyframe(self, posed: _Posed) -> tuple[FrameFeatures, Model] | None:
         """What a frame that should become a keyframe shows of the room; None if it should not."""
-        odometry = self._config.odometry
-        T = se3.inverse(fix.reference.T_odom_camera) @ fix.T_odom_camera
+        odometry, reference = self._config.odometry, posed.reference
+        if reference is None:
+            return posed.features, model_of(posed.features.view, self._config.refine.grid_step)
+        T = se3.inverse(reference.T_odom_camera) @ posed.T_odom_camera
         way = max(
             float(np.linalg.norm(T[:3, 3])) / odometry.keyframe_translation,
             se3.rotation_angle(T) / odometry.keyframe_rotation,
         )
         if way < 1:
             return None
-        near = self._references(fix.T_odom_camera)
-        others = [(keyframe.features.view, keyframe.T_odom_camera) for keyframe in near]
-        view = still(features.view, fix.T_odom_camera, others)
-        anew = None if view is None else self._beside.submit(self._glue.seen_anew, features, view)
-        model = model_of(features.view if view is None else view, self._config.refine.grid_step)
-        if anew is not None:
-            features = anew.result()
+        features, model = self._of_the_room(posed)
         if len(model.planes.points) < odometry.min_planes:
             return None
         # a blurred image is a poor keyframe: a sharper one is probably on its way
-        blurred = 2 * len(model.pixels[0].points) < len(fix.reference.model.pixels[0].points)
+        blurred = 2 * len(model.pixels[0].points) < len(reference.model.pixels[0].points)
         return None if blurred and way < 2 else (features, model)
+
+    def _of_the_room(self, posed: _Posed) -> tuple[FrameFeatures, Model]:
+        """A frame's features and model without what moves."""
+        features, grid_step = posed.features, self._config.refine.grid_step
+        near = self._references(posed.T_odom_camera)
+        others = [(keyframe.features.view, keyframe.T_odom_camera) for keyframe in near]
+        view = still(features.view, posed.T_odom_camera, others)
+        if view is None:
+            return features, model_of(features.view, grid_step)
+        anew = self._glue.beside.submit(self._glue.seen_anew, features, view)
+        model = model_of(view, grid_step)
+        return anew.result(), model
 
 
 def _at_once(timing: Timing) -> Future[Timing]:

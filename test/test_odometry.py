@@ -155,6 +155,23 @@ def test_the_same_frames_give_the_same_bits() -> None:
         assert (one.is_keyframe, one.keyframe_id) == (two.is_keyframe, two.keyframe_id)
 
 
+def test_whenever_the_map_is_updated_before_the_next_frame_the_poses_are_the_same() -> None:
+    odometry = Odometry(PATIENT)
+    for i, frame in enumerate(recorded_frames()[:45]):
+        estimate, expected = odometry.track(frame), tracked()[i]
+        np.testing.assert_array_equal(estimate.T_odom_camera, expected.T_odom_camera)
+        if i % 2:  # else the next frame has to do it
+            assert odometry.update_map() == expected.is_keyframe
+            assert not odometry.update_map()
+
+
+def test_a_reset_forgets_the_frame_that_the_map_waits_for() -> None:
+    odometry = Odometry(PATIENT)
+    odometry.track(recorded_frames()[0])
+    odometry.reset()
+    assert not odometry.update_map()
+
+
 def test_the_twist_is_the_velocity_in_the_cameras_frame() -> None:
     poses = true_poses()
     stamps = [frame.stamp_ns for frame in recorded_frames()]
