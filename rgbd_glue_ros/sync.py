@@ -31,10 +31,10 @@ LONGEST_LOSS_NS = NANOSECONDS
 # Pairs that their usual interval is taken from.
 INTERVAL_WINDOW = 31
 
-
-# A partner counts as nearer when it is so by this part of the greatest interval. Streams half a
-# period apart would otherwise lose an image at every turn of the jitter.
-NEARER_FRACTION = 4
+# A partner counts as nearer when it is so by one over this of the greatest interval. Streams half
+# a period apart would otherwise lose an image, or wait for the next one, at every turn of the
+# jitter; by how many milliseconds depth is late, the odometry knows anyway.
+NEARER_FRACTION = 2
 
 
 class Channel(Enum):
