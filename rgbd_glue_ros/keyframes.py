@@ -48,11 +48,6 @@ class Keyframes:
     def __iter__(self) -> Iterator[Keyframe]:
         return iter(self._kept)
 
-    @property
-    def next_number(self) -> int:
-        """The number that the next keyframe gets."""
-        return self._count
-
     def add(
         self,
         stamp_ns: int,

@@ -220,16 +220,17 @@ class OdometryNode(Node):  # type: ignore[misc]
             return
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
         self._announce(state_before, estimate)
-        self._update_map(pose)
+        self._update_map(estimate, pose)
 
-    def _update_map(self, pose: PoseStamped | None) -> None:
+    def _update_map(self, estimate: OdometryEstimate, pose: PoseStamped | None) -> None:
         """Does what only the next frame needs, now that the pose is on its way.
 
         Args:
+            estimate: of the frame.
             pose: as published; None if there was none.
         """
         try:
-            is_keyframe = self._odometry.update_map()
+            is_keyframe = self._odometry.update_map() or estimate.is_keyframe
         except Exception as error:
             if self.monitor.is_news("a keyframe", repr(error)):
                 logger.exception("A keyframe could not be made; going on without it")

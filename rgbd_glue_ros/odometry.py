@@ -80,14 +80,14 @@ class _Posed:
     """A frame with a pose, which may become a keyframe.
 
     ``covariance`` is that of the pose, perturbation on the left, odom frame; ``reference`` the
-    keyframe that the pose was found from, None where the frame starts anew.
+    keyframe that it was found from.
     """
 
     stamp_ns: int
     T_odom_camera: Float64
     covariance: Float64
     features: FrameFeatures
-    reference: Keyframe | None
+    reference: Keyframe
 
 
 class Odometry:
@@ -126,7 +126,7 @@ class Odometry:
         """
         estimate = self.track(frame, T_guess_camera)
         start = perf_counter()
-        is_keyframe = self.update_map()
+        is_keyframe = self.update_map() or estimate.is_keyframe
         stages = {**estimate.stages_ms, "keyframe": (perf_counter() - start) * 1e3}
         return replace(estimate, is_keyframe=is_keyframe, stages_ms=stages)
 
@@ -140,7 +140,8 @@ class Odometry:
                 search starts.
 
         Returns:
-            The estimate; whether the frame becomes a keyframe is for ``update_map`` to say.
+            The estimate; whether the frame becomes a keyframe is for ``update_map`` to say, except
+            of one that starts anew, which is one already.
 
         Raises:
             InputError: the frame is not later than the one before. Nothing else raises: an image
@@ -361,26 +362,20 @@ class Odometry:
         model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < self._config.odometry.min_planes:
             return OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
-        return self._start(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, stages)
+        first = self._keyframes.add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
+        return self._start_at(first, stages | features.stages_ms)
 
-    def _start(
-        self,
-        stamp_ns: int,
-        T: Float64,
-        covariance: Float64,
-        features: FrameFeatures,
-        stages: dict[str, float],
-    ) -> OdometryEstimate:
-        """Takes the pose of a frame for known; it becomes the first keyframe."""
-        self._posed = _Posed(stamp_ns, T, covariance, features, None)
-        self._motion = Motion.start(stamp_ns, T)
+    def _start_at(self, keyframe: Keyframe, stages: dict[str, float]) -> OdometryEstimate:
+        """Starts anew at the pose of a keyframe, and says so."""
+        self._motion = Motion.start(keyframe.stamp_ns, keyframe.T_odom_camera)
         self.state = TrackingState.TRACKING
         return OdometryEstimate(
-            stamp_ns,
+            keyframe.stamp_ns,
             self.state,
-            T,
-            se3.pose_covariance(T, covariance),
-            keyframe_id=self._keyframes.next_number,
+            keyframe.T_odom_camera,
+            se3.pose_covariance(keyframe.T_odom_camera, keyframe.covariance),
+            is_keyframe=True,
+            keyframe_id=keyframe.number,
             stages_ms=stages,
         )
 
@@ -402,8 +397,9 @@ class Odometry:
         adjoint = se3.adjoint(motion.T_odom_camera)
         covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
         self._keyframes.forget()
+        anew = self._keyframes.add(stamp_ns, motion.T_odom_camera, covariance, features, model)
         self._missed = 0
-        return self._start(stamp_ns, motion.T_odom_camera, covariance, features, missed.stages_ms)
+        return self._start_at(anew, missed.stages_ms)
 
     def _accept(
         self,
@@ -466,8 +462,6 @@ class Odometry:
     def _as_keyframe(self, posed: _Posed) -> tuple[FrameFeatures, Model] | None:
         """What a frame that should become a keyframe shows of the room; None if it should not."""
         odometry, reference = self._config.odometry, posed.reference
-        if reference is None:
-            return posed.features, model_of(posed.features.view, self._config.refine.grid_step)
         T = se3.inverse(reference.T_odom_camera) @ posed.T_odom_camera
         way = max(
             float(np.linalg.norm(T[:3, 3])) / odometry.keyframe_translation,

@@ -222,7 +222,7 @@ class OdometryEstimate:
         twist: float64 [6], linear then angular velocity in the camera's optical frame
             (m/s, rad/s); None when there is no pose, or no earlier one to differ from.
         twist_covariance: float64 [6, 6] of ``twist``; None when that is.
-        is_keyframe: whether the frame became a keyframe.
+        is_keyframe: whether the frame is known to be a keyframe.
         keyframe_id: number of the keyframe that the frame was registered against (its own
             number if it became the first); -1 when there is none.
         registration: against that keyframe, or the one that failed when LOST; None for a frame
