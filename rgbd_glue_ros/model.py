@@ -142,10 +142,10 @@ def blend(models: Sequence[Model]) -> Model:
     )
 
 
-def pyramid(grey: UInt8) -> list[UInt8]:
+def pyramid(grey: UInt8, levels: int = LEVELS) -> list[UInt8]:
     """The image and smaller ones, each half the size of the one before."""
     images = [grey]
-    for _ in range(LEVELS - 1):
+    for _ in range(levels - 1):
         images.append(np.asarray(cv2.pyrDown(images[-1]), np.uint8))
     return images
 

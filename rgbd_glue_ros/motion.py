@@ -62,6 +62,8 @@ class Motion:
         G = np.concatenate([np.eye(6) * elapsed**2, np.eye(6) * elapsed])
         acceleration = np.diag([config.acceleration**2] * 3 + [config.angular_acceleration**2] * 3)
         covariance = F @ self.covariance @ F.T + G @ acceleration @ G.T
+        # the velocity at the end is not the mean of the step, which is all that poses tell
+        covariance[6:, 6:] += acceleration * (elapsed / 2) ** 2
         # what the camera does after the memory has faded, nobody knows
         velocity = self.velocity * (moving / elapsed)
         return Motion(stamp_ns, self.T_odom_camera @ step, velocity, covariance)
@@ -109,3 +111,25 @@ class Motion:
         start = Motion.start(self.stamp_ns, corrected.T_odom_camera)
         start.covariance[:6, :6] = corrected.covariance[:6, :6]
         return start
+
+    def corrected_velocity(self, velocity: Float64, covariance: Float64) -> Motion:
+        """The motion after a measured velocity; as it was, where the two disagree altogether.
+
+        Args:
+            velocity: float64 [6], linear and angular, in the camera's frame.
+            covariance: float64 [6, 6] of it.
+        """
+        P, innovation = self.covariance, velocity - self.velocity
+        expected = P[6:, 6:] + covariance
+        if innovation @ np.linalg.solve(expected, innovation) > _SURPRISE:
+            return self
+        gain = P[:, 6:] @ np.linalg.inv(expected)
+        change = gain @ innovation
+        kept = np.eye(12)
+        kept[:, 6:] -= gain
+        return replace(
+            self,
+            T_odom_camera=self.T_odom_camera @ se3.exp(change[:6]),
+            velocity=self.velocity + change[6:],
+            covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
+        )

@@ -19,6 +19,7 @@ from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
 from rgbd_glue_ros.moving import still
 from rgbd_glue_ros.refinement import COARSE_TO_FINE, Refinement, judge, refine
+from rgbd_glue_ros.shutter import velocity_seen
 from rgbd_glue_ros.timing import Timing
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -31,9 +32,9 @@ from rgbd_glue_ros.types import (
     View,
 )
 
-# The levels that poses are compared at, and those that the best is finished at, once the velocity
-# that it implies is known: the images of a fast camera depend on that.
-_COARSE, _FINE = COARSE_TO_FINE[:-1], COARSE_TO_FINE[-2:]
+# The levels that poses are compared at, and those that the best is finished at one by one, each
+# with the velocity that is known by then: the images of a fast camera depend on that.
+_COARSE, (_FINER, _FINEST) = COARSE_TO_FINE[:-1], COARSE_TO_FINE[-2:]
 # Surfaces fill an image, but all its texture may be on somebody who walks through it: what the
 # correlation of brightness counts beside the agreement of planes.
 _TEXTURE = 0.3
@@ -50,7 +51,8 @@ class _Fix:
     """A pose found for a frame, and the evidence for it.
 
     ``covariance`` is that of the pose relative to the keyframe ``reference``, perturbation on the
-    left, odom frame; ``model`` is what the pose was refined against.
+    left, odom frame; ``model`` is what the pose was refined against; ``velocity`` is what the
+    frame's distortion shows, with its covariance, None where nobody looked.
     """
 
     T_odom_camera: Float64
@@ -59,6 +61,7 @@ class _Fix:
     registration: RegistrationResult
     refinement: Refinement
     model: Model
+    velocity: tuple[Float64, Float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -244,17 +247,17 @@ class Odometry:
         if result.T_target_source is not None:
             found = reference.T_odom_camera @ result.T_target_source
             best = self._better(best, found, model, features.view)
-        if best is not None:
-            velocity = _corrected(predicted, self._fix(reference, result, best, model)).velocity
-            best = self._finished(best, model, features.view, velocity)
-        result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         if best is None:
+            result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
             return result
+        fix = self._finished(self._fix(reference, result, best, model), features.view, predicted)
+        result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
+        best = fix.refinement
         if not self._believable(best, best.planes_visible) or not (
             last.reaches(best.T_model_source, predicted) or self._certain(best)
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
-        return self._fix(reference, result, best, model)
+        return fix
 
     def _references(self, T_odom_camera: Float64) -> list[Keyframe]:
         """The keyframes that a frame there is compared with, the nearest first."""
@@ -270,15 +273,20 @@ class Odometry:
             return model, None
         return model, refine(predicted, model, view, self._config.refine, _COARSE)
 
-    def _finished(
-        self, coarse: Refinement, model: Model, view: View, velocity: Float64
-    ) -> Refinement:
+    def _finished(self, coarse: _Fix, view: View, predicted: Motion) -> _Fix:
         """Refines further under the velocity that the frame had; what was, if that fails."""
-        config, T = self._config.refine, coarse.T_model_source
-        finished = refine(T, model, replace(view, twist=velocity), config, _FINE)
-        if self._believable(finished, finished.planes_visible):
-            return finished
-        return judge(T, model, view, config)
+        config, model = self._config.refine, coarse.model
+        velocity = _corrected(predicted, coarse).velocity
+        moving, T = replace(view, twist=velocity), coarse.T_odom_camera
+        finer = refine(T, model, moving, config, [_FINER])
+        seen = velocity_seen(finer, model, moving, config, _FINER)
+        finer_fix = self._fix(coarse.reference, coarse.registration, finer, model, seen)
+        moving = replace(view, twist=_corrected(predicted, finer_fix).velocity)
+        finest = refine(finer.T_model_source, model, moving, config, [_FINEST], finer.light)
+        if self._believable(finest, finest.planes_visible):
+            return self._fix(coarse.reference, coarse.registration, finest, model, seen)
+        judged = judge(T, model, view, config)
+        return self._fix(coarse.reference, coarse.registration, judged, model)
 
     def _better(self, best: Refinement | None, T: Float64, model: Model, view: View) -> Refinement:
         """The best refinement so far, or, where T is far from it, that from T if it fits better."""
@@ -312,13 +320,18 @@ class Odometry:
         return None
 
     def _fix(
-        self, reference: Keyframe, result: RegistrationResult, refined: Refinement, model: Model
+        self,
+        reference: Keyframe,
+        result: RegistrationResult,
+        refined: Refinement,
+        model: Model,
+        velocity: tuple[Float64, Float64] | None = None,
     ) -> _Fix:
         information = refined.information / self._config.refine.correlation
         covariance = np.asarray(
             np.linalg.inv(information + np.linalg.inv(_LOST_SPREAD)), np.float64
         )
-        return _Fix(refined.T_model_source, covariance, reference, result, refined, model)
+        return _Fix(refined.T_model_source, covariance, reference, result, refined, model, velocity)
 
     def _far(self, found: Refinement, T_other: Float64) -> bool:
         odometry = self._config.odometry
@@ -498,7 +511,8 @@ def _at_once(timing: Timing) -> Future[Timing]:
 
 def _corrected(predicted: Motion, fix: _Fix) -> Motion:
     to_body = se3.adjoint(se3.inverse(fix.T_odom_camera))
-    return predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
+    motion = predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
+    return motion if fix.velocity is None else motion.corrected_velocity(*fix.velocity)
 
 
 def _support(found: Refinement) -> float:

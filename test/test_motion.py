@@ -65,6 +65,7 @@ def test_the_predicted_covariance_is_that_of_sampled_predictions() -> None:
         velocity = start.velocity + error[6:] + rng.normal(0, ACCELERATION) * PERIOD_S
         T = start.T_odom_camera @ se3.exp(error[:6]) @ se3.exp(velocity * PERIOD_S)
         off = se3.log(se3.inverse(expected.T_odom_camera) @ T)
+        velocity = velocity + rng.normal(0, ACCELERATION) * PERIOD_S / 2
         samples.append(np.concatenate([off, velocity - start.velocity]))
     sampled = np.cov(np.array(samples).T)
     scale = np.sqrt(np.diag(expected.covariance))
@@ -87,6 +88,7 @@ def test_without_rotation_it_is_the_kalman_filter(seed: int) -> None:
     F = np.block([[np.eye(3), PERIOD_S * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
     G = np.concatenate([PERIOD_S**2 * np.eye(3), PERIOD_S * np.eye(3)]) * CONFIG.acceleration
     x, P = F @ x, F @ P @ F.T + G @ G.T
+    P[3:, 3:] += np.eye(3) * (CONFIG.acceleration * PERIOD_S / 2) ** 2
     R = np.diag(rng.uniform(1e-6, 1e-3, 3))
     measured = x[:3] + rng.multivariate_normal(np.zeros(3), (P[:3, :3] + R) / 4)
     K = P[:, :3] @ np.linalg.inv(P[:3, :3] + R)
@@ -149,6 +151,7 @@ def test_errors_are_as_great_as_the_covariance_says_where_the_model_holds(seed: 
     for i in range(1, steps + 1):
         velocity = velocity + rng.normal(0, ACCELERATION) * PERIOD_S
         T = T @ se3.exp(velocity * PERIOD_S)
+        velocity = velocity + rng.normal(0, ACCELERATION) * PERIOD_S / 2
         measured = T @ se3.exp(rng.normal(0, sigma, 6))
         predicted = motion.predicted(i * PERIOD_NS, CONFIG)
         motion = predicted.corrected(measured, sigma**2 * np.eye(6))
@@ -158,6 +161,29 @@ def test_errors_are_as_great_as_the_covariance_says_where_the_model_holds(seed: 
     # chi-square of 12 degrees of freedom a step; steps share their errors over a tenth of them
     low, high = chi2.ppf([1e-6, 1 - 1e-6], 12 * steps / 10) / (12 * steps / 10)
     assert low < np.mean(squares[10:]) / 12 < high
+
+
+@given(SEEDS)
+def test_a_velocity_that_is_seen_counts_as_in_the_kalman_filter(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    predicted = moving(rng.normal(0, 0.5, 6)).predicted(PERIOD_NS, CONFIG)
+    R = np.diag(rng.uniform(1e-3, 1.0, 6))
+    expected = predicted.covariance[6:, 6:] + R
+    seen = predicted.velocity + 0.5 * rng.multivariate_normal(np.zeros(6), expected)
+    gain = predicted.covariance[:, 6:] @ np.linalg.inv(expected)
+    change = gain @ (seen - predicted.velocity)
+    corrected = predicted.corrected_velocity(seen, R)
+    np.testing.assert_allclose(corrected.velocity, predicted.velocity + change[6:], atol=1e-12)
+    off = se3.log(se3.inverse(predicted.T_odom_camera) @ corrected.T_odom_camera)
+    np.testing.assert_allclose(off, change[:6], atol=1e-9)
+    left = predicted.covariance - gain @ predicted.covariance[6:]
+    np.testing.assert_allclose(corrected.covariance, left, atol=1e-12)
+
+
+def test_a_velocity_that_cannot_be_is_not_believed() -> None:
+    predicted = moving(np.zeros(6)).predicted(PERIOD_NS, CONFIG)
+    seen = np.array([0, 0, 5.0, 0, 0, 0])
+    assert predicted.corrected_velocity(seen, np.eye(6) * 1e-2) is predicted
 
 
 def test_noisy_poses_of_a_smooth_motion_come_out_smoother() -> None:
