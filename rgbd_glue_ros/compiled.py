@@ -14,18 +14,10 @@ def compiled(function: F) -> F:
     """The function as machine code, which takes and gives plain arrays and numbers.
 
     It is compiled when it is first called and kept on disk, lets other Python threads run, and
-    divides by zero as IEEE 754 has it, without a check.
+    divides by zero as IEEE 754 has it, without a check. Sums are taken in the order written: left
+    to the compiler, their last digits differ between code just compiled and code from disk.
     """
     return cast(F, njit(cache=True, nogil=True, error_model="numpy")(function))
-
-
-def compiled_sums(function: F) -> F:
-    """The same, where sums may be taken in any order and be fused with products.
-
-    A fifth faster where many are taken. The last digits then depend on the processor.
-    """
-    faster = {"reassoc", "contract", "arcp", "nsz"}
-    return cast(F, njit(cache=True, nogil=True, error_model="numpy", fastmath=faster)(function))
 
 
 def inlined(function: F) -> F:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros import se3
-from rgbd_glue_ros.compiled import compiled_sums, inlined
+from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.config import RefineConfig
 from rgbd_glue_ros.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.residuals import (
@@ -116,7 +116,7 @@ def judge(
     return Refinement(*_descended(T_model_source, meeting, light, 0, _CONVERGED))
 
 
-@compiled_sums
+@compiled
 def _descended(
     T: Float64, meeting: Meeting, light: Float64, iterations: int, converged: float
 ) -> tuple[Float64, Float64, int, int, int, int, float, Float64]:
@@ -136,7 +136,7 @@ def _descended(
     return T, H, planes[0], planes[1], planes[2], pixels[0], pixels[1], used
 
 
-@compiled_sums
+@compiled
 def _linearised(
     T: Float64, meeting: Meeting, light: Float64
 ) -> tuple[Float64, Float64, tuple[int, int, int], tuple[int, float]]:
@@ -150,7 +150,7 @@ def _linearised(
     return H, g, planes, pixels
 
 
-@compiled_sums
+@compiled
 def _add_planes(T: Float64, meeting: Meeting, H: Float64, g: Float64) -> tuple[int, int, int]:
     """Adds the point-to-plane terms at T to g and to the upper half of H.
 
@@ -185,7 +185,7 @@ def _add(w: float, r: float, J: Six, H: Float64, g: Float64) -> None:
             H[a, b] += w * J[a] * J[b]
 
 
-@compiled_sums
+@compiled
 def _add_pixels(
     T: Float64, meeting: Meeting, light: Float64, H: Float64, g: Float64
 ) -> tuple[int, float]:

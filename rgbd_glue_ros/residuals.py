@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rgbd_glue_ros.camera import depth_sigma, displaced, sample_depth
-from rgbd_glue_ros.compiled import compiled, compiled_sums, inlined
+from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.config import RefineConfig
 from rgbd_glue_ros.model import Model
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
@@ -116,11 +116,31 @@ def pixel_rows(T: Float64, meeting: Meeting, light: Float64) -> Rows:
     return _rows(_pixel_rows(T, meeting, light))
 
 
+@compiled
+def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Float64, Float64]:
+    """Hessian [K, K] and gradient [K] of weighted residuals with the derivatives J [N, K].
+
+    Not by BLAS, whose last digits depend on how many threads it has.
+    """
+    size = J.shape[1]
+    H, g = np.zeros((size, size)), np.zeros(size)
+    for i in range(len(J)):
+        for a in range(size):
+            by_a = weight[i] * J[i, a]
+            g[a] += by_a * residual[i]
+            for b in range(a, size):
+                H[a, b] += by_a * J[i, b]
+    for a in range(size):
+        for b in range(a):
+            H[a, b] = H[b, a]
+    return H, g
+
+
 def _rows(table: Float64) -> Rows:
     return Rows(table[:, 0].astype(np.int64), table[:, 1], table[:, 2], table[:, 3:9], table[:, 9])
 
 
-@compiled_sums
+@compiled
 def _plane_rows(T: Float64, meeting: Meeting) -> Float64:
     points, normals, depth, K = meeting.points, meeting.normals, meeting.depth, meeting.K_depth
     twist, readout, delay = meeting.twist, meeting.readout, meeting.delay
@@ -139,7 +159,7 @@ def _plane_rows(T: Float64, meeting: Meeting) -> Float64:
     return table[:n]
 
 
-@compiled_sums
+@compiled
 def _pixel_rows(T: Float64, meeting: Meeting, light: Float64) -> Float64:
     points, brightness = meeting.pixels, meeting.brightness
     image, K = meeting.image, meeting.K_image

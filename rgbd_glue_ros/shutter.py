@@ -15,7 +15,7 @@ from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import RefineConfig
 from rgbd_glue_ros.model import Model, pyramid
 from rgbd_glue_ros.refinement import DAMPING, Refinement
-from rgbd_glue_ros.residuals import Rows, meet, pixel_rows, plane_rows
+from rgbd_glue_ros.residuals import Rows, meet, normal_equations, pixel_rows, plane_rows
 from rgbd_glue_ros.types import Float64, View
 
 # The velocity of a camera that no distortion shows: faster than any.
@@ -69,5 +69,4 @@ def _normal_equations(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
             camera by as much of it.
     """
     J = np.hstack([rows.jacobian, rows.jacobian * seconds[:, np.newaxis]])
-    weighted = J.T * rows.weight
-    return weighted @ J, weighted @ rows.residual
+    return normal_equations(J, rows.weight, rows.residual)

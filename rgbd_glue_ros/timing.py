@@ -17,7 +17,7 @@ from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import RefineConfig, TimingConfig
 from rgbd_glue_ros.model import Model
 from rgbd_glue_ros.refinement import DAMPING, Refinement
-from rgbd_glue_ros.residuals import Rows, meet, pixel_rows, plane_rows
+from rgbd_glue_ros.residuals import Rows, meet, normal_equations, pixel_rows, plane_rows
 from rgbd_glue_ros.types import Float64, View
 
 # No driver is later, and no camera of a moving robot reads slower.
@@ -111,7 +111,7 @@ def _moves(
     rows: Rows, T: Float64, twist: Float64, velocity: Float64, part: Float64
 ) -> tuple[Float64, Float64, Float64]:
     """How residuals change per second of the camera's way now and then, and of readout."""
-    now = rows.jacobian @ (se3.adjoint(T) @ twist)
+    now = np.sum(rows.jacobian * (se3.adjoint(T) @ twist), axis=1)
     then = np.sum(rows.jacobian[:, :3] * velocity[rows.point], axis=1)
     return now, then, rows.part * now - part[rows.point] * then
 
@@ -120,5 +120,4 @@ def _normal_equations(
     rows: Rows, by_latency: Float64, by_readout: Float64
 ) -> tuple[Float64, Float64]:
     J = np.column_stack([rows.jacobian, by_latency, by_readout])
-    weighted = J.T * rows.weight
-    return weighted @ J, weighted @ rows.residual
+    return normal_equations(J, rows.weight, rows.residual)
