@@ -121,7 +121,8 @@ class Motion:
         """
         P, innovation = self.covariance, velocity - self.velocity
         expected = P[6:, 6:] + covariance
-        if innovation @ np.linalg.solve(expected, innovation) > _SURPRISE:
+        # the comparison with NaN is false, too
+        if not innovation @ np.linalg.solve(expected, innovation) <= _SURPRISE:
             return self
         gain = P[:, 6:] @ np.linalg.inv(expected)
         change = gain @ innovation

@@ -180,9 +180,10 @@ def test_a_velocity_that_is_seen_counts_as_in_the_kalman_filter(seed: int) -> No
     np.testing.assert_allclose(corrected.covariance, left, atol=1e-12)
 
 
-def test_a_velocity_that_cannot_be_is_not_believed() -> None:
+@pytest.mark.parametrize("forward", [5.0, np.nan])
+def test_a_velocity_that_cannot_be_is_not_believed(forward: float) -> None:
     predicted = moving(np.zeros(6)).predicted(PERIOD_NS, CONFIG)
-    seen = np.array([0, 0, 5.0, 0, 0, 0])
+    seen = np.array([0, 0, forward, 0, 0, 0])
     assert predicted.corrected_velocity(seen, np.eye(6) * 1e-2) is predicted
 
 
