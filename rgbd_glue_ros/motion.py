@@ -24,6 +24,8 @@ _CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
 # No camera is moved faster and sees anything: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
 _SURPRISE = chi_squared(0.999, 6)
+# The two parts of the filter's state.
+_POSE, _VELOCITY = slice(0, 6), slice(6, 12)
 
 
 @dataclass(frozen=True)
@@ -95,17 +97,7 @@ class Motion:
             innovation @ np.linalg.solve(self.covariance[:6, :6] + covariance, innovation)
         )
         P = self.covariance * max(1.0, (surprise / _SURPRISE) ** 2)
-        gain = P[:, :6] @ np.linalg.inv(P[:6, :6] + covariance)
-        change = gain @ innovation
-        # Joseph's form: the difference P - gain P has no digit left after a minute without a pose
-        kept = np.eye(12)
-        kept[:, :6] -= gain
-        corrected = replace(
-            self,
-            T_odom_camera=self.T_odom_camera @ se3.exp(change[:6]),
-            velocity=self.velocity + change[6:],
-            covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
-        )
+        corrected = self._updated(P, _POSE, innovation, covariance)
         if (np.abs(corrected.velocity) < _FASTEST).all():
             return corrected
         start = Motion.start(self.stamp_ns, corrected.T_odom_camera)
@@ -119,18 +111,32 @@ class Motion:
             velocity: float64 [6], linear and angular, in the camera's frame.
             covariance: float64 [6, 6] of it.
         """
-        P, innovation = self.covariance, velocity - self.velocity
-        expected = P[6:, 6:] + covariance
+        innovation = velocity - self.velocity
+        expected = self.covariance[_VELOCITY, _VELOCITY] + covariance
         # the comparison with NaN is false, too
         if not innovation @ np.linalg.solve(expected, innovation) <= _SURPRISE:
             return self
-        gain = P[:, 6:] @ np.linalg.inv(expected)
+        return self._updated(self.covariance, _VELOCITY, innovation, covariance)
+
+    def _updated(
+        self, P: Float64, measured: slice, innovation: Float64, covariance: Float64
+    ) -> Motion:
+        """The update of a Kalman filter.
+
+        Args:
+            P: float64 [12, 12], how uncertain the motion is before it.
+            measured: which of pose and velocity was measured.
+            innovation: float64 [6], how far off the measurement is.
+            covariance: float64 [6, 6] of the measurement.
+        """
+        gain = P[:, measured] @ np.linalg.inv(P[measured, measured] + covariance)
         change = gain @ innovation
+        # Joseph's form: the difference P - gain P has no digit left after a minute without a pose
         kept = np.eye(12)
-        kept[:, 6:] -= gain
+        kept[:, measured] -= gain
         return replace(
             self,
-            T_odom_camera=self.T_odom_camera @ se3.exp(change[:6]),
-            velocity=self.velocity + change[6:],
+            T_odom_camera=self.T_odom_camera @ se3.exp(change[_POSE]),
+            velocity=self.velocity + change[_VELOCITY],
             covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
         )

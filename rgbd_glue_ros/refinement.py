@@ -116,6 +116,20 @@ def judge(
     return Refinement(*_descended(T_model_source, meeting, light, 0, _CONVERGED))
 
 
+def beyond_the_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
+    """What residuals say of their other unknowns, whatever the pose.
+
+    Args:
+        H: float64 [6 + K, 6 + K], Hessian for the pose and K other unknowns.
+        g: float64 [6 + K], gradient.
+
+    Returns:
+        Hessian [K, K] and gradient [K] of the others, with the pose eliminated.
+    """
+    elimination = H[6:, :6] @ np.linalg.inv(H[:6, :6] + DAMPING * np.eye(6))
+    return H[6:, 6:] - elimination @ H[:6, 6:], g[6:] - elimination @ g[:6]
+
+
 @compiled
 def _descended(
     T: Float64, meeting: Meeting, light: Float64, iterations: int, converged: float

@@ -26,6 +26,11 @@ NEAREST_M = 0.05
 _RECEDING = 0.02
 
 
+# A derivative by the pose, and that of what is not seen.
+Six = tuple[float, float, float, float, float, float]
+_NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class Meeting(NamedTuple):
     """A model and a frame at one level of the pyramid: all that residuals are made of but T.
 
@@ -136,6 +141,13 @@ def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Fl
     return H, g
 
 
+@inlined
+def _write(row: Float64, point: int, weight: float, residual: float, J: Six, part: float) -> None:
+    """Writes a residual as ``_rows`` reads it."""
+    row[0], row[1], row[2], row[9] = point, weight, residual, part
+    row[3], row[4], row[5], row[6], row[7], row[8] = J
+
+
 def _rows(table: Float64) -> Rows:
     return Rows(table[:, 0].astype(np.int64), table[:, 1], table[:, 2], table[:, 3:9], table[:, 9])
 
@@ -152,9 +164,7 @@ def _plane_rows(T: Float64, meeting: Meeting) -> Float64:
             T, points, normals, i, depth, K, twist, readout, delay, cauchy
         )
         if seen and squared <= GATE_SIGMAS**2:
-            table[n, 0], table[n, 1], table[n, 2], table[n, 9] = i, w, r, part
-            table[n, 3], table[n, 4], table[n, 5] = J[0], J[1], J[2]
-            table[n, 6], table[n, 7], table[n, 8] = J[3], J[4], J[5]
+            _write(table[n], i, w, r, J, part)
             n += 1
     return table[:n]
 
@@ -175,15 +185,9 @@ def _pixel_rows(T: Float64, meeting: Meeting, light: Float64) -> Float64:
         )
         if seen:
             w *= weight / (sigma * sigma)
-            table[n, 0], table[n, 1], table[n, 2], table[n, 9] = i, w, r, part
-            table[n, 3], table[n, 4], table[n, 5] = J[0], J[1], J[2]
-            table[n, 6], table[n, 7], table[n, 8] = J[3], J[4], J[5]
+            _write(table[n], i, w, r, J, part)
             n += 1
     return table[:n]
-
-
-Six = tuple[float, float, float, float, float, float]
-_NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @inlined

@@ -14,7 +14,7 @@ import numpy as np
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import RefineConfig
 from rgbd_glue_ros.model import Model, pyramid
-from rgbd_glue_ros.refinement import DAMPING, Refinement
+from rgbd_glue_ros.refinement import Refinement, beyond_the_pose
 from rgbd_glue_ros.residuals import Rows, meet, normal_equations, pixel_rows, plane_rows
 from rgbd_glue_ros.types import Float64, View
 
@@ -49,15 +49,11 @@ def velocity_seen(
     pixels = pixel_rows(T, meeting, found.light)
     H, g = _normal_equations(planes, source.depth_delay + planes.part * source.readout)
     H_pixels, g_pixels = _normal_equations(pixels, pixels.part * source.readout)
-    H, g = H + H_pixels, g + g_pixels
-    # what the residuals say of the velocity whatever the pose
-    elimination = H[6:, :6] @ np.linalg.inv(H[:6, :6] + DAMPING * np.eye(6))
-    information = (H[6:, 6:] - elimination @ H[:6, 6:]) / config.correlation
-    gradient = (g[6:] - elimination @ g[:6]) / config.correlation
+    H, g = beyond_the_pose(H + H_pixels, g + g_pixels)
     to_model = se3.adjoint(T)
-    information = to_model.T @ information @ to_model + np.eye(6) / _UNSEEN_SPEED**2
+    information = to_model.T @ (H / config.correlation) @ to_model + np.eye(6) / _UNSEEN_SPEED**2
     covariance = np.asarray(np.linalg.inv(information), np.float64)
-    return source.twist - covariance @ (to_model.T @ gradient), covariance
+    return source.twist - covariance @ (to_model.T @ (g / config.correlation)), covariance
 
 
 def _normal_equations(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:

@@ -16,7 +16,7 @@ import numpy as np
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import RefineConfig, TimingConfig
 from rgbd_glue_ros.model import Model
-from rgbd_glue_ros.refinement import DAMPING, Refinement
+from rgbd_glue_ros.refinement import Refinement, beyond_the_pose
 from rgbd_glue_ros.residuals import Rows, meet, normal_equations, pixel_rows, plane_rows
 from rgbd_glue_ros.types import Float64, View
 
@@ -77,11 +77,8 @@ class Timing:
             refine: weights of the residuals.
             config: how fast the timing drifts.
         """
-        H, g = _terms(found, model, source, refine)
-        # what the residuals say of the timing whatever the pose
-        elimination = H[6:, :6] @ np.linalg.inv(H[:6, :6] + DAMPING * np.eye(6))
-        information = (H[6:, 6:] - elimination @ H[:6, 6:]) / config.correlation
-        gradient = (g[6:] - elimination @ g[:6]) / config.correlation
+        H, g = beyond_the_pose(*_terms(found, model, source, refine))
+        information, gradient = H / config.correlation, g / config.correlation
         predicted = self.covariance + np.eye(2) * config.drift**2
         covariance = np.asarray(np.linalg.inv(np.linalg.inv(predicted) + information), np.float64)
         known = np.array([self.depth_latency, self.readout]) - covariance @ gradient
