@@ -344,14 +344,37 @@ class OdometryConfig:
     """Keyframes and tracking state."""
 
     keyframes: int = _parameter(
-        20, "Keyframes kept to register and recover against.", minimum=1, maximum=1000
+        50,
+        "Keyframes kept at most: the window, and anchors, which are earlier ones that serve to "
+        "find a lost camera and to take drift out.",
+        minimum=1,
+        maximum=1000,
     )
     window: int = _parameter(
         5,
         "Latest keyframes that tracking chooses from. A step back to an older one would show as a "
-        "jump of the drift since then; those serve recovery alone.",
+        "jump of the drift since then.",
         minimum=1,
         maximum=1000,
+    )
+    keyframe_spacing: float = _parameter(
+        0.6,
+        "A keyframe that leaves the window is forgotten where it is nearer than this to an anchor, "
+        "metres and radians added.",
+        minimum=0.0,
+    )
+    drift_radius: float = _parameter(
+        1.0,
+        "A new keyframe is compared with the earliest anchor that is nearer than this, metres and "
+        "radians added: what they disagree by is drift, and is taken out. 0 compares with none.",
+        minimum=0.0,
+    )
+    drift_rate: float = _parameter(
+        0.01,
+        "Drift is taken out by this part of the camera's way at most, metres and radians added, so "
+        "that the pose never jumps.",
+        minimum=0.0,
+        maximum=1.0,
     )
     references: int = _parameter(
         3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
@@ -568,6 +591,8 @@ FIXED = {
     "features": "the keyframes hold features of one kind",
     "timing": "what was learnt of the camera's times rests on it",
     "odometry.keyframes": "the room for keyframes is made at the start",
+    "odometry.window": "the room for keyframes is made at the start",
+    "odometry.keyframe_spacing": "the keyframes kept were chosen by it",
 }
 """Parameters and sections of the method that cannot change while it runs, and why not."""
 

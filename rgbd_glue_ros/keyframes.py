@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros import se3
+from rgbd_glue_ros.config import OdometryConfig
 from rgbd_glue_ros.glue import FrameFeatures
 from rgbd_glue_ros.model import Model
 from rgbd_glue_ros.types import Float64
@@ -35,18 +36,42 @@ class Keyframe:
     model: Model
 
 
-class Keyframes:
-    """The last few keyframes; the oldest goes when a new one comes."""
+@dataclass(frozen=True)
+class Anchor(Keyframe):
+    """A keyframe that tracking has left behind.
 
-    def __init__(self, capacity: int) -> None:
-        self._kept: deque[Keyframe] = deque(maxlen=capacity)
+    Attributes:
+        correction: float64 [4, 4], what takes the drift out of ``T_odom_camera``.
+    """
+
+    correction: Float64
+
+    @property
+    def corrected_pose(self) -> Float64:
+        """The pose without the drift, float64 [4, 4]."""
+        return self.correction @ self.T_odom_camera
+
+
+class Keyframes:
+    """The latest keyframes, and of those before them the ones that know the room.
+
+    The latest are the window that tracking chooses from. One that leaves it becomes an anchor,
+    unless there is an earlier one near, which has drifted less. Where room is short the oldest
+    anchor goes.
+    """
+
+    def __init__(self, config: OdometryConfig) -> None:
+        self._config = config
+        self._window: deque[Keyframe] = deque()
+        self._anchors: deque[Anchor] = deque()
         self._count = 0
 
     def __len__(self) -> int:
-        return len(self._kept)
+        return len(self._anchors) + len(self._window)
 
     def __iter__(self) -> Iterator[Keyframe]:
-        return iter(self._kept)
+        yield from self._anchors
+        yield from self._window
 
     def add(
         self,
@@ -55,21 +80,51 @@ class Keyframes:
         covariance: Float64,
         features: FrameFeatures,
         model: Model,
+        correction: Float64,
     ) -> Keyframe:
-        """Makes a keyframe of a frame; ``model`` is in its camera's frame."""
+        """Makes a keyframe of a frame.
+
+        Args:
+            stamp_ns: of the frame.
+            T_odom_camera: as tracked, float64 [4, 4].
+            covariance: float64 [6, 6] of it.
+            features: of the frame.
+            model: in its camera's frame.
+            correction: what takes out the drift as it is known now, float64 [4, 4].
+        """
         moved = model.moved(T_odom_camera)
-        keyframe = Keyframe(self._count, stamp_ns, T_odom_camera, covariance, features, moved)
-        self._count += 1
-        self._kept.append(keyframe)
+        number, self._count = self._count, self._count + 1
+        keyframe = Keyframe(number, stamp_ns, T_odom_camera, covariance, features, moved)
+        self._window.append(keyframe)
+        if len(self._window) > min(self._config.window, self._config.keyframes):
+            self._leave(self._window.popleft(), correction)
+        while len(self) > self._config.keyframes:
+            self._anchors.popleft()
         return keyframe
+
+    def _leave(self, keyframe: Keyframe, correction: Float64) -> None:
+        anchor = Anchor(**vars(keyframe), correction=correction)
+        if self.anchor(anchor.corrected_pose, self._config.keyframe_spacing) is None:
+            self._anchors.append(anchor)
 
     def forget(self) -> None:
         """Drops all keyframes; numbers go on."""
-        self._kept.clear()
+        self._window.clear()
+        self._anchors.clear()
+
+    def anchor(self, T_corrected: Float64, radius: float) -> Anchor | None:
+        """The earliest anchor that saw the room from nearer there than ``radius``, if there is one.
+
+        Args:
+            T_corrected: pose of a camera, without the drift, float64 [4, 4].
+            radius: metres plus radians.
+        """
+        near = (k for k in self._anchors if difference(k.corrected_pose, T_corrected) < radius)
+        return next(near, None)
 
     def latest(self, count: int) -> list[Keyframe]:
         """The last ``count`` keyframes, newest first."""
-        return list(self._kept)[::-1][:count]
+        return list(self)[::-1][:count]
 
     def in_turn(self, count: int, turn: int) -> list[Keyframe]:
         """``count`` of all keyframes, newest first and other ones every turn, until all had theirs.
@@ -78,18 +133,17 @@ class Keyframes:
             count: how many.
             turn: from 0, which has the newest.
         """
-        newest_first = self.latest(len(self._kept))
+        newest_first = self.latest(len(self))
         start = turn * count % max(len(newest_first), 1)
         return (newest_first[start:] + newest_first[:start])[:count]
 
-    def nearest(self, T_odom_camera: Float64, window: int) -> list[Keyframe]:
-        """The last ``window`` keyframes, those first that saw the room from most nearly there."""
-        return sorted(
-            self.latest(window), key=lambda k: _difference(k.T_odom_camera, T_odom_camera)
-        )
+    def nearest(self, T_odom_camera: Float64) -> list[Keyframe]:
+        """The window, those first that saw the room from most nearly there."""
+        newest_first = reversed(self._window)
+        return sorted(newest_first, key=lambda k: difference(k.T_odom_camera, T_odom_camera))
 
 
-def _difference(a: Float64, b: Float64) -> float:
+def difference(a: Float64, b: Float64) -> float:
     """How differently two cameras see a room: metres plus radians, as a room is metres wide."""
     T = se3.inverse(a) @ b
     return float(np.linalg.norm(T[:3, 3])) + se3.rotation_angle(T)

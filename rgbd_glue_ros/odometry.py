@@ -5,16 +5,19 @@ from __future__ import annotations
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.camera import grey, limit_depth, rectified
 from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.drift import Drift
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evidence import believable, certain, support
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.glue import FrameFeatures, Glue
-from rgbd_glue_ros.keyframes import Keyframe, Keyframes
+from rgbd_glue_ros.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
 from rgbd_glue_ros.moving import still
@@ -32,12 +35,10 @@ from rgbd_glue_ros.types import (
     View,
 )
 
+_Known = TypeVar("_Known")
 # The levels that poses are compared at, and those that the best is finished at one by one, each
 # with the velocity that is known by then: the images of a fast camera depend on that.
 _COARSE, (_FINER, _FINEST) = COARSE_TO_FINE[:-1], COARSE_TO_FINE[-2:]
-# Surfaces fill an image, but all its texture may be on somebody who walks through it: what the
-# correlation of brightness counts beside the agreement of planes.
-_TEXTURE = 0.3
 # Between frames farther apart a velocity says too little of the moment of one to time it.
 _STEADY_NS = NANOSECONDS // 10
 # A hand-held camera or a robot indoors: how far a lost pose may be off after a second.
@@ -113,10 +114,11 @@ class Odometry:
     def reset(self) -> None:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
         self.state = TrackingState.INITIALIZING
-        self._keyframes = Keyframes(self._config.odometry.keyframes)
+        self._keyframes = Keyframes(self._config.odometry)
         self._posed: _Posed | None = None
         self._motion: Motion | None = None
         self._timing = _at_once(Timing.start(self._config.timing, ""))
+        self._drift = _at_once(Drift.corrected_by(np.eye(4)))
         self._last_stamp_ns: int | None = None
         self._missed = 0
         self._T_guess_last: Float64 | None = None
@@ -176,9 +178,16 @@ class Odometry:
         if posed is None:
             return False
         shown = self._as_keyframe(posed)
-        if shown is not None:
-            self._keyframes.add(posed.stamp_ns, posed.T_odom_camera, posed.covariance, *shown)
-        return shown is not None
+        if shown is None:
+            return False
+        T = posed.T_odom_camera
+        keyframe = self._new_keyframe(posed.stamp_ns, T, posed.covariance, *shown)
+        drift = self._drift.result()
+        anchor = self._keyframes.anchor(drift.wanted @ T, self._config.odometry.drift_radius)
+        if anchor is not None:
+            # the pose of the next frame is the first to need it
+            self._drift = self._glue.beside.submit(drift.seen, keyframe, anchor, self._config)
+        return True
 
     def _tracked(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
         start = perf_counter()
@@ -191,10 +200,13 @@ class Odometry:
         stages |= search.features.stages_ms
         tracked = self._track(search, self._motion, predicted)
         if isinstance(tracked, _Fix):
-            return self._accept(predicted, search.features, tracked, stages)
+            return self._accept(self._motion, predicted, search.features, tracked, stages)
         recovered = self._recover(search.features, self._motion, predicted)
         if recovered is not None:
-            return self._accept(predicted, search.features, recovered, stages)
+            if isinstance(recovered.reference, Anchor):
+                # a pose found from there has drifted as much as that has, and no more
+                self._drift = _at_once(Drift.corrected_by(recovered.reference.correction))
+            return self._accept(self._motion, predicted, search.features, recovered, stages)
         missed = OdometryEstimate(
             frame.stamp_ns, TrackingState.LOST, registration=tracked, stages_ms=stages
         )
@@ -253,16 +265,15 @@ class Odometry:
         fix = self._finished(self._fix(reference, result, best, model), features.view, predicted)
         result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
         best = fix.refinement
-        if not self._believable(best, best.planes_visible) or not (
-            last.reaches(best.T_model_source, predicted) or self._certain(best)
+        if not believable(best, best.planes_visible, self._config.odometry) or not (
+            last.reaches(best.T_model_source, predicted) or certain(best, self._config.odometry)
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
         return fix
 
     def _references(self, T_odom_camera: Float64) -> list[Keyframe]:
         """The keyframes that a frame there is compared with, the nearest first."""
-        odometry = self._config.odometry
-        return self._keyframes.nearest(T_odom_camera, odometry.window)[: odometry.references]
+        return self._keyframes.nearest(T_odom_camera)[: self._config.odometry.references]
 
     def _try(
         self, predicted: Float64, references: list[Keyframe], view: View, prior: Rough | None
@@ -283,7 +294,7 @@ class Odometry:
         finer_fix = self._fix(coarse.reference, coarse.registration, finer, model, seen)
         moving = replace(view, twist=_corrected(predicted, finer_fix).velocity)
         finest = refine(finer.T_model_source, model, moving, config, [_FINEST], finer.light)
-        if self._believable(finest, finest.planes_visible):
+        if believable(finest, finest.planes_visible, self._config.odometry):
             return self._fix(coarse.reference, coarse.registration, finest, model, seen)
         judged = judge(T, model, view, config)
         return self._fix(coarse.reference, coarse.registration, judged, model)
@@ -293,7 +304,7 @@ class Odometry:
         if best is not None and not self._far(best, T):
             return best
         found = refine(T, model, view, self._config.refine, _COARSE)
-        return found if best is None else max((found, best), key=_support)
+        return found if best is None else max((found, best), key=support)
 
     def _recover(self, features: FrameFeatures, last: Motion, predicted: Motion) -> _Fix | None:
         """Looks for the frame near a few keyframes, without a prior and more sceptically.
@@ -312,9 +323,9 @@ class Odometry:
             T = keyframe.T_odom_camera @ result.T_target_source
             refined = refine(T, keyframe.model, features.view, self._config.refine)
             if (
-                self._believable(refined, refined.planes_seen)
+                believable(refined, refined.planes_seen, odometry)
                 and refined.correlation >= odometry.pixel_correlation
-                and (last.reaches(refined.T_model_source, predicted) or self._certain(refined))
+                and (last.reaches(refined.T_model_source, predicted) or certain(refined, odometry))
             ):
                 return self._fix(keyframe, result, refined, keyframe.model)
         return None
@@ -341,33 +352,6 @@ class Odometry:
             or se3.rotation_angle(T) > odometry.surprise_rotation
         )
 
-    def _believable(self, found: Refinement, asked: int) -> bool:
-        """Whether planes or pixels speak for the pose and the planes do not speak against it.
-
-        ``asked`` are the planes of which a part has to agree.
-        """
-        odometry = self._config.odometry
-        enough = asked >= odometry.min_planes
-        agreement = found.planes_agreeing / max(asked, 1)
-        if enough and agreement < odometry.plane_agreement / 2:
-            return False
-        return (enough and agreement >= odometry.plane_agreement) or (
-            found.pixels_seen >= odometry.min_pixels
-            and found.correlation >= odometry.pixel_correlation
-        )
-
-    def _certain(self, found: Refinement) -> bool:
-        """Whether a pose is to be believed that a camera hardly gets to: stamps may be wrong.
-
-        Planes and pixels must speak for it, those too that something may hide.
-        """
-        odometry = self._config.odometry
-        return (
-            found.planes_seen >= odometry.min_planes
-            and found.plane_agreement >= odometry.plane_agreement
-            and found.correlation >= odometry.pixel_correlation
-        )
-
     def _begin(
         self, stamp_ns: int, features: FrameFeatures, stages: dict[str, float]
     ) -> OdometryEstimate:
@@ -375,18 +359,19 @@ class Odometry:
         model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < self._config.odometry.min_planes:
             return OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
-        first = self._keyframes.add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
+        first = self._new_keyframe(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
         return self._start_at(first, stages | features.stages_ms)
 
     def _start_at(self, keyframe: Keyframe, stages: dict[str, float]) -> OdometryEstimate:
         """Starts anew at the pose of a keyframe, and says so."""
         self._motion = Motion.start(keyframe.stamp_ns, keyframe.T_odom_camera)
         self.state = TrackingState.TRACKING
+        T = self._drift.result().correction @ keyframe.T_odom_camera
         return OdometryEstimate(
             keyframe.stamp_ns,
             self.state,
-            keyframe.T_odom_camera,
-            se3.pose_covariance(keyframe.T_odom_camera, keyframe.covariance),
+            T,
+            se3.pose_covariance(T, keyframe.covariance),
             is_keyframe=True,
             keyframe_id=keyframe.number,
             stages_ms=stages,
@@ -410,12 +395,13 @@ class Odometry:
         adjoint = se3.adjoint(motion.T_odom_camera)
         covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
         self._keyframes.forget()
-        anew = self._keyframes.add(stamp_ns, motion.T_odom_camera, covariance, features, model)
+        anew = self._new_keyframe(stamp_ns, motion.T_odom_camera, covariance, features, model)
         self._missed = 0
         return self._start_at(anew, missed.stages_ms)
 
     def _accept(
         self,
+        last: Motion,
         predicted: Motion,
         features: FrameFeatures,
         fix: _Fix,
@@ -423,13 +409,14 @@ class Odometry:
     ) -> OdometryEstimate:
         """Corrects the motion by the pose, and makes a keyframe where it is time."""
         motion = _corrected(predicted, fix)
-        steady = self._motion is not None and (
-            motion.stamp_ns - self._motion.stamp_ns <= _STEADY_NS
-        )
+        steady = motion.stamp_ns - last.stamp_ns <= _STEADY_NS
         self._motion = motion
         self._missed = 0
         self.state = TrackingState.TRACKING
         T = motion.T_odom_camera
+        rate = self._config.odometry.drift_rate
+        drift = self._drift.result().followed(last.T_odom_camera, T, rate)
+        self._drift = _at_once(drift)
         covariance = fix.reference.covariance + self._relative_covariance(motion, fix.reference)
         # now that the frame has a pose, its velocity is known better than it was before
         features = replace(features, view=replace(features.view, twist=motion.velocity))
@@ -445,11 +432,12 @@ class Odometry:
                 self._config.timing,
             )
         self._posed = _Posed(motion.stamp_ns, T, covariance, features, fix.reference)
+        T_corrected = drift.correction @ T
         return OdometryEstimate(
             motion.stamp_ns,
             self.state,
-            T,
-            se3.pose_covariance(T, covariance),
+            T_corrected,
+            se3.pose_covariance(T_corrected, covariance),
             motion.velocity,
             motion.covariance[6:, 6:],
             keyframe_id=fix.reference.number,
@@ -471,6 +459,17 @@ class Odometry:
         adjoint = se3.adjoint(T)
         covariance: Float64 = adjoint @ (motion.covariance[:6, :6] + unseen) @ adjoint.T
         return covariance
+
+    def _new_keyframe(
+        self,
+        stamp_ns: int,
+        T_odom_camera: Float64,
+        covariance: Float64,
+        features: FrameFeatures,
+        model: Model,
+    ) -> Keyframe:
+        wanted = self._drift.result().wanted
+        return self._keyframes.add(stamp_ns, T_odom_camera, covariance, features, model, wanted)
 
     def _as_keyframe(self, posed: _Posed) -> tuple[FrameFeatures, Model] | None:
         """What a frame that should become a keyframe shows of the room; None if it should not."""
@@ -502,19 +501,14 @@ class Odometry:
         return anew.result(), model
 
 
-def _at_once(timing: Timing) -> Future[Timing]:
+def _at_once(known: _Known) -> Future[_Known]:
     """What is known already, as what is being found out."""
-    known: Future[Timing] = Future()
-    known.set_result(timing)
-    return known
+    future: Future[_Known] = Future()
+    future.set_result(known)
+    return future
 
 
 def _corrected(predicted: Motion, fix: _Fix) -> Motion:
     to_body = se3.adjoint(se3.inverse(fix.T_odom_camera))
     motion = predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
     return motion if fix.velocity is None else motion.corrected_velocity(*fix.velocity)
-
-
-def _support(found: Refinement) -> float:
-    """How well planes and pixels agree, for choosing between two poses of one frame."""
-    return found.plane_agreement + _TEXTURE * max(found.correlation, 0.0)

@@ -18,7 +18,8 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 ORDER = """
     errors types config compiled se3
     camera depth_registration normals matching estimation baselines features glue peers
-    model residuals refinement shutter timing moving keyframes motion odometry warm_up
+    model residuals refinement evidence shutter timing moving keyframes drift motion odometry
+    warm_up
     parallel journal
     sync topics cameras worker transform_tree image_files rvl message_fields messages
     depth_source frames monitor arrivals match_image

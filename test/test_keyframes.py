@@ -1,4 +1,4 @@
-"""Keyframes: the last few, numbered for good, the nearest first."""
+"""Keyframes: the window of the latest, numbered for good, and anchors that know the room."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from room_rig import CAMERA
 
 from rgbd_glue_ros import se3
+from rgbd_glue_ros.config import OdometryConfig
 from rgbd_glue_ros.glue import FrameFeatures
-from rgbd_glue_ros.keyframes import Keyframe, Keyframes
+from rgbd_glue_ros.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.model import LEVELS, Model, Pixels, Planes
 from rgbd_glue_ros.types import Float64, View
 
@@ -26,8 +27,15 @@ MODEL = Model(
 )
 
 
-def add(keyframes: Keyframes, T: Float64, stamp_ns: int = 0) -> Keyframe:
-    return keyframes.add(stamp_ns, T, np.eye(6), FEATURES, MODEL)
+def kept(capacity: int, window: int = 5, spacing: float = 0.0) -> Keyframes:
+    return Keyframes(OdometryConfig(keyframes=capacity, window=window, keyframe_spacing=spacing))
+
+
+def add(
+    keyframes: Keyframes, T: Float64, stamp_ns: int = 0, correction: Float64 | None = None
+) -> Keyframe:
+    correction = np.eye(4) if correction is None else correction
+    return keyframes.add(stamp_ns, T, np.eye(6), FEATURES, MODEL, correction)
 
 
 def moved(metres: float, radians: float = 0.0) -> Float64:
@@ -36,7 +44,7 @@ def moved(metres: float, radians: float = 0.0) -> Float64:
 
 @given(st.integers(1, 5), st.integers(0, 12))
 def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int, n: int) -> None:
-    keyframes = Keyframes(capacity)
+    keyframes = kept(capacity)
     for i in range(n):
         assert add(keyframes, np.eye(4), stamp_ns=i).number == i
     assert len(keyframes) == min(n, capacity)
@@ -44,18 +52,18 @@ def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int
 
 
 def test_numbers_go_on_after_all_are_forgotten() -> None:
-    keyframes = Keyframes(3)
+    keyframes = kept(3)
     for _ in range(2):
         add(keyframes, np.eye(4))
     keyframes.forget()
     assert len(keyframes) == 0
-    assert keyframes.nearest(np.eye(4), window=5) == []
+    assert keyframes.nearest(np.eye(4)) == []
     assert add(keyframes, np.eye(4)).number == 2
 
 
 @given(transforms())
 def test_a_keyframe_has_its_model_in_the_odom_frame(T: Float64) -> None:
-    model = add(Keyframes(1), T).model
+    model = add(kept(1), T).model
     np.testing.assert_allclose(
         se3.transform(se3.inverse(T), model.planes.points), POINTS, atol=1e-9
     )
@@ -80,25 +88,61 @@ def test_those_come_first_that_saw_the_room_from_most_nearly_the_same_pose(
     poses: list[Float64], order: list[int]
 ) -> None:
     T = random_transform(np.random.default_rng(0))
-    keyframes = Keyframes(5)
+    keyframes = kept(5)
     for pose in poses:
         add(keyframes, T @ pose)
-    assert [k.number for k in keyframes.nearest(T, window=5)] == order
+    assert [k.number for k in keyframes.nearest(T)] == order
 
 
 def test_keyframes_older_than_the_window_are_not_stepped_back_to() -> None:
-    keyframes = Keyframes(5)
+    keyframes = kept(5, window=2)
     for way in (0.0, 0.5, 1.0):
         add(keyframes, moved(way))
-    assert [k.number for k in keyframes.nearest(np.eye(4), window=2)] == [1, 2]
+    assert [k.number for k in keyframes.nearest(np.eye(4))] == [1, 2]
     assert [k.number for k in keyframes.latest(2)] == [2, 1]
 
 
 @given(n=st.integers(0, 9), count=st.integers(0, 4))
 def test_in_turn_the_newest_come_first_and_all_have_their_turn(n: int, count: int) -> None:
-    keyframes = Keyframes(9)
+    keyframes = kept(9)
     for _ in range(n):
         add(keyframes, np.eye(4))
     assert [k.number for k in keyframes.in_turn(count, 0)] == list(range(n))[::-1][:count]
     turns = [k.number for turn in range(9) for k in keyframes.in_turn(count, turn)]
     assert set(turns) == (set(range(n)) if count else set())
+
+
+def test_a_keyframe_that_leaves_the_window_becomes_an_anchor_at_its_place_without_drift() -> None:
+    keyframes = kept(5, window=1)
+    first = add(keyframes, moved(0.0), correction=moved(9.0))
+    assert keyframes.anchor(moved(0.2), radius=1.0) is None
+    add(keyframes, moved(0.5), correction=moved(0.2))
+    anchor = keyframes.anchor(moved(0.2), radius=0.01)
+    assert isinstance(anchor, Anchor)
+    assert anchor.number == first.number
+    np.testing.assert_array_equal(anchor.T_odom_camera, first.T_odom_camera)
+    np.testing.assert_allclose(anchor.corrected_pose, moved(0.2))
+
+
+def test_the_earliest_anchor_near_enough_is_taken() -> None:
+    keyframes = kept(9, window=1)
+    for way in (0.0, 0.4, 0.8, 1.2):
+        add(keyframes, moved(way))
+    for where, radius, number in ((0.8, 0.1, 2), (0.8, 0.5, 1), (0.8, 0.9, 0), (-1.0, 0.9, None)):
+        anchor = keyframes.anchor(moved(where), radius)
+        assert (anchor and anchor.number) == number
+
+
+def test_of_keyframes_that_saw_the_same_the_first_stays_as_an_anchor() -> None:
+    keyframes = kept(9, window=1, spacing=0.5)
+    for way in (0.0, 0.4, 0.8, 0.1, 1.5):
+        add(keyframes, moved(way))
+    assert [k.number for k in keyframes] == [0, 2, 4]
+
+
+def test_where_room_is_short_the_oldest_anchor_goes_and_the_window_stays() -> None:
+    keyframes = kept(4, window=3)
+    for i in range(8):
+        add(keyframes, moved(float(i)))
+    assert [k.number for k in keyframes] == [4, 5, 6, 7]
+    assert [k.number for k in keyframes.nearest(moved(9.0))] == [7, 6, 5]
