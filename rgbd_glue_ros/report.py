@@ -40,9 +40,7 @@ def render(run: Run, figures: Mapping[str, Any], evaluation: Evaluation | None) 
         "<h2>Over time</h2>",
         _states(run.frames, seconds),
         *_charts(run, seconds, evaluation),
-        "<h2>Where the time goes</h2>",
-        "<p>Median of each stage. Stages that run side by side add up to more than the whole.</p>",
-        charts.bars(_named(figures["stages_ms"]), "ms", "var(--estimate)"),
+        *_stages(figures["stages_ms"]),
         "<h2>All figures</h2>",
         _figures(figures),
         "<h2>Parameters that differ from the defaults</h2>",
@@ -134,8 +132,10 @@ def _charts(run: Run, seconds: Float64, evaluation: Evaluation | None) -> list[s
             [frame.credible for frame in run.frames],
         ),
     ):
-        line = Line(title, color, seconds, np.array(numbers, np.float64))
-        drawn.append(charts.chart(title, [line], span, _LOW))
+        y = np.array(numbers, np.float64)
+        # a node does not publish them with each pose
+        if np.isfinite(y).any():
+            drawn.append(charts.chart(title, [Line(title, color, seconds, y)], span, _LOW))
     drawn.append(_latency(run.frames, seconds, span))
     return drawn
 
@@ -152,8 +152,16 @@ def _latency(frames: list[FrameRecord], seconds: Float64, span: tuple[float, flo
     return charts.chart("Latency, ms", lines, span, _TALL)
 
 
-def _named(stages: Mapping[str, float]) -> dict[str, float]:
-    return {name.replace("_", " "): value for name, value in stages.items()}
+def _stages(medians: Mapping[str, float]) -> list[str]:
+    """The section about stages; none where they were not timed, as in a node."""
+    if not medians:
+        return []
+    named = {name.replace("_", " "): value for name, value in medians.items()}
+    return [
+        "<h2>Where the time goes</h2>",
+        "<p>Median of each stage. Stages that run side by side add up to more than the whole.</p>",
+        charts.bars(named, "ms", "var(--estimate)"),
+    ]
 
 
 def _figures(figures: Mapping[str, Any]) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html.parser import HTMLParser
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,3 +83,19 @@ def test_a_single_frame_of_any_state_has_a_report(state: TrackingState) -> None:
 def test_the_report_of_an_hour_is_smaller_than_five_megabytes() -> None:
     frames = [record(i) for i in range(3600 * 30)]
     assert len(page_of(Run("hour", Config(), frames=frames, wall_s=1.0))) < 5_000_000
+
+
+@pytest.mark.parametrize(
+    ("known", "title"),
+    [
+        ({"visual_inliers": 80}, "Visual inliers"),
+        ({"credible": 300}, "Credible geometric matches"),
+        ({"stages_ms": {"ransac": 0.3}}, "Where the time goes"),
+    ],
+)
+def test_what_no_frame_tells_has_no_chart(known: dict[str, Any], title: str) -> None:
+    """The demonstration sees the poses of a node, and nothing of how they came about."""
+    untold = replace(record(1), stages_ms={})
+    for frame, shown in ((untold, False), (replace(untold, **known), True)):
+        text = " ".join(Page(page_of(Run("x", Config(), frames=[frame], wall_s=1.0))).text)
+        assert (title in text) == shown
