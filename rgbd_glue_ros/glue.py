@@ -6,9 +6,8 @@ One function per equation; ``Glue.register`` reads like section 3 of the paper.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,6 +25,7 @@ from rgbd_glue_ros.estimation import (
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.features.visual import lift
+from rgbd_glue_ros.stopwatch import Stopwatch, timed
 from rgbd_glue_ros.types import (
     Correspondences,
     Float64,
@@ -120,28 +120,6 @@ class FrameFeatures:
     stages_ms: dict[str, float]
 
 
-@dataclass(frozen=True)
-class Extraction:
-    """Features of a frame in the making: the geometric ones on another thread.
-
-    Attributes:
-        view: the frame.
-        visual: extracts the visual features.
-        geometric: the geometric features and their time in milliseconds, as soon as they are there.
-    """
-
-    view: View
-    visual: Callable[[View], Any]
-    geometric: Future[tuple[Any, float]]
-
-    def finished(self) -> FrameFeatures:
-        """Extracts the visual features on this thread, and waits for the others."""
-        visual, visual_ms = _timed(self.visual, self.view)
-        geometric, geometric_ms = self.geometric.result()
-        times = {"visual_features": visual_ms, "geometric_features": geometric_ms}
-        return FrameFeatures(self.view, visual, geometric, times)
-
-
 class Glue:
     """Registers RGB-D frames by the features and parameters of a configuration.
 
@@ -160,13 +138,14 @@ class Glue:
         self._config = config
 
     def extract(self, view: View) -> FrameFeatures:
-        """Section 3.1: visual and geometric features, side by side on two threads."""
-        return self.extraction(view).finished()
+        """Section 3.1: visual and geometric features."""
+        visual = timed(self._visual.extract, view)
+        return _features(view, visual, timed(self._geometric.extract, view))
 
-    def extraction(self, view: View) -> Extraction:
-        """Begins ``extract``, for whom has more to do on the thread beside."""
-        geometric = self.beside.submit(_timed, self._geometric.extract, view)
-        return Extraction(view, self._visual.extract, geometric)
+    def extract_on_two_threads(self, view: View) -> FrameFeatures:
+        """The same, sooner where the thread beside has nothing else to do."""
+        geometric = self.beside.submit(timed, self._geometric.extract, view)
+        return _features(view, timed(self._visual.extract, view), geometric.result())
 
     def seen_anew(self, features: FrameFeatures, view: View) -> FrameFeatures:
         """The features of a view with the same colours but other depth."""
@@ -188,7 +167,7 @@ class Glue:
         """
         glue = self._config.glue
         rng = np.random.default_rng(self._config.seed)
-        clock = _Stopwatch()
+        clock = Stopwatch()
 
         pixels = self._visual.match(source.visual, target.visual)
         C_vis = lift(pixels, source.view, target.view)
@@ -270,20 +249,7 @@ def fit_covariance(T: Float64, matches: Correspondences) -> Float64 | None:
     return symmetric
 
 
-def _timed(function: Callable[[View], R], view: View) -> tuple[R, float]:
-    start = perf_counter()
-    result = function(view)
-    return result, (perf_counter() - start) * 1e3
-
-
-class _Stopwatch:
-    """Wall time between calls of ``lap``, by name."""
-
-    def __init__(self) -> None:
-        self.laps_ms: dict[str, float] = {}
-        self._last = perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = perf_counter()
-        self.laps_ms[name] = (now - self._last) * 1e3
-        self._last = now
+def _features(view: View, visual: tuple[Any, float], geometric: tuple[Any, float]) -> FrameFeatures:
+    """Features with the milliseconds that each took."""
+    times = {"visual_features": visual[1], "geometric_features": geometric[1]}
+    return FrameFeatures(view, visual[0], geometric[0], times)

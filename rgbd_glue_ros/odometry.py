@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
@@ -23,6 +22,7 @@ from rgbd_glue_ros.motion import Motion
 from rgbd_glue_ros.moving import still
 from rgbd_glue_ros.refinement import COARSE_TO_FINE, Refinement, judge, refine
 from rgbd_glue_ros.shutter import velocity_seen
+from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.timing import Timing
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -48,35 +48,52 @@ _ORIGIN_COVARIANCE = np.eye(6) * 1e-8
 
 
 @dataclass(frozen=True)
+class _Found:
+    """A refined pose, and the velocity that the frame's distortion shows, with its covariance.
+
+    ``velocity`` is None where nobody looked.
+    """
+
+    refinement: Refinement
+    velocity: tuple[Float64, Float64] | None = None
+
+
+@dataclass(frozen=True)
 class _Fix:
     """A pose found for a frame, and the evidence for it.
 
-    ``covariance`` is that of the pose relative to the keyframe ``reference``, perturbation on the
-    left, odom frame; ``model`` is what the pose was refined against; ``velocity`` is what the
-    frame's distortion shows, with its covariance, None where nobody looked.
+    ``reference`` is the keyframe that it was registered against, ``model`` what it was refined
+    against.
     """
 
-    T_odom_camera: Float64
-    covariance: Float64
+    found: _Found
     reference: Keyframe
     registration: RegistrationResult
-    refinement: Refinement
     model: Model
-    velocity: tuple[Float64, Float64] | None = None
+
+
+@dataclass(frozen=True)
+class _Ahead:
+    """A prediction that is refined beside the registration, each with the milliseconds it takes."""
+
+    coarse: Future[tuple[Refinement, float]]
+    finished: Future[tuple[_Found, float]]
 
 
 @dataclass(frozen=True)
 class _Search:
     """What the pose of a frame is looked for by.
 
-    ``reference`` is the nearest keyframe; ``prior`` where the frame is in it by the prediction,
-    None if that is none; ``prediction`` what ``_try`` gives.
+    ``reference`` is the nearest keyframe, and ``model`` that of the nearest few; ``prior`` is where
+    the frame is in ``reference`` by the prediction, and ``ahead`` its refinement; both are None
+    where the prediction is none.
     """
 
     features: FrameFeatures
     reference: Keyframe
+    model: Model
     prior: Rough | None
-    prediction: Future[tuple[Model, Refinement | None]]
+    ahead: _Ahead | None
 
 
 @dataclass(frozen=True)
@@ -130,9 +147,9 @@ class Odometry:
             What ``track`` does, and what came of the frame in ``update_map``.
         """
         estimate = self.track(frame, T_guess_camera)
-        start = perf_counter()
-        is_keyframe = self.update_map() or estimate.is_keyframe
-        stages = {**estimate.stages_ms, "keyframe": (perf_counter() - start) * 1e3}
+        became_one, ms = timed(self.update_map)
+        stages = {**estimate.stages_ms, "keyframe": ms}
+        is_keyframe = became_one or estimate.is_keyframe
         return replace(estimate, is_keyframe=is_keyframe, stages_ms=stages)
 
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
@@ -190,10 +207,9 @@ class Odometry:
         return True
 
     def _tracked(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
-        start = perf_counter()
         predicted = self._predicted(frame.stamp_ns, T_guess_camera)
-        view = self._view(frame, predicted)
-        stages = {"preparation": (perf_counter() - start) * 1e3}
+        view, preparation_ms = timed(self._view, frame, predicted)
+        stages = {"preparation": preparation_ms}
         if self._motion is None or predicted is None:
             return self._begin(frame.stamp_ns, self._glue.extract(view), stages)
         search = self._search(view, predicted)
@@ -237,14 +253,24 @@ class Odometry:
         """What registration and refinement start from; the refinement from the prediction runs."""
         odometry, T_predicted = self._config.odometry, predicted.T_odom_camera
         references = self._references(T_predicted)
-        prior = None
+        model = blend([keyframe.model for keyframe in references])
+        prior, ahead = None, None
         if odometry.prior_radius > 0:
             T_reference_predicted = se3.inverse(references[0].T_odom_camera) @ T_predicted
             prior = Rough(T_reference_predicted, odometry.prior_radius)
-        extraction = self._glue.extraction(view)
-        # on the same thread after the geometric features, which are done before the visual ones
-        prediction = self._glue.beside.submit(self._try, T_predicted, references, view, prior)
-        return _Search(extraction.finished(), references[0], prior, prediction)
+            ahead = self._refined_beside(model, view, predicted)
+        # meanwhile, on this thread
+        features = self._glue.extract(view)
+        return _Search(features, references[0], model, prior, ahead)
+
+    def _refined_beside(self, model: Model, view: View, predicted: Motion) -> _Ahead:
+        submit, T = self._glue.beside.submit, predicted.T_odom_camera
+        coarse = submit(timed, refine, T, model, view, self._config.refine, _COARSE)
+
+        def finished() -> tuple[_Found, float]:
+            return timed(self._finished, coarse.result()[0], model, view, predicted)
+
+        return _Ahead(coarse, submit(finished))
 
     def _track(self, search: _Search, last: Motion, predicted: Motion) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
@@ -252,59 +278,54 @@ class Odometry:
         Returns:
             A pose, or the registration that says why there is none.
         """
-        features, reference = search.features, search.reference
-        result = self._glue.register(features, reference.features, search.prior)
-        start = perf_counter()
-        model, best = search.prediction.result()
-        if result.T_target_source is not None:
-            found = reference.T_odom_camera @ result.T_target_source
-            best = self._better(best, found, model, features.view)
-        if best is None:
-            result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
+        result = self._glue.register(search.features, search.reference.features, search.prior)
+        found, result.stages_ms["refinement"] = self._found(search, result, predicted)
+        if found is None:
             return result
-        fix = self._finished(self._fix(reference, result, best, model), features.view, predicted)
-        result.stages_ms["refinement"] = (perf_counter() - start) * 1e3
-        best = fix.refinement
-        if not believable(best, best.planes_visible, self._config.odometry) or not (
-            last.reaches(best.T_model_source, predicted) or certain(best, self._config.odometry)
+        best, config = found.refinement, self._config.odometry
+        if not believable(best, best.planes_visible, config) or not (
+            last.reaches(best.T_model_source, predicted) or certain(best, config)
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
-        return fix
+        return _Fix(found, search.reference, result, search.model)
+
+    def _found(
+        self, search: _Search, result: RegistrationResult, predicted: Motion
+    ) -> tuple[_Found | None, float]:
+        """The pose refined from the prediction, or from the registration where that fits better.
+
+        Returns:
+            It, and the milliseconds that its refinement took.
+        """
+        view, model = search.features.view, search.model
+        best, best_ms = (None, 0.0) if search.ahead is None else search.ahead.coarse.result()
+        if result.T_target_source is not None:
+            T = search.reference.T_odom_camera @ result.T_target_source
+            if best is None or self._far(best, T):
+                other, coarse_ms = timed(refine, T, model, view, self._config.refine, _COARSE)
+                if best is None or support(other) > support(best):
+                    found, ms = timed(self._finished, other, model, view, predicted)
+                    return found, coarse_ms + ms
+        if search.ahead is None:
+            return None, 0.0
+        found, ms = search.ahead.finished.result()
+        return found, best_ms + ms
 
     def _references(self, T_odom_camera: Float64) -> list[Keyframe]:
         """The keyframes that a frame there is compared with, the nearest first."""
         return self._keyframes.nearest(T_odom_camera)[: self._config.odometry.references]
 
-    def _try(
-        self, predicted: Float64, references: list[Keyframe], view: View, prior: Rough | None
-    ) -> tuple[Model, Refinement | None]:
-        """What to refine against, and the refinement from the prediction, if that is a prior."""
-        model = blend([keyframe.model for keyframe in references])
-        if prior is None:
-            return model, None
-        return model, refine(predicted, model, view, self._config.refine, _COARSE)
-
-    def _finished(self, coarse: _Fix, view: View, predicted: Motion) -> _Fix:
+    def _finished(self, coarse: Refinement, model: Model, view: View, predicted: Motion) -> _Found:
         """Refines further under the velocity that the frame had; what was, if that fails."""
-        config, model = self._config.refine, coarse.model
-        velocity = _corrected(predicted, coarse).velocity
-        moving, T = replace(view, twist=velocity), coarse.T_odom_camera
+        config, T = self._config.refine, coarse.T_model_source
+        moving = replace(view, twist=self._corrected(predicted, _Found(coarse)).velocity)
         finer = refine(T, model, moving, config, [_FINER])
         seen = velocity_seen(finer, model, moving, config, _FINER)
-        finer_fix = self._fix(coarse.reference, coarse.registration, finer, model, seen)
-        moving = replace(view, twist=_corrected(predicted, finer_fix).velocity)
+        moving = replace(view, twist=self._corrected(predicted, _Found(finer, seen)).velocity)
         finest = refine(finer.T_model_source, model, moving, config, [_FINEST], finer.light)
         if believable(finest, finest.planes_visible, self._config.odometry):
-            return self._fix(coarse.reference, coarse.registration, finest, model, seen)
-        judged = judge(T, model, view, config)
-        return self._fix(coarse.reference, coarse.registration, judged, model)
-
-    def _better(self, best: Refinement | None, T: Float64, model: Model, view: View) -> Refinement:
-        """The best refinement so far, or, where T is far from it, that from T if it fits better."""
-        if best is not None and not self._far(best, T):
-            return best
-        found = refine(T, model, view, self._config.refine, _COARSE)
-        return found if best is None else max((found, best), key=support)
+            return _Found(finest, seen)
+        return _Found(judge(T, model, view, config))
 
     def _recover(self, features: FrameFeatures, last: Motion, predicted: Motion) -> _Fix | None:
         """Looks for the frame near a few keyframes, without a prior and more sceptically.
@@ -327,22 +348,19 @@ class Odometry:
                 and refined.correlation >= odometry.pixel_correlation
                 and (last.reaches(refined.T_model_source, predicted) or certain(refined, odometry))
             ):
-                return self._fix(keyframe, result, refined, keyframe.model)
+                return _Fix(_Found(refined), keyframe, result, keyframe.model)
         return None
 
-    def _fix(
-        self,
-        reference: Keyframe,
-        result: RegistrationResult,
-        refined: Refinement,
-        model: Model,
-        velocity: tuple[Float64, Float64] | None = None,
-    ) -> _Fix:
-        information = refined.information / self._config.refine.correlation
+    def _corrected(self, predicted: Motion, found: _Found) -> Motion:
+        """The predicted motion, corrected by a pose and by a velocity where one was seen."""
+        T = found.refinement.T_model_source
+        information = found.refinement.information / self._config.refine.correlation
         covariance = np.asarray(
             np.linalg.inv(information + np.linalg.inv(_LOST_SPREAD)), np.float64
         )
-        return _Fix(refined.T_model_source, covariance, reference, result, refined, model, velocity)
+        to_body = se3.adjoint(se3.inverse(T))
+        motion = predicted.corrected(T, to_body @ covariance @ to_body.T)
+        return motion if found.velocity is None else motion.corrected_velocity(*found.velocity)
 
     def _far(self, found: Refinement, T_other: Float64) -> bool:
         odometry = self._config.odometry
@@ -408,7 +426,7 @@ class Odometry:
         stages: dict[str, float],
     ) -> OdometryEstimate:
         """Corrects the motion by the pose, and makes a keyframe where it is time."""
-        motion = _corrected(predicted, fix)
+        motion = self._corrected(predicted, fix.found)
         steady = motion.stamp_ns - last.stamp_ns <= _STEADY_NS
         self._motion = motion
         self._missed = 0
@@ -425,7 +443,7 @@ class Odometry:
             # the next frame is the first to need it
             self._timing = self._glue.beside.submit(
                 timing.corrected,
-                fix.refinement,
+                fix.found.refinement,
                 fix.model,
                 features.view,
                 self._config.refine,
@@ -506,9 +524,3 @@ def _at_once(known: _Known) -> Future[_Known]:
     future: Future[_Known] = Future()
     future.set_result(known)
     return future
-
-
-def _corrected(predicted: Motion, fix: _Fix) -> Motion:
-    to_body = se3.adjoint(se3.inverse(fix.T_odom_camera))
-    motion = predicted.corrected(fix.T_odom_camera, to_body @ fix.covariance @ to_body.T)
-    return motion if fix.velocity is None else motion.corrected_velocity(*fix.velocity)

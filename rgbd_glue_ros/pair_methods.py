@@ -81,7 +81,7 @@ class GlueMethod:
     def describe(self, view: View) -> Described:
         """Visual and geometric features."""
         start = perf_counter()
-        features = self._glue.extract(view)
+        features = self._glue.extract_on_two_threads(view)
         return Described(features, perf_counter() - start, features.stages_ms)
 
     def register(self, source: Described, target: Described) -> RegistrationResult:

@@ -16,7 +16,7 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 
 # A module imports only what stands above it; a folder's modules may also import one another.
 ORDER = """
-    errors types config compiled se3
+    errors types config compiled se3 stopwatch
     camera depth_registration normals matching estimation baselines features glue peers
     model residuals refinement evidence shutter timing moving keyframes drift motion odometry
     warm_up

@@ -27,10 +27,9 @@ the node had to drop, say more of the other processes than of these.**"""
 
 _STAGES = """\
 Median milliseconds of each stage of ours, and beside it the floor: what its core costs in C++
-on frames of the same run (least of three in a row, on every fiftieth frame). Visual and
-geometric features are computed side by side on two threads. The coarse levels of the refinement
-run beside the registration: its time is that of the fine ones, its floor that of all. Where a
-floor is above the stage, the stage is faster than that library."""
+on frames of the same run (least of three in a row, on every fiftieth frame). The refinement runs
+on a second thread beside the features and the registration, so that the stages add up to more
+than a frame. Where a floor is above the stage, the stage is faster than that library."""
 
 _HONESTY = """\
 Normalised error (NEES) of the transform from every frame to its keyframe: 6 in the mean where
