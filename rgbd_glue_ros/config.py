@@ -269,6 +269,12 @@ class RefineConfig:
         "refines on planes alone.",
         minimum=0.0,
     )
+    unregistered_weight: float = _parameter(
+        1.0,
+        "The same where depth turns out not to be registered to colour, if that is less: the depth "
+        "of a pixel is then that of another one.",
+        minimum=0.0,
+    )
     pixel_cauchy: float = _parameter(
         2.0,
         "Photometric residual, in its standard deviations, at which a pixel's weight is halved.",

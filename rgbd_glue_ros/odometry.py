@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -9,8 +10,9 @@ from typing import TypeVar
 import numpy as np
 
 from rgbd_glue_ros import se3
+from rgbd_glue_ros.alignment import Alignment
 from rgbd_glue_ros.camera import grey, limit_depth, rectified
-from rgbd_glue_ros.config import Config
+from rgbd_glue_ros.config import Config, RefineConfig
 from rgbd_glue_ros.drift import Drift
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evidence import believable, certain, support
@@ -20,7 +22,7 @@ from rgbd_glue_ros.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
 from rgbd_glue_ros.moving import still
-from rgbd_glue_ros.refinement import COARSE_TO_FINE, Refinement, judge, refine
+from rgbd_glue_ros.refinement import COARSE_TO_FINE, START_LIGHT, Refinement, judge, refine
 from rgbd_glue_ros.shutter import velocity_seen
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.timing import Timing
@@ -73,6 +75,26 @@ class _Fix:
 
 
 @dataclass(frozen=True)
+class _Scene:
+    """What the pose of a frame is refined in: against what, from where, and how."""
+
+    model: Model
+    view: View
+    predicted: Motion
+    config: RefineConfig
+
+    def moving(self, velocity: Float64) -> _Scene:
+        """The same, with another velocity of the camera."""
+        return replace(self, view=replace(self.view, twist=velocity))
+
+    def refined(
+        self, T: Float64, levels: Sequence[int], light: Sequence[float] | Float64 = START_LIGHT
+    ) -> Refinement:
+        """A pose refined from T at some levels, under a light as far as it is known."""
+        return refine(T, self.model, self.view, self.config, levels, light)
+
+
+@dataclass(frozen=True)
 class _Ahead:
     """A prediction that is refined beside the registration, each with the milliseconds it takes."""
 
@@ -84,14 +106,14 @@ class _Ahead:
 class _Search:
     """What the pose of a frame is looked for by.
 
-    ``reference`` is the nearest keyframe, and ``model`` that of the nearest few; ``prior`` is where
-    the frame is in ``reference`` by the prediction, and ``ahead`` its refinement; both are None
-    where the prediction is none.
+    ``reference`` is the nearest keyframe, and ``scene`` has the model of the nearest few; ``prior``
+    is where the frame is in ``reference`` by the prediction, and ``ahead`` its refinement; both are
+    None where the prediction is none.
     """
 
     features: FrameFeatures
     reference: Keyframe
-    model: Model
+    scene: _Scene
     prior: Rough | None
     ahead: _Ahead | None
 
@@ -136,6 +158,7 @@ class Odometry:
         self._motion: Motion | None = None
         self._timing = _at_once(Timing.start(self._config.timing, ""))
         self._drift = _at_once(Drift.corrected_by(np.eye(4)))
+        self._alignment = _at_once(Alignment.start())
         self._last_stamp_ns: int | None = None
         self._missed = 0
         self._T_guess_last: Float64 | None = None
@@ -203,7 +226,8 @@ class Odometry:
         anchor = self._keyframes.anchor(drift.wanted @ T, self._config.odometry.drift_radius)
         if anchor is not None:
             # the pose of the next frame is the first to need it
-            self._drift = self._glue.beside.submit(drift.seen, keyframe, anchor, self._config)
+            config = replace(self._config, refine=self._refining)
+            self._drift = self._glue.beside.submit(drift.seen, keyframe, anchor, config)
         return True
 
     def _tracked(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
@@ -254,23 +278,21 @@ class Odometry:
         odometry, T_predicted = self._config.odometry, predicted.T_odom_camera
         references = self._references(T_predicted)
         model = blend([keyframe.model for keyframe in references])
+        scene = _Scene(model, view, predicted, self._refining)
         prior, ahead = None, None
         if odometry.prior_radius > 0:
             T_reference_predicted = se3.inverse(references[0].T_odom_camera) @ T_predicted
             prior = Rough(T_reference_predicted, odometry.prior_radius)
-            ahead = self._refined_beside(model, view, predicted)
+            ahead = self._refined_beside(scene)
         # meanwhile, on this thread
         features = self._glue.extract(view)
-        return _Search(features, references[0], model, prior, ahead)
+        return _Search(features, references[0], scene, prior, ahead)
 
-    def _refined_beside(self, model: Model, view: View, predicted: Motion) -> _Ahead:
-        submit, T = self._glue.beside.submit, predicted.T_odom_camera
-        coarse = submit(timed, refine, T, model, view, self._config.refine, _COARSE)
-
-        def finished() -> tuple[_Found, float]:
-            return timed(self._finished, coarse.result()[0], model, view, predicted)
-
-        return _Ahead(coarse, submit(finished))
+    def _refined_beside(self, scene: _Scene) -> _Ahead:
+        submit = self._glue.beside.submit
+        coarse = submit(timed, scene.refined, scene.predicted.T_odom_camera, _COARSE)
+        finished = submit(lambda: timed(self._finished, coarse.result()[0], scene))
+        return _Ahead(coarse, finished)
 
     def _track(self, search: _Search, last: Motion, predicted: Motion) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
@@ -279,7 +301,7 @@ class Odometry:
             A pose, or the registration that says why there is none.
         """
         result = self._glue.register(search.features, search.reference.features, search.prior)
-        found, result.stages_ms["refinement"] = self._found(search, result, predicted)
+        found, result.stages_ms["refinement"] = self._found(search, result)
         if found is None:
             return result
         best, config = found.refinement, self._config.odometry
@@ -287,24 +309,22 @@ class Odometry:
             last.reaches(best.T_model_source, predicted) or certain(best, config)
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
-        return _Fix(found, search.reference, result, search.model)
+        return _Fix(found, search.reference, result, search.scene.model)
 
-    def _found(
-        self, search: _Search, result: RegistrationResult, predicted: Motion
-    ) -> tuple[_Found | None, float]:
+    def _found(self, search: _Search, result: RegistrationResult) -> tuple[_Found | None, float]:
         """The pose refined from the prediction, or from the registration where that fits better.
 
         Returns:
             It, and the milliseconds that its refinement took.
         """
-        view, model = search.features.view, search.model
+        scene = search.scene
         best, best_ms = (None, 0.0) if search.ahead is None else search.ahead.coarse.result()
         if result.T_target_source is not None:
             T = search.reference.T_odom_camera @ result.T_target_source
             if best is None or self._far(best, T):
-                other, coarse_ms = timed(refine, T, model, view, self._config.refine, _COARSE)
+                other, coarse_ms = timed(scene.refined, T, _COARSE)
                 if best is None or support(other) > support(best):
-                    found, ms = timed(self._finished, other, model, view, predicted)
+                    found, ms = timed(self._finished, other, scene)
                     return found, coarse_ms + ms
         if search.ahead is None:
             return None, 0.0
@@ -315,17 +335,25 @@ class Odometry:
         """The keyframes that a frame there is compared with, the nearest first."""
         return self._keyframes.nearest(T_odom_camera)[: self._config.odometry.references]
 
-    def _finished(self, coarse: Refinement, model: Model, view: View, predicted: Motion) -> _Found:
+    @property
+    def _refining(self) -> RefineConfig:
+        """How poses are refined: with less trust in colour where depth is not registered to it."""
+        config = self._config.refine
+        if self._alignment.result().offset_px is None:
+            return config
+        return replace(config, pixel_weight=min(config.pixel_weight, config.unregistered_weight))
+
+    def _finished(self, coarse: Refinement, scene: _Scene) -> _Found:
         """Refines further under the velocity that the frame had; what was, if that fails."""
-        config, T = self._config.refine, coarse.T_model_source
-        moving = replace(view, twist=self._corrected(predicted, _Found(coarse)).velocity)
-        finer = refine(T, model, moving, config, [_FINER])
-        seen = velocity_seen(finer, model, moving, config, _FINER)
-        moving = replace(view, twist=self._corrected(predicted, _Found(finer, seen)).velocity)
-        finest = refine(finer.T_model_source, model, moving, config, [_FINEST], finer.light)
+        T, predicted = coarse.T_model_source, scene.predicted
+        moving = scene.moving(self._corrected(predicted, _Found(coarse)).velocity)
+        finer = moving.refined(T, [_FINER])
+        seen = velocity_seen(finer, moving.model, moving.view, moving.config, _FINER)
+        moving = scene.moving(self._corrected(predicted, _Found(finer, seen)).velocity)
+        finest = moving.refined(finer.T_model_source, [_FINEST], finer.light)
         if believable(finest, finest.planes_visible, self._config.odometry):
             return _Found(finest, seen)
-        return _Found(judge(T, model, view, config))
+        return _Found(judge(T, scene.model, scene.view, scene.config))
 
     def _recover(self, features: FrameFeatures, last: Motion, predicted: Motion) -> _Fix | None:
         """Looks for the frame near a few keyframes, without a prior and more sceptically.
@@ -342,7 +370,7 @@ class Odometry:
             ):
                 continue
             T = keyframe.T_odom_camera @ result.T_target_source
-            refined = refine(T, keyframe.model, features.view, self._config.refine)
+            refined = refine(T, keyframe.model, features.view, self._refining)
             if (
                 believable(refined, refined.planes_seen, odometry)
                 and refined.correlation >= odometry.pixel_correlation
@@ -446,9 +474,12 @@ class Odometry:
                 fix.found.refinement,
                 fix.model,
                 features.view,
-                self._config.refine,
+                self._refining,
                 self._config.timing,
             )
+        alignment = self._alignment.result()
+        if alignment.asks_for(T):
+            self._alignment = self._glue.beside.submit(alignment.seen, features.view, T)
         self._posed = _Posed(motion.stamp_ns, T, covariance, features, fix.reference)
         T_corrected = drift.correction @ T
         return OdometryEstimate(

@@ -22,13 +22,17 @@ def warm_up(config: Config) -> None:
 
 
 def _frame(i: int) -> RgbdFrame:
-    """A bumpy wall covered with noise that moves by, so that every stage has something to do."""
+    """A bumpy wall and a box before it, covered with noise, that move by.
+
+    So every stage has something to do.
+    """
     centre = (_WIDTH - 1) / 2, (_HEIGHT - 1) / 2
     camera = CameraIntrinsics(_WIDTH, _HEIGHT, _FOCAL_PX, _FOCAL_PX, *centre)
     blocks = np.random.default_rng(0).integers(0, 255, (_HEIGHT // 8, _WIDTH // 8, 3), np.uint8)
     color = np.kron(blocks, np.ones((8, 8, 1), np.uint8))
     u, v = np.meshgrid(np.arange(_WIDTH), np.arange(_HEIGHT))
     depth = (2 + 0.2 * np.sin(u / 50) * np.cos(v / 40)).astype(np.float32)
+    depth[_HEIGHT // 4 : -_HEIGHT // 4, _WIDTH // 4 : -_WIDTH // 4] -= 0.8
     shift = 2 * i
     return RgbdFrame(
         i * _PERIOD_NS,

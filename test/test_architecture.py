@@ -18,7 +18,8 @@ PACKAGE = ROOT / "rgbd_glue_ros"
 ORDER = """
     errors types config compiled se3 stopwatch
     camera depth_registration normals matching estimation baselines features glue peers
-    model residuals refinement evidence shutter timing moving keyframes drift motion odometry
+    model residuals refinement evidence shutter timing moving keyframes drift
+    alignment motion odometry
     warm_up
     parallel journal
     sync topics cameras worker transform_tree image_files rvl message_fields messages
