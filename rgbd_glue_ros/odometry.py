@@ -18,7 +18,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evidence import believable, certain, support
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.glue import FrameFeatures, Glue
-from rgbd_glue_ros.keyframes import Anchor, Keyframe, Keyframes
+from rgbd_glue_ros.keyframes import Anchor, Keyframe, Keyframes, difference
 from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
 from rgbd_glue_ros.moving import still
@@ -38,6 +38,8 @@ from rgbd_glue_ros.types import (
 )
 
 _Known = TypeVar("_Known")
+# Refined from far apart, poses that end nearer than this, metres and radians added, are the same.
+_SAME = 0.01
 # The levels that poses are compared at, and those that the best is finished at one by one, each
 # with the velocity that is known by then: the images of a fast camera depend on that.
 _COARSE, (_FINER, _FINEST) = COARSE_TO_FINE[:-1], COARSE_TO_FINE[-2:]
@@ -323,7 +325,7 @@ class Odometry:
             T = search.reference.T_odom_camera @ result.T_target_source
             if best is None or self._far(best, T):
                 other, coarse_ms = timed(scene.refined, T, _COARSE)
-                if best is None or support(other) > support(best):
+                if best is None or _is_better(other, best):
                     found, ms = timed(self._finished, other, scene)
                     return found, coarse_ms + ms
         if search.ahead is None:
@@ -555,3 +557,9 @@ def _at_once(known: _Known) -> Future[_Known]:
     future: Future[_Known] = Future()
     future.set_result(known)
     return future
+
+
+def _is_better(found: Refinement, than: Refinement) -> bool:
+    """Whether a refinement ended elsewhere than another one, and fits better."""
+    apart = difference(found.T_model_source, than.T_model_source)
+    return apart > _SAME and support(found) > support(than)
