@@ -16,8 +16,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from rgbd_glue_ros import se3
 from rgbd_glue_ros.compiled import compiled
-from rgbd_glue_ros.keyframes import difference
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 logger = logging.getLogger(__name__)
@@ -31,11 +31,11 @@ _STEP = 0.1
 # How colour may be magnified and shifted against depth.
 _SCALES = np.linspace(0.85, 1.15, 11)
 _SHIFTS_PX = np.linspace(-15.0, 15.0, 11)
-_AS_IT_IS = (5, 5, 5)
+_AS_IT_IS = len(_SCALES) // 2, len(_SHIFTS_PX) // 2, len(_SHIFTS_PX) // 2
 # Gradients beyond this, in grey levels a pixel, are edges all the same.
 _EDGE = 12.0
 _EDGE_SIGMA_PX, _AROUND_PX = 1.5, 21
-# From the centre of an image, for saying what a magnification is in pixels.
+# From the centre of an image of 640 columns, for saying what a magnification is in pixels.
 _HALF_WAY_PX = 160.0
 # A view with fewer ends of surfaces says nothing, and of more as many are enough. So many views
 # that say something decide, which must differ by this much, metres and radians added.
@@ -69,7 +69,9 @@ class Alignment:
         """Whether a view from there would tell anything new."""
         if self.views >= _VIEWS:
             return False
-        return self.T_odom_camera is None or difference(self.T_odom_camera, T_odom_camera) > _APART
+        if self.T_odom_camera is None:
+            return True
+        return se3.difference(self.T_odom_camera, T_odom_camera) > _APART
 
     def seen(self, view: View, T_odom_camera: Float64) -> Alignment:
         """The alignment after another view. Logs a warning when it is known to be wrong."""

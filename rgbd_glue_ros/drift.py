@@ -14,16 +14,14 @@ import numpy as np
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import Config
-from rgbd_glue_ros.estimation import chi_squared
+from rgbd_glue_ros.estimation import SURPRISE, mahalanobis_squared
 from rgbd_glue_ros.evidence import certain
-from rgbd_glue_ros.keyframes import Anchor, Keyframe, difference
+from rgbd_glue_ros.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.refinement import COARSE_TO_FINE, refine
 from rgbd_glue_ros.types import Float64
 
 # The finest level costs half of the time and adds a digit that the anchor's own pose has not.
 _LEVELS = COARSE_TO_FINE[:-1]
-# Drift that the covariance finds less likely is a place that looks like another.
-_SURPRISE = chi_squared(0.999, 6)
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ class Drift:
         corrected = self.correction @ T_now
         left = se3.log(se3.inverse(corrected) @ self.wanted @ T_now)
         length = float(np.linalg.norm(left[:3]) + np.linalg.norm(left[3:]))
-        allowed = rate * difference(T_before, T_now)
+        allowed = rate * se3.difference(T_before, T_now)
         if length <= allowed:
             return Drift.corrected_by(self.wanted)
         moved = corrected @ se3.exp(left * (allowed / length))
@@ -77,6 +75,7 @@ class Drift:
             return self
         T_seen = anchor.correction @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
-        if not off @ np.linalg.solve(keyframe.covariance, off) <= _SURPRISE:
+        # drift that the covariance finds less likely is a place that looks like another
+        if not mahalanobis_squared(off, keyframe.covariance) <= SURPRISE:
             return self
         return replace(self, wanted=T_seen @ se3.inverse(T))

@@ -23,6 +23,15 @@ def chi_squared(confidence: float, degrees: int) -> float:
     return float(chdtri(degrees, 1.0 - confidence))
 
 
+SURPRISE = chi_squared(0.999, 6)
+"""What ``mahalanobis_squared`` exceeds for one of a thousand errors of a pose."""
+
+
+def mahalanobis_squared(error: Float64, covariance: Float64) -> float:
+    """The square of an error [N] by its covariance [N, N]; in the mean N where that is honest."""
+    return float(error @ np.linalg.solve(covariance, error))
+
+
 @compiled
 def procrustes(source: Float64, target: Float64, weights: Float64) -> Float64:
     """Equation 10: the T that minimises sum_i w_i |T p_i - q_i|² (Kabsch 1976).

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.estimation import procrustes
+from rgbd_glue_ros.estimation import mahalanobis_squared, procrustes
 from rgbd_glue_ros.trajectory import MAX_TIME_DIFFERENCE_S, associate, format_stamp
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, OdometryEstimate, Trajectory
 
@@ -177,7 +177,7 @@ def _normalised_error(
     error = se3.log(T @ se3.inverse(expected))
     covariance = se3.perturbation_covariance(T, frame.covariance)
     covariance = covariance - se3.perturbation_covariance(T_keyframe, keyframe.covariance)
-    return float(error @ np.linalg.solve(covariance, error))
+    return mahalanobis_squared(error, covariance)
 
 
 def interpolated(reference: Trajectory, stamps_ns: Int64) -> Float64:

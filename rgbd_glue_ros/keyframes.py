@@ -6,8 +6,6 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import OdometryConfig
 from rgbd_glue_ros.glue import FrameFeatures
@@ -119,7 +117,7 @@ class Keyframes:
             T_corrected: pose of a camera, without the drift, float64 [4, 4].
             radius: metres plus radians.
         """
-        near = (k for k in self._anchors if difference(k.corrected_pose, T_corrected) < radius)
+        near = (k for k in self._anchors if se3.difference(k.corrected_pose, T_corrected) < radius)
         return next(near, None)
 
     def latest(self, count: int) -> list[Keyframe]:
@@ -140,10 +138,4 @@ class Keyframes:
     def nearest(self, T_odom_camera: Float64) -> list[Keyframe]:
         """The window, those first that saw the room from most nearly there."""
         newest_first = reversed(self._window)
-        return sorted(newest_first, key=lambda k: difference(k.T_odom_camera, T_odom_camera))
-
-
-def difference(a: Float64, b: Float64) -> float:
-    """How differently two cameras see a room: metres plus radians, as a room is metres wide."""
-    T = se3.inverse(a) @ b
-    return float(np.linalg.norm(T[:3, 3])) + se3.rotation_angle(T)
+        return sorted(newest_first, key=lambda k: se3.difference(k.T_odom_camera, T_odom_camera))

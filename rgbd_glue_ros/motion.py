@@ -12,7 +12,7 @@ import numpy as np
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.config import MotionConfig
-from rgbd_glue_ros.estimation import chi_squared
+from rgbd_glue_ros.estimation import SURPRISE, mahalanobis_squared
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # A velocity is worth something for this long; after it the camera is expected where it was.
@@ -23,7 +23,6 @@ _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 _CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
 # No camera is moved faster and sees anything: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
-_SURPRISE = chi_squared(0.999, 6)
 # The two parts of the filter's state.
 _POSE, _VELOCITY = slice(0, 6), slice(6, 12)
 
@@ -80,7 +79,7 @@ class Motion:
         elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
         covariance = predicted.covariance[:6, :6] + np.diag((_CHANGE_OF_SPEED * elapsed) ** 2)
         way = se3.log(se3.inverse(predicted.T_odom_camera) @ T_odom_camera)
-        return bool(way @ np.linalg.solve(covariance, way) < _SURPRISE)
+        return mahalanobis_squared(way, covariance) < SURPRISE
 
     def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
         """The motion after a measured pose.
@@ -93,10 +92,8 @@ class Motion:
             covariance: float64 [6, 6] of it, perturbation on the right.
         """
         innovation = se3.log(se3.inverse(self.T_odom_camera) @ T_measured)
-        surprise = float(
-            innovation @ np.linalg.solve(self.covariance[:6, :6] + covariance, innovation)
-        )
-        P = self.covariance * max(1.0, (surprise / _SURPRISE) ** 2)
+        surprise = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
+        P = self.covariance * max(1.0, (surprise / SURPRISE) ** 2)
         corrected = self._updated(P, _POSE, innovation, covariance)
         if (np.abs(corrected.velocity) < _FASTEST).all():
             return corrected
@@ -114,7 +111,7 @@ class Motion:
         innovation = velocity - self.velocity
         expected = self.covariance[_VELOCITY, _VELOCITY] + covariance
         # the comparison with NaN is false, too
-        if not innovation @ np.linalg.solve(expected, innovation) <= _SURPRISE:
+        if not mahalanobis_squared(innovation, expected) <= SURPRISE:
             return self
         return self._updated(self.covariance, _VELOCITY, innovation, covariance)
 

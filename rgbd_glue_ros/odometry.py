@@ -18,7 +18,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evidence import believable, certain, support
 from rgbd_glue_ros.features.geometric import Rough
 from rgbd_glue_ros.glue import FrameFeatures, Glue
-from rgbd_glue_ros.keyframes import Anchor, Keyframe, Keyframes, difference
+from rgbd_glue_ros.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.model import Model, blend, model_of
 from rgbd_glue_ros.motion import Motion
 from rgbd_glue_ros.moving import still
@@ -222,9 +222,8 @@ class Odometry:
         shown = self._as_keyframe(posed)
         if shown is None:
             return False
-        T = posed.T_odom_camera
-        keyframe = self._new_keyframe(posed.stamp_ns, T, posed.covariance, *shown)
-        drift = self._drift.result()
+        drift, T = self._drift.result(), posed.T_odom_camera
+        keyframe = self._keyframes.add(posed.stamp_ns, T, posed.covariance, *shown, drift.wanted)
         anchor = self._keyframes.anchor(drift.wanted @ T, self._config.odometry.drift_radius)
         if anchor is not None:
             # the pose of the next frame is the first to need it
@@ -240,7 +239,7 @@ class Odometry:
             return self._begin(frame.stamp_ns, self._glue.extract(view), stages)
         search = self._search(view, predicted)
         stages |= search.features.stages_ms
-        tracked = self._track(search, self._motion, predicted)
+        tracked = self._track(search, self._motion)
         if isinstance(tracked, _Fix):
             return self._accept(self._motion, predicted, search.features, tracked, stages)
         recovered = self._recover(search.features, self._motion, predicted)
@@ -296,7 +295,7 @@ class Odometry:
         finished = submit(lambda: timed(self._finished, coarse.result()[0], scene))
         return _Ahead(coarse, finished)
 
-    def _track(self, search: _Search, last: Motion, predicted: Motion) -> _Fix | RegistrationResult:
+    def _track(self, search: _Search, last: Motion) -> _Fix | RegistrationResult:
         """Registers against the nearest keyframe and refines against the nearest few.
 
         Returns:
@@ -306,12 +305,12 @@ class Odometry:
         found, result.stages_ms["refinement"] = self._found(search, result)
         if found is None:
             return result
-        best, config = found.refinement, self._config.odometry
+        best, scene, config = found.refinement, search.scene, self._config.odometry
         if not believable(best, best.planes_visible, config) or not (
-            last.reaches(best.T_model_source, predicted) or certain(best, config)
+            last.reaches(best.T_model_source, scene.predicted) or certain(best, config)
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
-        return _Fix(found, search.reference, result, search.scene.model)
+        return _Fix(found, search.reference, result, scene.model)
 
     def _found(self, search: _Search, result: RegistrationResult) -> tuple[_Found | None, float]:
         """The pose refined from the prediction, or from the registration where that fits better.
@@ -407,7 +406,10 @@ class Odometry:
         model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < self._config.odometry.min_planes:
             return OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
-        first = self._new_keyframe(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
+        wanted = self._drift.result().wanted
+        first = self._keyframes.add(
+            stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model, wanted
+        )
         return self._start_at(first, stages | features.stages_ms)
 
     def _start_at(self, keyframe: Keyframe, stages: dict[str, float]) -> OdometryEstimate:
@@ -443,7 +445,10 @@ class Odometry:
         adjoint = se3.adjoint(motion.T_odom_camera)
         covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
         self._keyframes.forget()
-        anew = self._new_keyframe(stamp_ns, motion.T_odom_camera, covariance, features, model)
+        wanted = self._drift.result().wanted
+        anew = self._keyframes.add(
+            stamp_ns, motion.T_odom_camera, covariance, features, model, wanted
+        )
         self._missed = 0
         return self._start_at(anew, missed.stages_ms)
 
@@ -511,17 +516,6 @@ class Odometry:
         covariance: Float64 = adjoint @ (motion.covariance[:6, :6] + unseen) @ adjoint.T
         return covariance
 
-    def _new_keyframe(
-        self,
-        stamp_ns: int,
-        T_odom_camera: Float64,
-        covariance: Float64,
-        features: FrameFeatures,
-        model: Model,
-    ) -> Keyframe:
-        wanted = self._drift.result().wanted
-        return self._keyframes.add(stamp_ns, T_odom_camera, covariance, features, model, wanted)
-
     def _as_keyframe(self, posed: _Posed) -> tuple[FrameFeatures, Model] | None:
         """What a frame that should become a keyframe shows of the room; None if it should not."""
         odometry, reference = self._config.odometry, posed.reference
@@ -561,5 +555,5 @@ def _at_once(known: _Known) -> Future[_Known]:
 
 def _is_better(found: Refinement, than: Refinement) -> bool:
     """Whether a refinement ended elsewhere than another one, and fits better."""
-    apart = difference(found.T_model_source, than.T_model_source)
+    apart = se3.difference(found.T_model_source, than.T_model_source)
     return apart > _SAME and support(found) > support(than)

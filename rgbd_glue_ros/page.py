@@ -8,6 +8,9 @@ from html import escape
 from rgbd_glue_ros import charts
 from rgbd_glue_ros.config import Config, parameters, values
 
+SIDE_BY_SIDE = "Stages that run side by side add up to more than the whole."
+"""What is to be said of a list of stages."""
+
 _CSS = """
 :root { --page: #fff; --card: #f6f7f9; --text: #16202c; --quiet: #5d6b7b; --line: #e3e7ec;
   --estimate: #1d5fd1; --truth: #a9b4c0; --geometric: #c2620a; --good: #1a8f5a; --bad: #cf2f3c;

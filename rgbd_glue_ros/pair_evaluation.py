@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field
-from time import perf_counter
 
 from rgbd_glue_ros import se3
 from rgbd_glue_ros.estimation import distances
 from rgbd_glue_ros.pair_methods import NO_RESULT, Described, PairMethod
 from rgbd_glue_ros.registration_errors import RegistrationErrors, registration_errors
+from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import Correspondences, Float64, View
 
 logger = logging.getLogger(__name__)
@@ -107,9 +107,8 @@ def evaluate_pair(method: PairMethod, source: PairFrame, target: PairFrame) -> P
             seconds += frame.seconds
             for stage, milliseconds in frame.stages_ms.items():
                 stages[stage] = stages.get(stage, 0.0) + milliseconds
-        start = perf_counter()
-        result = method.register(*described)
-        seconds += perf_counter() - start
+        result, registration_ms = timed(method.register, *described)
+        seconds += registration_ms / 1e3
     except Exception as error:  # noqa: BLE001 - one pair in thousands must not end the run
         logger.warning(
             "%s, frames %d and %d: %s: %s; counted as failed",

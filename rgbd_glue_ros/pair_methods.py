@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any, Protocol
 
 from rgbd_glue_ros.config import Config
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.glue import Glue
 from rgbd_glue_ros.peers import PEERS, NoTransformError
+from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import Correspondences, RegistrationResult, RegistrationStatus, View
 
 Estimator = Config | str
@@ -80,9 +80,8 @@ class GlueMethod:
 
     def describe(self, view: View) -> Described:
         """Visual and geometric features."""
-        start = perf_counter()
-        features = self._glue.extract_on_two_threads(view)
-        return Described(features, perf_counter() - start, features.stages_ms)
+        features, milliseconds = timed(self._glue.extract_on_two_threads, view)
+        return Described(features, milliseconds / 1e3, features.stages_ms)
 
     def register(self, source: Described, target: Described) -> RegistrationResult:
         """Sections 3.1 to 3.3 of the paper."""
@@ -105,16 +104,13 @@ class PeerMethod:
 
     def describe(self, view: View) -> Described:
         """What the peer prepares."""
-        start = perf_counter()
-        features = self._peer.prepare(view)
-        seconds = perf_counter() - start
-        return Described(features, seconds, {"features": 1000 * seconds})
+        features, milliseconds = timed(self._peer.prepare, view)
+        return Described(features, milliseconds / 1e3, {"features": milliseconds})
 
     def register(self, source: Described, target: Described) -> RegistrationResult:
         """The peer's transform, without a covariance."""
-        start = perf_counter()
         try:
-            T = self._peer.register(source.features, target.features)
+            T, milliseconds = timed(self._peer.register, source.features, target.features)
         except NoTransformError:
             return NO_RESULT
         return RegistrationResult(
@@ -124,5 +120,5 @@ class PeerMethod:
             visual_inliers=_NO_MATCHES,
             geometric=_NO_MATCHES,
             credible=_NO_MATCHES,
-            stages_ms={"registration": 1000 * (perf_counter() - start)},
+            stages_ms={"registration": milliseconds},
         )

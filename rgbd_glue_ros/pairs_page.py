@@ -8,7 +8,7 @@ from typing import Any
 
 from rgbd_glue_ros import charts, pair_charts, pair_gallery
 from rgbd_glue_ros.config import Config
-from rgbd_glue_ros.page import changed_parameters, page, tiles
+from rgbd_glue_ros.page import SIDE_BY_SIDE, changed_parameters, page, tiles
 from rgbd_glue_ros.pair_charts import TITLES, ByGap, curves, scatter
 from rgbd_glue_ros.pair_evaluation import INLIER_THRESHOLDS_CM
 from rgbd_glue_ros.pair_gallery import LEGEND, WORST, Example, gallery, severity
@@ -24,7 +24,6 @@ _CSS = """
 h3 { font-size: .95rem; margin: 1.6rem 0 .6rem; }
 """
 
-_SIDE_BY_SIDE = "Stages that run side by side add up to more than the whole."
 _RIGHT_OR_WRONG = (
     "The image registered to above, the one registered below. Matches are right or wrong by the "
     "true motion."
@@ -65,7 +64,7 @@ def render(
         "<h2>Geometric correspondences</h2>",
         _correspondences(figures["gaps"]),
         "<h2>Where the time goes</h2>",
-        f"<p>Median for pairs {gaps[0]} frames apart, features of both. {_SIDE_BY_SIDE}</p>",
+        f"<p>Median for pairs {gaps[0]} frames apart, features of both. {SIDE_BY_SIDE}</p>",
         charts.bars(_stages(figures["gaps"][str(gaps[0])]), "ms", "var(--estimate)"),
         *_problems(figures["problems"]),
         "<h2>Parameters that differ from the defaults</h2>",

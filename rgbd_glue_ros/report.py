@@ -11,7 +11,7 @@ import numpy as np
 from rgbd_glue_ros import charts, se3
 from rgbd_glue_ros.charts import Line, Span
 from rgbd_glue_ros.evaluation import RPE_DELTA_S, Evaluation
-from rgbd_glue_ros.page import changed_parameters, page, tiles
+from rgbd_glue_ros.page import SIDE_BY_SIDE, changed_parameters, page, tiles
 from rgbd_glue_ros.run import FrameRecord, Run
 from rgbd_glue_ros.trajectory import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, TrackingState
@@ -159,7 +159,7 @@ def _stages(medians: Mapping[str, float]) -> list[str]:
     named = {name.replace("_", " "): value for name, value in medians.items()}
     return [
         "<h2>Where the time goes</h2>",
-        "<p>Median of each stage. Stages that run side by side add up to more than the whole.</p>",
+        f"<p>Median of each stage. {SIDE_BY_SIDE}</p>",
         charts.bars(named, "ms", "var(--estimate)"),
     ]
 

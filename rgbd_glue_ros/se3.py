@@ -143,3 +143,9 @@ def perturbation_covariance(T: Float64, covariance: Float64) -> Float64:
 def rotation_angle(T: Float64) -> float:
     """The angle of T's rotation, radians in [0, pi]."""
     return float(np.linalg.norm(rotation_vector(T)))
+
+
+def difference(a: Float64, b: Float64) -> float:
+    """How differently two cameras see a room: metres plus radians, as a room is metres wide."""
+    T = inverse(a) @ b
+    return float(np.linalg.norm(T[:3, 3])) + rotation_angle(T)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from statistics import median
-from time import perf_counter
 from typing import Any
 
 import cv2
@@ -22,6 +21,7 @@ from rgbd_glue_ros.config import Config
 from rgbd_glue_ros.features.visual import orb_detector
 from rgbd_glue_ros.model import LEVELS
 from rgbd_glue_ros.normals import grid_points_and_normals
+from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import RgbdFrame
 
 _EVERY = 50
@@ -241,9 +241,4 @@ class Floors:
 
 
 def _milliseconds(floor: Floor, now: Inputs, before: Inputs) -> float:
-    times = []
-    for _ in range(_RUNS):
-        start = perf_counter()
-        floor.work(now, before)
-        times.append(perf_counter() - start)
-    return 1e3 * min(times)
+    return min(timed(floor.work, now, before)[1] for _ in range(_RUNS))
