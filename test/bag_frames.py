@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -9,8 +10,9 @@ import cv2
 import make_bag
 import numpy as np
 
+from rgbd_glue_ros import se3
 from rgbd_glue_ros.sequences import open_sequence
-from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, UInt8
+from rgbd_glue_ros.types import Float32, Float64, OdometryEstimate, RgbdFrame, UInt8
 
 
 @lru_cache(maxsize=1)
@@ -25,6 +27,17 @@ def true_poses() -> Float64:
     poses = np.array([make_bag.true_pose(i) for i in range(make_bag.FRAME_COUNT)])
     relative: Float64 = np.linalg.inv(poses[0]) @ poses
     return relative
+
+
+def errors(estimates: Sequence[OdometryEstimate], truth: Float64) -> tuple[Float64, Float64]:
+    """Distance in metres and angle in radians to the true poses; NaN where there is no pose."""
+    apart = [
+        np.full((4, 4), np.nan) if e.T_odom_camera is None else se3.inverse(T) @ e.T_odom_camera
+        for e, T in zip(estimates, truth, strict=True)
+    ]
+    cosine = (np.trace(np.array(apart), axis1=1, axis2=2) - 2) / 2
+    metres = np.linalg.norm([T[:3, 3] for T in apart], axis=1)
+    return metres, np.arccos(np.clip(cosine, -1, 1))
 
 
 def _halved(frame: RgbdFrame) -> RgbdFrame:

@@ -5,7 +5,7 @@ The recording is real in all that matters here: noise, holes, blur, and the trut
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 from itertools import islice, pairwise
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_frames import recorded_frames, true_poses
+from bag_frames import errors, recorded_frames, true_poses
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from room_rig import panned_frame, room_frame, true_pose
@@ -28,7 +28,6 @@ from rgbd_glue_ros.sequences.passer_by import PasserBy
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
-    Float64,
     OdometryEstimate,
     RgbdFrame,
     TrackingState,
@@ -52,17 +51,6 @@ def track(
 def tracked() -> tuple[OdometryEstimate, ...]:
     """What the whole recording gives."""
     return tuple(track(recorded_frames()))
-
-
-def errors(estimates: Sequence[OdometryEstimate], truth: Float64) -> tuple[Float64, Float64]:
-    """Distance in metres and angle in radians to the true poses; NaN where there is no pose."""
-    apart = [
-        np.full((4, 4), np.nan) if e.T_odom_camera is None else se3.inverse(T) @ e.T_odom_camera
-        for e, T in zip(estimates, truth, strict=True)
-    ]
-    cosine = (np.trace(np.array(apart), axis1=1, axis2=2) - 2) / 2
-    metres = np.linalg.norm([T[:3, 3] for T in apart], axis=1)
-    return metres, np.arccos(np.clip(cosine, -1, 1))
 
 
 def without_depth(frame: RgbdFrame) -> RgbdFrame:
