@@ -47,7 +47,7 @@ setup(
     license=manifest("license"),
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "*.yaml"]},
+    package_data={NAME: ["py.typed", "experiments/pairs/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -57,8 +57,8 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            f"rgbd-glue = {NAME}.cli:main",
-            f"odometry = {NAME}.node:main",
+            f"rgbd-glue = {NAME}.cli.main:main",
+            f"odometry = {NAME}.node.node:main",
         ]
     },
     zip_safe=True,

@@ -16,8 +16,8 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchContext, LaunchDescription
-from rgbd_glue_ros.cameras import TOPIC_ARGUMENTS, camera_names, load_camera, remappings
-from rgbd_glue_ros.config import PACKAGE, NodeConfig, parameters, share_directory
+from rgbd_glue_ros.live.camera_presets import TOPIC_ARGUMENTS, camera_names, load_camera, remappings
+from rgbd_glue_ros.parameters import PACKAGE, NodeConfig, parameters, share_directory
 
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 COMPRESSED = {"image_transport": "compressed", "depth_transport": "compressedDepth"}

@@ -2,6 +2,6 @@
 
 import sys
 
-from rgbd_glue_ros.cli import main
+from rgbd_glue_ros.cli.main import main
 
 sys.exit(main())

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from rigs.paths import ROOT
 
-from rgbd_glue_ros.node_process import private_domain, ros_environment
+from rgbd_glue_ros.experiments.demo.node_process import private_domain, ros_environment
 
 # A shell that runs the tests in the background has them ignore SIGINT, and so would all processes
 # that they start and interrupt.
@@ -43,7 +44,7 @@ def _quiet_ros(tmp_path_factory: pytest.TempPathFactory) -> None:
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of real sequences, which lies beside the checkout where there is one."""
-    folder = Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = ROOT.parent / "shared" / "data"
     if not folder.is_dir():
         pytest.skip(f"there are no real sequences in {folder}")
     return folder

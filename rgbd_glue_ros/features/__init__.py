@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rgbd_glue_ros.config import FeaturesConfig
 from rgbd_glue_ros.features.geometric import (
     GeometricFeature,
     GridFpfh,
@@ -12,6 +11,7 @@ from rgbd_glue_ros.features.geometric import (
     VoxelFpfh,
 )
 from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk, orb, sift
+from rgbd_glue_ros.parameters import FeaturesConfig
 
 VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "none": lambda _: NoVisualFeature(),

@@ -7,12 +7,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rgbd_glue_ros.camera import cloud, seconds_after_color, seen_before
-from rgbd_glue_ros.config import FeaturesConfig
 from rgbd_glue_ros.features import voxels
 from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
-from rgbd_glue_ros.matching import distance_ratio, nearest_two
-from rgbd_glue_ros.normals import grid_points_and_normals
+from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
+from rgbd_glue_ros.geometry.camera import cloud, seconds_after_color, seen_before
+from rgbd_glue_ros.geometry.normals import grid_points_and_normals
+from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
 
 # Neighbourhoods in voxels, as Open3D's and FCGF's registration examples take them.

@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from rgbd_glue_ros.camera import keypoints_to_points
-from rgbd_glue_ros.config import FeaturesConfig
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.matching import distance_ratio, nearest_two, one_to_one
+from rgbd_glue_ros.features.matching import distance_ratio, nearest_two, one_to_one
+from rgbd_glue_ros.geometry.camera import keypoints_to_points
+from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import (
     Correspondences,
     Float32,

@@ -1,0 +1,1 @@
+"""Errors of trajectories and registrations against ground truth."""

@@ -1,0 +1,1 @@
+"""Measurements and demonstrations; without this folder the robot still drives."""

@@ -1,0 +1,236 @@
+"""Measures the odometry and its peers on the same recordings in one run."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from pathlib import Path
+from tempfile import TemporaryFile
+from time import monotonic
+from typing import Any
+
+from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.experiments.bench.contest import OURS, Contest
+from rgbd_glue_ros.experiments.bench.degraded import DegradedSequence, first
+from rgbd_glue_ros.experiments.bench.floors import Floors
+from rgbd_glue_ros.experiments.bench.live import Live
+from rgbd_glue_ros.experiments.bench.machine import load, machine
+from rgbd_glue_ros.experiments.bench.memory import Memory
+from rgbd_glue_ros.experiments.bench.part import Part
+from rgbd_glue_ros.experiments.bench.picture import PICTURE, picture
+from rgbd_glue_ros.experiments.bench.report import to_markdown
+from rgbd_glue_ros.experiments.bench.robustness import Robustness
+from rgbd_glue_ros.experiments.peers import PEERS, Peer
+from rgbd_glue_ros.odometry.warm_up import warm_up
+from rgbd_glue_ros.parameters import Config, values
+from rgbd_glue_ros.recordings import Recording
+
+FIGURES, TABLES = "bench.json", "bench.md"
+
+ODOMETRIES = (
+    "open3d_odometry",
+    "open3d_tensor_odometry",
+    "opencv_rgbd_icp",
+    "small_gicp",
+    "colored_icp",
+)
+"""The peers that are run unless others are asked for: those that start from the frame before."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be measured.
+
+    Attributes:
+        config: of the odometry.
+        peers: names of those to be measured beside it.
+        limit: frames of each recording; None takes all.
+        patience_s: time that each peer has for a recording, seconds.
+        robustness: whether recordings are made worse, too.
+        live: whether they are played to the node, too.
+        memory_frames: how many frames the memory is watched for; 0 for none.
+        command: that asked for it, to be quoted.
+    """
+
+    config: Config
+    peers: Sequence[str] = ODOMETRIES
+    limit: int | None = None
+    patience_s: float = 120.0
+    robustness: bool = False
+    live: bool = False
+    memory_frames: int = 0
+    command: str = ""
+
+
+@dataclass
+class _Bench:
+    """What was measured so far."""
+
+    plan: Plan
+    folder: Path
+    on_part: Callable[[Part, Recording], None]
+    on_frame: Callable[[], None]
+    sequences: dict[str, dict[str, Any]] = field(default_factory=dict)
+    memory: dict[str, Any] = field(default_factory=dict)
+    not_installed: dict[str, str] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+    started: float = field(default_factory=monotonic)
+    begun: str = field(default_factory=lambda: f"{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC")
+    load_before: float = field(default_factory=load)
+
+    def watch_memory(self, recording: Recording) -> None:
+        """Before anything else loads what the odometry has no need of."""
+        if self.plan.memory_frames:
+            memory = Memory(recording, self.plan.config, self.plan.memory_frames)
+            self.run(memory, recording, self.memory)
+
+    def installed(self, name: str) -> Peer | None:
+        """A peer; None, and a line that says what to install, where it is not."""
+        try:
+            return PEERS[name]()
+        except MissingExtraError as error:
+            self.not_installed[name] = f"pip install 'rgbd_glue_ros[{error.extra}]'"
+        except InputError as error:
+            self.not_installed[name] = error.remedy
+        return None
+
+    def compare(self, recording: Recording, peers: dict[str, Peer]) -> dict[str, Any]:
+        """Ours, the peers and the floors; gives the figures of the recording, for others to add."""
+        figures: dict[str, Any] = {}
+        floors = Floors(self.plan.config)
+        patience_s = self.plan.patience_s
+        contest = Contest(recording, self.plan.config, peers, patience_s, floors.show)
+        try:
+            self.run(contest, recording, figures)
+        finally:
+            figures |= floors.figures()
+            if figures["contest"][OURS]["frames"]:
+                self.sequences[self._title(recording)] = figures
+                self.write()
+        return figures
+
+    def run(self, part: Part, recording: Recording, figures: dict[str, Any]) -> None:
+        self.on_part(part, recording)
+        try:
+            part.run(self.on_frame)
+        except (InputError, MissingExtraError) as error:
+            self.problems.append(f"{recording.name}, {part.title}: {error}")
+        finally:
+            figures |= part.figures()
+            self.write()
+
+    def _title(self, recording: Recording) -> str:
+        """The recording's name, numbered where others have the same."""
+        name, count = recording.name, 1
+        while name in self.sequences:
+            count += 1
+            name = f"{recording.name} ({count})"
+        return name
+
+    def figures(self) -> dict[str, Any]:
+        return {
+            "command": self.plan.command,
+            "begun": self.begun,
+            "minutes": (monotonic() - self.started) / 60,
+            "machine": machine(),
+            "load": [self.load_before, load()],
+            "parameters": values(self.plan.config),
+            "sequences": self.sequences,
+            **self.memory,
+            "not_installed": self.not_installed,
+            "problems": self.problems,
+        }
+
+    def write(self) -> None:
+        """Leaves everything measured so far."""
+        figures = self.figures()
+        text = json.dumps(figures, indent=2, allow_nan=False)
+        (self.folder / FIGURES).write_text(text + "\n", encoding="utf-8")
+        (self.folder / TABLES).write_text(to_markdown(figures), encoding="utf-8")
+        drawn = picture(self.sequences, OURS)
+        if drawn is not None:
+            (self.folder / PICTURE).write_text(drawn, encoding="utf-8")
+
+
+def run_bench(
+    sources: Sequence[Path],
+    open_source: Callable[[Path], Recording],
+    plan: Plan,
+    folder: Path,
+    *,
+    on_part: Callable[[Part, Recording], None] = lambda _, __: None,
+    on_frame: Callable[[], None] = lambda: None,
+) -> dict[str, Any]:
+    """Measures what a plan asks for; however it ends, what was measured is written.
+
+    A recording that cannot be used and a peer that is not installed are named, the rest goes on.
+
+    Args:
+        sources: the recordings, one at least.
+        open_source: opens one.
+        plan: what to measure.
+        folder: where the results go; created if it is not there.
+        on_part: called before every part.
+        on_frame: called after every frame.
+
+    Returns:
+        The content of ``bench.json``.
+
+    Raises:
+        InputError: a peer is not known, the folder cannot be written, or no recording can be used.
+    """
+    unknown = [name for name in plan.peers if name not in PEERS]
+    if unknown:
+        known = ", ".join(PEERS)
+        raise InputError("--peer", f"there is no {', '.join(unknown)}", f"there are {known}")
+    _check_writable(folder)
+    bench = _Bench(plan, folder, on_part, on_frame)
+    unusable: list[InputError] = []
+
+    def use(source: Path, measure: Callable[[Recording], object]) -> None:
+        try:
+            with open_source(source) as recording:
+                limit = plan.limit
+                measure(recording if limit is None else DegradedSequence(recording, first(limit)))
+        except InputError as error:
+            unusable.append(error)
+            bench.problems.append(str(error))
+
+    use(sources[0], bench.watch_memory)
+    warm_up(plan.config)
+    # OpenMP's threads would go on spinning in the time of whoever comes next
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    peers = {name: peer for name in plan.peers if (peer := bench.installed(name)) is not None}
+    compared: dict[Path, dict[str, Any]] = {}
+    for source in sources:
+        use(source, lambda r: compared.update({source: bench.compare(r, peers)}))  # noqa: B023
+    if not bench.sequences and unusable:
+        raise unusable[0]
+    # what takes long comes last, so that a run that is broken off has something of every recording
+    for part in _further_parts(plan):
+        for source, figures in compared.items():
+            use(source, lambda r: bench.run(part(r), r, figures))  # noqa: B023
+    return bench.figures()
+
+
+def _further_parts(plan: Plan) -> list[Callable[[Recording], Part]]:
+    parts: list[Callable[[Recording], Part]] = []
+    if plan.live:
+        parts.append(Live)
+    if plan.robustness:
+        parts.append(lambda recording: Robustness(recording, plan.config))
+    return parts
+
+
+def _check_writable(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
+        ) from error

@@ -1,0 +1,235 @@
+"""``bench.md`` from the content of ``bench.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rgbd_glue_ros.experiments.bench.contest import OURS
+from rgbd_glue_ros.experiments.bench.floors import FLOORS
+from rgbd_glue_ros.experiments.bench.picture import PICTURE
+from rgbd_glue_ros.experiments.report.markdown import NOTHING, number, table
+
+_Figures = Mapping[str, Any]
+
+_CONTEST = """\
+Everybody gets each frame before anybody gets the next, and each frame begins with another one.
+Peers are run as plain odometry from frame to frame: no keyframe, no motion model, no prior, at
+the settings that their documentation shows; a frame that a peer cannot register has no pose,
+and the next is registered to the last one that has. A peer that is too slow is measured on the
+frames that it got done in its time, and has no APE, which grows with the way. Times are from a
+frame in memory to its pose: median and 95th percentile on the wall clock, and the median of the
+processor time of all threads, which other work on the machine disturbs less. APE is after SE(3)
+alignment, RPE over one second, both rmse."""
+
+_BUSY = """ **That is more than there are cores: times on the wall clock, and what
+the node had to drop, say more of the other processes than of these.**"""
+
+_STAGES = """\
+Median milliseconds of each stage of ours, and beside it the floor: what its core costs in C++
+on frames of the same run (least of three in a row, on every fiftieth frame). The refinement runs
+on a second thread beside the features and the registration, so that the stages add up to more
+than a frame. Where a floor is above the stage, the stage is faster than that library."""
+
+_HONESTY = """\
+Normalised error (NEES) of the transform from every frame to its keyframe: 6 in the mean where
+the covariance is honest, more where it is too sure, less where it is too cautious. It counts
+the error of the ground truth as well."""
+
+_ROBUSTNESS = """\
+The same recordings made worse, and what the odometry makes of them. Longest: seconds between
+two poses where tracking was lost in between. Anew: starts at the last known pose after being
+lost for long."""
+
+_LIVE = """\
+The recording as raw images, published at its own rate by another process over DDS to the node
+with the `live` preset. Latency is from the receipt of a frame's last message to the publication
+of its pose; both ways: from publication of the images until the pose is back in the publisher.
+Ready: from the start of the node's process until it listens."""
+
+
+def to_markdown(figures: _Figures) -> str:
+    """The page."""
+    sequences: _Figures = figures["sequences"]
+    parts = ["# Benchmarks", _header(figures)]
+    for title, text, body in (
+        ("Error and time", _CONTEST, _contests(sequences, figures["not_installed"])),
+        ("Stages and their floors", _STAGES, _stages(sequences)),
+        ("Honesty of the covariance", _HONESTY, _honesty(sequences)),
+        ("Robustness", _ROBUSTNESS, _robustness(sequences)),
+        ("The node over DDS", _LIVE, _live(sequences)),
+        ("Memory", "", _memory(figures)),
+    ):
+        if body:
+            parts += [f"## {title}", *([text] if text else []), body]
+    if figures["problems"]:
+        parts += ["## Left out", "\n".join(f"- {problem}" for problem in figures["problems"])]
+    return "\n\n".join(parts) + "\n"
+
+
+def _header(figures: _Figures) -> str:
+    machine = figures["machine"]
+    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
+    busy = max(figures["load"]) > machine["cores"] + 1
+    load = " to ".join(f"{value:.1f}" for value in figures["load"])
+    written = f"{figures['begun']}, in {figures['minutes']:.0f} min"
+    return f"""\
+Written {written}, by
+
+```
+{figures["command"]}
+```
+
+on {machine["cores"]} cores of {machine["processor"]}, {machine["memory_gb"]} GB, \
+{machine["system"]}, Python {machine["python"]}; {versions}. \
+Processes that wanted to run on the whole machine, over a minute: {load}; niceness of these \
+{machine["niceness"]}.{_BUSY if busy else ""}
+
+The peers come with `pip install 'rgbd_glue_ros[bench]'`; `scripts/bench` does all of it."""
+
+
+def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
+    head = ["", "frames", "ms", "p95", "CPU ms", "APE (cm)", "RPE (cm/s)", "RPE (°/s)", "lost"]
+    parts = []
+    for name, content in sequences.items():
+        frames = content["contest"][OURS]["frames"]
+        rows = [
+            _contestant(f"**{who}**" if who == OURS else who, result, frames)
+            for who, result in content["contest"].items()
+        ]
+        rows += [[who, f"not installed: {how}", *[""] * 7] for who, how in not_installed.items()]
+        parts += [f"### {name}", table(head, rows)]
+    if parts:
+        parts.append(f"![Error against time]({PICTURE})")
+    return "\n\n".join(parts)
+
+
+def _contestant(who: str, result: _Figures, frames: int) -> list[str]:
+    wall, cpu = result.get("wall_ms", {}), result.get("cpu_ms", {})
+    ape, *rpe = _errors(result)
+    return [
+        who,
+        str(result["frames"]),
+        number(wall.get("p50"), 1),
+        number(wall.get("p95"), 1),
+        number(cpu.get("p50"), 1),
+        ape if result["frames"] == frames else NOTHING,
+        *rpe,
+        str(result["lost"]),
+    ]
+
+
+def _errors(result: _Figures) -> list[str]:
+    ape, rpe = result.get("ape"), result.get("rpe")
+    return [
+        number(100 * ape["rmse_m"], 2) if ape else NOTHING,
+        number(100 * rpe["trans_rmse_m"], 2) if rpe else NOTHING,
+        number(rpe["rot_rmse_deg"], 2) if rpe else NOTHING,
+    ]
+
+
+def _stages(sequences: _Figures) -> str:
+    if not sequences:
+        return ""
+    what = {floor.stage: floor.what for floor in FLOORS}
+    stages = list(dict.fromkeys(s for c in sequences.values() for s in c["stages_ms"]))
+    rows = [
+        [
+            stage.replace("_", " "),
+            *(
+                f"{number(c['stages_ms'].get(stage), 1)} / {number(c['floors_ms'].get(stage), 1)}"
+                for c in sequences.values()
+            ),
+            what.get(stage, NOTHING),
+        ]
+        for stage in stages
+    ]
+    return table(["stage", *(f"{name}, ours / floor" for name in sequences), "floor"], rows)
+
+
+def _honesty(sequences: _Figures) -> str:
+    known = {name: c["nees"] for name, c in sequences.items() if "nees" in c}
+    rows = [
+        [name, f"{nees['mean']:.1f}", f"{nees['median']:.1f}", str(nees["count"])]
+        for name, nees in known.items()
+    ]
+    if len(rows) > 1:
+        count = sum(nees["count"] for nees in known.values())
+        mean = sum(nees["mean"] * nees["count"] for nees in known.values()) / count
+        rows.append(["all", f"{mean:.1f}", NOTHING, str(count)])
+    return table(["", "mean", "median", "transforms"], rows) if rows else ""
+
+
+def _robustness(sequences: _Figures) -> str:
+    head = ["", "frames", "APE (cm)", "RPE (cm/s)", "RPE (°/s)", "lost", "longest (s)", "anew"]
+    head.append("NEES")
+    parts = []
+    for name, content in sequences.items():
+        if "robustness" not in content:
+            continue
+        tracking = {**content["tracking"], **content["contest"][OURS], "nees": content.get("nees")}
+        rows = [
+            _degraded(kind, result)
+            for kind, result in {"as recorded": tracking, **content["robustness"]}.items()
+        ]
+        parts += [f"### {name}", table(head, rows)]
+    return "\n\n".join(parts)
+
+
+def _degraded(kind: str, result: _Figures) -> list[str]:
+    nees = result.get("nees")
+    return [
+        kind,
+        str(result["frames"]),
+        *_errors(result),
+        str(result["lost"]),
+        number(result["longest_without_pose_s"], 2),
+        str(result["restarts"]),
+        number(nees["mean"] if nees else None, 1),
+    ]
+
+
+def _live(sequences: _Figures) -> str:
+    head = ["", "frames", "dropped", "lost", "latency p50 (ms)", "p95", "both ways p50", "p95"]
+    head += ["ready (s)", "memory, peak (MB)", "APE (cm)", "RPE (cm/s)", "RPE (°/s)"]
+    rows = []
+    for name, content in sequences.items():
+        live = content.get("live")
+        if live is None:
+            continue
+        node, both = live.get("node_latency_ms", {}), live["latency_ms"]
+        rows.append(
+            [
+                name,
+                str(live["frames"]),
+                str(sum(live["dropped"].values())) if "dropped" in live else NOTHING,
+                str(live["lost"]),
+                number(node.get("p50"), 1),
+                number(node.get("p95"), 1),
+                number(both["p50"], 1),
+                number(both["p95"], 1),
+                number(live["ready_s"], 1),
+                number(live["peak_rss_mb"], 0),
+                *_errors(live),
+            ]
+        )
+    return table(head, rows) if rows else ""
+
+
+def _memory(figures: _Figures) -> str:
+    memory = figures.get("memory")
+    if not memory or not memory["frames"]:
+        return ""
+    frames, resident = memory["frames"], memory["resident_mb"]
+    half = len(frames) // 2
+    chosen = sorted({round(i * (len(frames) - 1) / 7) for i in range(8)})
+    growth = f"{max(resident[half:]) - max(resident[: half + 1]):+.1f} MB"
+    return (
+        f"{memory['recording']} over and over through one odometry, in one process that reads it "
+        f"too: {frames[-1]} frames, {max(resident):.0f} MB at most; the most in the second half is "
+        f"that in the first {growth}.\n\n"
+        + table(
+            ["frames", *(str(frames[i]) for i in chosen)],
+            [["MB resident", *(f"{resident[i]:.0f}" for i in chosen)]],
+        )
+    )

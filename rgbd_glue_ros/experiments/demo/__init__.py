@@ -1,0 +1,1 @@
+"""The bundled recording, played into the node over DDS."""

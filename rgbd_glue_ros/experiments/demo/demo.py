@@ -1,0 +1,196 @@
+"""The demonstration: a recorded camera in one process, the node in another, DDS between them."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rgbd_glue_ros.errors import MissingExtraError
+from rgbd_glue_ros.evaluation.run_record import Run
+from rgbd_glue_ros.evaluation.trajectory import write_tum
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
+from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, start_results, write_results
+from rgbd_glue_ros.live.monitor import Summary
+from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.parameters import Config, load_preset, share_directory
+from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.demo.player import PlayedBag, Player
+
+PRESET = "live"
+LOG = "node.log"
+# Compiling for the first time takes this long on a slow machine.
+READY_S = 300.0
+# From the last frame to the node's last word on it, which comes once a second.
+LAST_WORD_S = 5.0
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the demonstration is.
+
+    Attributes:
+        frames: colour images of the recording.
+        played: of those published.
+        poses: received.
+    """
+
+    frames: int
+    played: int
+    poses: int
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What came of it.
+
+    Attributes:
+        figures: as in ``metrics.json``.
+        frames: colour images published.
+        ready_s: from the start of the node's process until it listened, seconds.
+        summary: what the node said of itself at the end; None if it did not.
+    """
+
+    figures: dict[str, Any]
+    frames: int
+    ready_s: float
+    summary: Summary | None
+
+
+def bundled_bag() -> Path:
+    """The recording that comes with the package."""
+    return share_directory() / "bags" / "living_room"
+
+
+def demo(
+    bag: Path, folder: Path, rate: float, on_progress: Callable[[Progress], None]
+) -> DemoResult:
+    """Plays a bag to the node and leaves the results of a replay, measured live.
+
+    However it ends, what was measured until then is written.
+
+    Args:
+        bag: a rosbag2 with an RGB-D sequence.
+        folder: where the results and the node's log go.
+        rate: speed, 1 for that of the recording.
+        on_progress: called after every frame.
+
+    Raises:
+        InputError: the bag or the folder cannot be used.
+        MissingExtraError: ROS is not installed.
+        RuntimeError: the node ended, or gave no pose.
+    """
+    config = load_preset(PRESET)
+    start_results(config, folder)
+    log = folder / LOG
+    figures: dict[str, Any] = {}
+    with private_domain() as domain:
+        environment = ros_environment(domain)
+        os.environ.update(environment)  # before ROS is loaded in this process
+        try:
+            from rgbd_glue_ros.experiments.demo.player import PlayedBag, Player  # noqa: PLC0415 - ROS is optional
+        except ImportError as error:
+            raise MissingExtraError("rclpy", "ros", "the demonstration") from error
+        recording = PlayedBag.load(bag)
+        start = time.monotonic()
+        with (
+            NodeProcess(_parameters(recording), environment) as node,
+            Player(recording, domain) as player,
+        ):
+            try:
+                _wait_until_ready(player, node)
+                ready_s = time.monotonic() - start
+                _play(player, recording, node, rate, on_progress)
+            finally:
+                measured = _measured(player, node)
+                code = node.stop()
+                log.write_text("\n".join(node.lines) + "\n", encoding="utf-8")
+                if player.poses:
+                    run = _run(recording, config, player)
+                    write_tum(folder / TRAJECTORY, run.trajectory)
+                    figures = write_results(run, folder, measured)
+    if code != 0:
+        raise RuntimeError(f"the node ended with exit code {code}; its log is in {log}")
+    if not figures:
+        raise RuntimeError(f"the node gave no pose; its log is in {log}")
+    return DemoResult(figures, recording.frame_count, ready_s, player.summary)
+
+
+def _parameters(recording: PlayedBag) -> dict[str, object]:
+    return {
+        "preset": PRESET,
+        "image_transport": recording.transport(Channel.COLOR),
+        "depth_transport": recording.transport(Channel.DEPTH),
+        # poses as replay gives them, in the first optical frame
+        "camera_axes": "optical",
+    }
+
+
+def _waits(player: Player, node: NodeProcess, condition: Callable[[], bool], time_s: float) -> bool:
+    """Receives until ``condition`` holds; False where time is up or the node has ended."""
+    return player.wait(lambda: not node.is_running or condition(), time_s) and node.is_running
+
+
+def _wait_until_ready(player: Player, node: NodeProcess) -> None:
+    if not _waits(player, node, player.is_matched, READY_S):
+        raise RuntimeError(f"the node did not become ready: {node.last_words}")
+
+
+def _play(
+    player: Player,
+    recording: PlayedBag,
+    node: NodeProcess,
+    rate: float,
+    on_progress: Callable[[Progress], None],
+) -> None:
+    """Plays all of the recording, and waits for the node's last word on it."""
+
+    def is_done() -> bool:
+        said = player.summary
+        return said is not None and said.frames + sum(said.drops.values()) >= played
+
+    played = 0
+    for message in player.play(rate):
+        if not node.is_running:
+            raise RuntimeError(f"the node ended: {node.last_words}")
+        if message.channel is Channel.COLOR:
+            played += 1
+            on_progress(Progress(recording.frame_count, played, len(player.poses)))
+    _waits(player, node, is_done, LAST_WORD_S)
+    on_progress(Progress(recording.frame_count, played, len(player.poses)))
+
+
+def _run(recording: PlayedBag, config: Config, player: Player) -> Run:
+    run = Run(recording.name, config, recording.ground_truth)
+    for stamp in sorted(player.poses):
+        estimate = OdometryEstimate(
+            stamp,
+            TrackingState.TRACKING,
+            player.poses[stamp],
+            is_keyframe=stamp in player.keyframes,
+        )
+        run.add(estimate, (player.arrived_ns[stamp] - player.published_ns[stamp]) / 1e6)
+    start, end = min(player.published_ns.values()), max(player.arrived_ns.values())
+    run.wall_s = (end - start) / NANOSECONDS
+    return run
+
+
+def _measured(player: Player, node: NodeProcess) -> dict[str, Any]:
+    """What the node alone knows."""
+    said = player.summary
+    if said is None:
+        return {}
+    lost = said.frames - said.tracked
+    return {
+        # poses come at once, the summary once a second
+        "frames": len(player.poses) + lost,
+        "lost": lost,
+        "dropped": {drop.name.lower(): n for drop, n in said.drops.items()},
+        "node_latency_ms": {"p50": said.latency_p50_ms, "p95": said.latency_p95_ms},
+        "peak_rss_mb": node.peak_rss_mb,
+    }

@@ -1,0 +1,197 @@
+"""The node as a process of its own, in a ROS domain that nothing else on the machine talks in."""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters import share_directory
+
+# Those above are not usable on every platform, 0 is everybody's.
+DOMAINS = range(1, 102)
+# How long the node may take to end after it was told to: it finishes the frame in work.
+STOP_S = 10.0
+
+
+@contextmanager
+def private_domain() -> Iterator[int]:
+    """A ROS domain that no other process that asks here has at the same time.
+
+    Raises:
+        InputError: all of them are taken.
+    """
+    start = os.getpid() % len(DOMAINS)
+    for domain in (*DOMAINS[start:], *DOMAINS[:start]):
+        path = Path(tempfile.gettempdir()) / f"rgbd_glue_ros_domain_{domain}.lock"
+        try:
+            lock = path.open("a")
+        except PermissionError:  # another user's
+            continue
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield domain
+            return
+    raise InputError("ROS domains", "all are in use", "end some of the processes that use them")
+
+
+def ros_environment(domain: int) -> dict[str, str]:
+    """Environment variables for ROS processes that talk among themselves on this machine.
+
+    They have to be set before rclpy is initialised.
+    """
+    return {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(share_directory() / "config" / "fastdds.xml"),
+        # ROS from PyPI does not set it, and rclpy finds no resources without
+        "AMENT_PREFIX_PATH": os.environ.get("AMENT_PREFIX_PATH", sys.prefix),
+    }
+
+
+_libc = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
+
+
+def _end_with_parent() -> None:
+    """Lets a new process be told to end when the one that started it dies, however that does."""
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+class NodeProcess:
+    """A running node; a context manager that ends it.
+
+    Attributes:
+        lines: what it has logged so far.
+    """
+
+    def __init__(
+        self,
+        parameters: Mapping[str, object],
+        environment: Mapping[str, str] | None = None,
+        arguments: Sequence[str] = (),
+    ) -> None:
+        """Starts the node.
+
+        Args:
+            parameters: its ROS parameters, by name, as YAML.
+            environment: variables beside those of this process.
+            arguments: further ROS arguments, as ``-r rgb/image:=/camera/image``.
+        """
+        settings = [
+            word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")
+        ]
+        self._process = subprocess.Popen(  # noqa: S603 - our own module
+            [sys.executable, "-m", "rgbd_glue_ros.node", "--ros-args", *settings, *arguments],
+            env={**os.environ, **(environment or {})},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            # else Ctrl-C in a terminal reaches the node as well, before its results are collected
+            start_new_session=True,
+            preexec_fn=_end_with_parent,  # noqa: PLW1509 - it calls the kernel and nothing else
+        )
+        self.lines: list[str] = []
+        self._news = threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> NodeProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def _read(self) -> None:
+        for line in self._process.stdout or ():
+            with self._news:
+                self.lines.append(line.rstrip("\n"))
+                self._news.notify_all()
+        with self._news:
+            self._news.notify_all()
+
+    @property
+    def pid(self) -> int:
+        """The process id."""
+        return self._process.pid
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._process.poll() is None
+
+    @property
+    def peak_rss_mb(self) -> float:
+        """The most memory that it held, in MB; NaN after it has ended."""
+        try:
+            status = Path(f"/proc/{self.pid}/status").read_text(encoding="ascii")
+        except OSError:
+            return float("nan")
+        peak = re.search(r"VmHWM:\s*(\d+) kB", status)
+        return int(peak[1]) / 1024 if peak else float("nan")
+
+    @property
+    def last_words(self) -> str:
+        """Its exit code, if it has ended, and the last line that it logged."""
+        code = self._process.poll()
+        ended = "" if code is None else f"exit code {code}, "
+        return f"{ended}last line: {self.lines[-1] if self.lines else 'none'}"
+
+    def wait_for_line(self, text: str, timeout_s: float) -> str:
+        """The first line that holds ``text``, waiting for it if need be.
+
+        Raises:
+            TimeoutError: it did not come, or the node ended without it; the log is in the message.
+        """
+
+        def find() -> str | None:
+            return next((line for line in self.lines if text in line), None)
+
+        with self._news:
+            self._news.wait_for(lambda: find() or not self._reader.is_alive(), timeout_s)
+            line = find()
+            if line is None:
+                log = "\n".join(self.lines)
+                raise TimeoutError(f"the node did not log {text!r} in {timeout_s} s:\n{log}")
+            return line
+
+    def wait_for_end(self, timeout_s: float) -> int:
+        """The exit code of a node that ends by itself; raises if it does not in time."""
+        return self._process.wait(timeout_s)
+
+    def stop(self, how: signal.Signals = signal.SIGINT) -> int:
+        """Tells the node to end, and waits for it.
+
+        Returns:
+            Its exit code; negative the number of the signal that killed it.
+        """
+        if self.is_running:
+            self._process.send_signal(how)
+        try:
+            code = self._process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            code = self._process.wait()
+        self._reader.join()
+        return code

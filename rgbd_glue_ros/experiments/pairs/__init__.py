@@ -1,0 +1,1 @@
+"""The registration of pairs of frames, as in the tables of the paper."""

@@ -1,0 +1,127 @@
+"""Charts of registered pairs: how many are how accurate, and how the threshold adapts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
+from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM, PairResult
+from rgbd_glue_ros.experiments.report import charts
+from rgbd_glue_ros.experiments.report.axes import Axis, linear, logarithmic
+from rgbd_glue_ros.experiments.report.charts import Line
+
+ByGap = Mapping[int, Sequence[PairResult]]
+
+CSS = """
+:root { --c0: #1d5fd1; --c1: #c2620a; --c2: #1a8f5a; --c3: #8a4bd0; --c4: #cf2f3c; --c5: #0f8b9d;
+  --c6: #d04c97; --c7: #8b6f14; --c8: #5d6b7b; --c9: #5a8f1e; }
+@media (prefers-color-scheme: dark) { :root { --c0: #6aa5ff; --c1: #f0963c; --c2: #35b57c;
+  --c3: #b58cf0; --c4: #f0626c; --c5: #3fc3d6; --c6: #f07fc0; --c7: #d1b04a; --c8: #93a1b1;
+  --c9: #93cc4e; } }
+.three { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 17rem), 1fr));
+  gap: 1.5rem 2rem; }
+"""
+
+TITLES = {
+    "rotation_deg": ("Rotation", "°"),
+    "translation_cm": ("Translation", "cm"),
+    "chamfer_mm": ("Chamfer distance", "mm"),
+}
+_ERROR_AXES = {
+    "rotation_deg": logarithmic(0.1, 0.5, 1, 5, 10, 45),
+    "translation_cm": logarithmic(0.5, 1, 5, 10, 25, 100),
+    "chamfer_mm": logarithmic(0.01, 0.1, 1, 5, 10, 100),
+}
+_PERCENT = Axis(0.0, 100.0, tuple((v, f"{v:g} %") for v in (0.0, 25.0, 50.0, 75.0, 100.0)))
+_CURVE_POINTS = 160
+_MOST_DOTS = 1500
+_COLORS = 10
+_AT_5_CM = INLIER_THRESHOLDS_CM.index(5)
+
+
+def curves(results: Mapping[str, ByGap], names: Mapping[str, str]) -> str:
+    """Percent of pairs with at most an error: a line for each gap, or for each method in a gap."""
+    gaps = sorted({gap for by_gap in results.values() for gap in by_gap})
+    if len(results) == 1:
+        (own,) = results.values()
+        rows = {"": [(f"{gap} frames apart", own[gap]) for gap in gaps]}
+    else:
+        rows = {
+            f"{gap} frames apart": [(names[name], results[name][gap]) for name in results]
+            for gap in gaps
+        }
+    text = (
+        "<p>Percent of pairs whose error is at most that; a pair without a transform has none.</p>"
+    )
+    for title, named in rows.items():
+        keys = [_key(name, i) for i, (name, _) in enumerate(named)]
+        figures = "".join(_curve(error, [pairs for _, pairs in named]) for error in THRESHOLDS)
+        text += f"<h3>{title}</h3>" if title else ""
+        text += charts.legend(keys) if len(keys) > 1 else ""
+        text += f'<div class="three">{figures}</div>'
+    return text
+
+
+def _curve(error: str, compared: Sequence[Sequence[PairResult]]) -> str:
+    axis = _ERROR_AXES[error]
+    x = np.geomspace(axis.low, axis.high, _CURVE_POINTS)
+    lines = []
+    for i, results in enumerate(compared):
+        errors = [np.inf if r.errors.failed else getattr(r.errors, error) for r in results]
+        below = np.searchsorted(np.sort(errors), x, side="right")
+        color, style = _look(i)
+        lines.append(Line("", color, x, 100 * below / len(errors), style))
+    title, unit = TITLES[error]
+    # the first on top, which is our own
+    return charts.plot(f"{title}, {unit}", lines[::-1], axis, _PERCENT, 6)
+
+
+def _key(name: str, i: int) -> Line:
+    color, style = _look(i)
+    return Line(name, color, np.empty(0), np.empty(0), style)
+
+
+def _look(i: int) -> tuple[str, str]:
+    """Colour and style of the i-th line."""
+    return f"var(--c{i % _COLORS})", "dashed" if i >= _COLORS else "" if i else "thick"
+
+
+def scatter(gap: int, content: Mapping[str, Any], results: Sequence[PairResult]) -> str:
+    """Right visual matches by ε² of each filtered pair, and the means of table S3's ranges.
+
+    Args:
+        gap: of the pairs.
+        content: their figures.
+        results: of the pairs; one at least was filtered.
+    """
+    filtered = [r for r in results if r.filtered]
+    some = filtered[:: 1 + len(filtered) // _MOST_DOTS]
+    ranges = content["epsilon_squared_ranges"]
+    highest = max(ranges[-1]["up_to_m2"], float(np.quantile([r.epsilon_m**2 for r in some], 0.98)))
+    x = np.array([r.epsilon_m**2 for r in some])
+    y = np.array([100 * r.visual.amounts[_AT_5_CM] / max(1, r.visual.matches) for r in some])
+    inside = x <= highest
+    cloud = Line("pairs", "var(--estimate)", x[inside], y[inside])
+    steps = [
+        (edge, row["visual_inlier_ratio"]["5"])
+        for row in ranges
+        for edge in (row["above_m2"], row["up_to_m2"])
+    ]
+    mean = Line(
+        "mean of a range",
+        "var(--geometric)",
+        np.array([edge for edge, _ in steps]),
+        np.array([np.nan if ratio is None else ratio for _, ratio in steps]),
+        "thick",
+    )
+    return charts.plot(
+        f"{gap} frames apart: right visual matches by ε², m²",
+        [mean],
+        linear(0.0, highest, count=5),
+        _PERCENT,
+        7,
+        [cloud],
+    )

@@ -1,0 +1,193 @@
+"""Which frames of a recording are paired, and the evaluation of a part of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
+from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S
+from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairFrame, PairResult, evaluate_pair
+from rgbd_glue_ros.experiments.pairs.methods import Estimator, PairMethod, method_of
+from rgbd_glue_ros.geometry.camera import grey, limit_depth, rectified
+from rgbd_glue_ros.parameters import CameraConfig
+from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, Trajectory, View
+
+Pair = tuple[int, int]
+"""Numbers of two frames: of the one registered to, and of the one registered."""
+
+Results = dict[str, PairResult]
+"""Of one pair, by method."""
+
+
+@dataclass(frozen=True)
+class PairJob:
+    """Pairs of one recording; all that a process needs to evaluate them.
+
+    Attributes:
+        path: of the recording.
+        open_recording: opens it.
+        pairs: to evaluate, in the order in which their later frames come.
+        estimators: the methods, with their names.
+        camera: what is taken of the depth images.
+    """
+
+    path: Path
+    open_recording: Callable[[Path], Recording]
+    pairs: tuple[Pair, ...]
+    estimators: tuple[tuple[str, Estimator], ...]
+    camera: CameraConfig
+
+
+@dataclass(frozen=True)
+class Unposed:
+    """A frame that was to be in a pair but has no true pose."""
+
+    index: int
+
+
+def pairs_of(frames: int, gaps: Sequence[int], every: int | None = None) -> list[Pair]:
+    """The pairs of a recording, in the order in which their later frames come.
+
+    Args:
+        frames: how many the recording has.
+        gaps: frames between the two of a pair.
+        every: a pair starts at every so many frames; None takes the gap.
+    """
+    pairs = [(i, i + gap) for gap in gaps for i in range(0, frames - gap, every or gap)]
+    return sorted(pairs, key=lambda pair: (pair[1], -pair[0]))
+
+
+def run_job(job: PairJob) -> Iterator[Results | Unposed | InputError]:
+    """The results of each pair; a fault of the recording comes where it was met."""
+    methods = {name: _method(estimator) for name, estimator in job.estimators}
+    try:
+        with job.open_recording(job.path) as recording:
+            yield from evaluate_pairs(recording, job.pairs, methods, job.camera)
+    except InputError as error:
+        yield error
+
+
+def evaluate_pairs(
+    recording: Recording,
+    pairs: Sequence[Pair],
+    methods: Mapping[str, PairMethod],
+    camera: CameraConfig,
+) -> Iterator[Results | Unposed | InputError]:
+    """Registers the pairs of a recording, the later frame to the earlier one.
+
+    Every frame is read once, and described once for all pairs that it is in. One that cannot be
+    read is in no pair, and the reason comes in its place.
+
+    Raises:
+        InputError: there is no ground truth.
+    """
+    truth = true_poses(recording)
+    targets: dict[int, list[int]] = {}
+    last_use: dict[int, int] = {}
+    for target, source in pairs:
+        targets.setdefault(source, []).append(target)
+        last_use[target] = max(source, last_use.get(target, 0))
+    frames: dict[int, PairFrame] = {}
+    for index, image in _read(recording, sorted({*targets, *last_use})):
+        if isinstance(image, InputError):
+            yield image
+            continue
+        pose = pose_at(truth, image.stamp_ns)
+        if pose is None:
+            yield Unposed(index)
+            continue
+        frames[index] = PairFrame(recording.name, index, view_of(image, camera), pose)
+        for target in targets.get(index, ()):
+            if target in frames:
+                yield {
+                    name: evaluate_pair(method, frames[index], frames[target])
+                    for name, method in methods.items()
+                }
+        frames = {i: frame for i, frame in frames.items() if last_use.get(i, 0) > index}
+
+
+def _read(
+    recording: Recording, needed: Sequence[int]
+) -> Iterator[tuple[int, RgbdFrame | InputError]]:
+    """The frames of these numbers, or what is wrong with them, up to where the recording ends."""
+    done, said = 0, ""
+    while done < len(needed):
+        try:
+            for image in recording.select(needed[done:]):
+                yield needed[done], image
+                done += 1
+        except InputError as error:  # noqa: PERF203 - a try for each fault, not for each frame
+            yield needed[done], error
+            # said again of the next frame it is of all that follow, as where a file is cut off
+            if str(error) == said:
+                return
+            done, said = done + 1, str(error)
+        else:
+            return
+
+
+def true_poses(recording: Recording) -> Trajectory:
+    """The recording's ground truth.
+
+    Raises:
+        InputError: there is none.
+    """
+    truth = recording.ground_truth
+    if truth is None:
+        raise InputError(
+            recording.name, "has no ground truth", "give a recording that has true poses"
+        )
+    return truth
+
+
+def to_json(results: Results) -> dict[str, Any]:
+    """What a journal keeps of a pair."""
+    return {
+        name: {**asdict(result), "epsilon_m": result.epsilon_m if result.filtered else None}
+        for name, result in results.items()
+    }
+
+
+def from_json(content: Mapping[str, Any]) -> Results:
+    """The results that ``to_json`` made this of, to the last bit."""
+    return {name: _result(fields) for name, fields in content.items()}
+
+
+def _result(fields: Mapping[str, Any]) -> PairResult:
+    inliers = {
+        side: Inliers(fields[side]["matches"], tuple(fields[side]["amounts"]))
+        for side in ("visual", "before", "after")
+    }
+    epsilon_m = float("nan") if fields["epsilon_m"] is None else fields["epsilon_m"]
+    errors = RegistrationErrors(**fields["errors"])
+    return PairResult(**{**fields, **inliers, "errors": errors, "epsilon_m": epsilon_m})
+
+
+@lru_cache(maxsize=32)
+def _method(estimator: Estimator) -> PairMethod:
+    """A method, made once in a process."""
+    return method_of(estimator)
+
+
+def view_of(frame: RgbdFrame, limits: CameraConfig) -> View:
+    """What a method sees of a frame."""
+    frame = rectified(frame)
+    return View(grey(frame.color), limit_depth(frame.depth, limits), frame.intrinsics)
+
+
+def pose_at(truth: Trajectory, stamp_ns: int) -> Float64 | None:
+    """The true pose nearest in time, None if none is near."""
+    apart = np.abs(truth.stamps_ns - stamp_ns)
+    row = int(apart.argmin())
+    if apart[row] > round(MAX_TIME_DIFFERENCE_S * NANOSECONDS):
+        return None
+    pose: Float64 = truth.poses[row]
+    return pose

@@ -1,0 +1,124 @@
+"""What can register a pair: this package's method by a configuration, or a peer by its name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.peers import PEERS, NoTransformError
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.registration.glue import Glue
+from rgbd_glue_ros.stopwatch import timed
+from rgbd_glue_ros.types import Correspondences, RegistrationResult, RegistrationStatus, View
+
+Estimator = Config | str
+"""The name of a method: a configuration of the paper's, or one of ``PEERS``."""
+
+_NO_MATCHES = Correspondences.empty()
+NO_RESULT = RegistrationResult(
+    None,
+    RegistrationStatus.TOO_FEW_CORRESPONDENCES,
+    visual=_NO_MATCHES,
+    visual_inliers=_NO_MATCHES,
+    geometric=_NO_MATCHES,
+    credible=_NO_MATCHES,
+)
+"""Of a registration that came to nothing, or of a peer, which shows no correspondences."""
+
+
+@dataclass(frozen=True)
+class Described:
+    """What a method knows of one frame.
+
+    Attributes:
+        features: as the method has them.
+        seconds: wall time that it took to find them.
+        stages_ms: wall time of each part of that, milliseconds.
+    """
+
+    features: Any
+    seconds: float
+    stages_ms: dict[str, float]
+
+
+class PairMethod(Protocol):
+    """A way to register two frames that starts from them alone."""
+
+    @property
+    def description(self) -> object:
+        """Methods of equal description describe a frame alike, so that it is done once for all."""
+
+    def describe(self, view: View) -> Described:
+        """The features of a frame."""
+
+    def register(self, source: Described, target: Described) -> RegistrationResult:
+        """T_target_source of two frames, or the reason why there is none."""
+
+
+def method_of(estimator: Estimator) -> PairMethod:
+    """Makes the method of a name.
+
+    Raises:
+        InputError: there is no such peer, or its library is not there.
+        MissingExtraError: a library of the method is not installed.
+    """
+    return GlueMethod(estimator) if isinstance(estimator, Config) else PeerMethod(estimator)
+
+
+class GlueMethod:
+    """The paper's method; no prior precedes it and no refinement follows."""
+
+    def __init__(self, config: Config) -> None:
+        self._glue = Glue(config)
+        self._features = config.features
+
+    @property
+    def description(self) -> object:
+        """The configuration of the features."""
+        return self._features
+
+    def describe(self, view: View) -> Described:
+        """Visual and geometric features."""
+        features, milliseconds = timed(self._glue.extract_on_two_threads, view)
+        return Described(features, milliseconds / 1e3, features.stages_ms)
+
+    def register(self, source: Described, target: Described) -> RegistrationResult:
+        """Sections 3.1 to 3.3 of the paper."""
+        return self._glue.register(source.features, target.features)
+
+
+class PeerMethod:
+    """One of ``PEERS``."""
+
+    def __init__(self, name: str) -> None:
+        if name not in PEERS:
+            raise InputError(name, "is no peer", f"take one of {', '.join(PEERS)}")
+        self._name = name
+        self._peer = PEERS[name]()
+
+    @property
+    def description(self) -> object:
+        """The peer."""
+        return self._name
+
+    def describe(self, view: View) -> Described:
+        """What the peer prepares."""
+        features, milliseconds = timed(self._peer.prepare, view)
+        return Described(features, milliseconds / 1e3, {"features": milliseconds})
+
+    def register(self, source: Described, target: Described) -> RegistrationResult:
+        """The peer's transform, without a covariance."""
+        try:
+            T, milliseconds = timed(self._peer.register, source.features, target.features)
+        except NoTransformError:
+            return NO_RESULT
+        return RegistrationResult(
+            T,
+            RegistrationStatus.OK,
+            visual=_NO_MATCHES,
+            visual_inliers=_NO_MATCHES,
+            geometric=_NO_MATCHES,
+            credible=_NO_MATCHES,
+            stages_ms={"registration": milliseconds},
+        )

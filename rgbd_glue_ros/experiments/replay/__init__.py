@@ -1,0 +1,1 @@
+"""The odometry over a recording, with its errors and its report."""

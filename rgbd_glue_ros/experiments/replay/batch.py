@@ -1,0 +1,161 @@
+"""Replays of many recordings, in this process or on many, and one table of them all."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.batch.journal import Journal, prepare
+from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
+from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
+from rgbd_glue_ros.parameters import Config, values
+from rgbd_glue_ros.recordings import Recording
+
+logger = logging.getLogger(__name__)
+
+JOURNAL, FIGURES, TABLE = "replays.jsonl", "replays.json", "replays.md"
+
+
+@dataclass(frozen=True)
+class ReplayJob:
+    """A recording to replay; all that a process needs for it.
+
+    Attributes:
+        path: of the recording.
+        open_recording: opens it.
+        config: of the odometry.
+        folder: where its results go.
+        limit: number of frames to stop after; None takes all.
+    """
+
+    path: Path
+    open_recording: Callable[[Path], Recording]
+    config: Config
+    folder: Path
+    limit: int | None
+
+
+def run_replays(
+    sources: Sequence[Path],
+    open_source: Callable[[Path], Recording],
+    config: Config,
+    folder: Path,
+    *,
+    pool: Pool | None = None,
+    limit: int | None = None,
+    on_planned: Callable[[int, int], None] = lambda *_: None,
+    on_replayed: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Replays recordings, each into a folder of its own; one that fails is reported.
+
+    A run that broke off is gone on with: what it replayed to the end is not replayed again.
+
+    Args:
+        sources: the recordings, at least one.
+        open_source: opens one; with workers it has to be such as can be sent to them.
+        config: of the odometry.
+        folder: where the results go; created if it is not there.
+        pool: where the work is done; None does it in this process.
+        limit: number of frames to stop after in each; None takes all.
+        on_planned: called with the number of recordings, and of those done by an earlier run.
+        on_replayed: called with the name of each recording that is done.
+
+    Returns:
+        The content of ``FIGURES``: under ``recordings`` the metrics of each by its name, and
+        ``problems``.
+
+    Raises:
+        InputError: the folder cannot be written, holds a part of another run, or no recording
+            could be replayed.
+    """
+    pool = pool or Serial()
+    prepare(folder)
+    jobs = {
+        name: ReplayJob(path, open_source, config, folder / name, limit)
+        for name, path in named(sources).items()
+    }
+    problems: dict[str, str] = {}
+    about = {"parameters": values(config), "limit": limit}
+    with Journal(folder / JOURNAL, about) as journal:
+        on_planned(len(jobs), len(journal.done))
+        missing = [job for name, job in jobs.items() if name not in journal.done]
+        try:
+            for job, outcome in pool.run(run_job, missing):
+                name = job.folder.relative_to(folder).as_posix()
+                if isinstance(outcome, dict):
+                    journal.add(name, outcome)
+                else:
+                    problems[name] = _said(job, outcome)
+                    logger.warning("%s", problems[name])
+                on_replayed(name)
+            if not problems:
+                journal.finish()
+        finally:
+            done = {name: journal.done[name] for name in jobs if name in journal.done}
+            if done:
+                figures = {"recordings": done, "problems": list(problems.values())}
+                text = json.dumps(figures, indent=2) + "\n"
+                (folder / FIGURES).write_text(text, encoding="utf-8")
+                (folder / TABLE).write_text(to_markdown(figures), encoding="utf-8")
+    if not done:
+        raise InputError(
+            folder, f"no recording could be replayed ({next(iter(problems.values()))})", "see above"
+        )
+    return figures
+
+
+def run_job(job: ReplayJob) -> Iterator[dict[str, Any] | InputError]:
+    """The metrics of a replayed recording, or what is wrong with it."""
+    try:
+        with job.open_recording(job.path) as recording:
+            replay(recording, job.config, job.folder, limit=job.limit)
+    except InputError as error:
+        yield error
+        return
+    yield json.loads((job.folder / METRICS).read_text(encoding="utf-8"))
+
+
+def named(sources: Iterable[Path]) -> dict[str, Path]:
+    """The recordings by their paths below the folder that all of them are in."""
+    # links keep their own names
+    paths = {path: path.absolute() for path in sources}
+    common = Path(os.path.commonpath([path.parent for path in paths.values()]))
+    return {full.relative_to(common).as_posix(): path for path, full in paths.items()}
+
+
+def to_markdown(figures: Mapping[str, Any]) -> str:
+    """``TABLE`` from the content of ``FIGURES``."""
+    head = [
+        *("recording", "frames", "tracked (%)", "APE rmse (cm)", "RPE (cm/s)", "RPE (°/s)"),
+        *("median latency (ms)", "frames/s"),
+    ]
+    lines = [head, ["---"] * len(head)]
+    lines += [_row(name, content) for name, content in figures["recordings"].items()]
+    text = "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+    if figures["problems"]:
+        text += "\n" + "".join(f"- {problem}\n" for problem in figures["problems"])
+    return text
+
+
+def _row(name: str, content: Mapping[str, Any]) -> list[str]:
+    ape, rpe = content.get("ape"), content.get("rpe")
+    return [
+        name,
+        str(content["frames"]),
+        f"{100 * content['tracked'] / content['frames']:.1f}",
+        f"{100 * ape['rmse_m']:.2f}" if ape else "–",
+        f"{100 * rpe['trans_rmse_m']:.2f}" if rpe else "–",
+        f"{rpe['rot_rmse_deg']:.2f}" if rpe else "–",
+        f"{content['latency_ms']['p50']:.1f}",
+        f"{content['fps']:.1f}",
+    ]
+
+
+def _said(job: ReplayJob, outcome: InputError | Failure) -> str:
+    return str(outcome) if isinstance(outcome, InputError) else f"{job.path}: {outcome.error}"

@@ -1,0 +1,125 @@
+"""Replays a recording through the odometry and leaves the results in a folder."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from itertools import islice
+from pathlib import Path
+from time import perf_counter
+from types import MappingProxyType
+from typing import Any
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.run_record import Run, metrics
+from rgbd_glue_ros.evaluation.trajectory import TumWriter, write_g2o
+from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
+from rgbd_glue_ros.experiments.replay.report import render
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import Config, to_yaml
+from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.types import OdometryEstimate, Trajectory
+
+logger = logging.getLogger(__name__)
+
+TRAJECTORY, METRICS, PARAMETERS = "trajectory.txt", "metrics.json", "params.yaml"
+REPORT, KEYFRAMES = "report.html", "keyframes.g2o"
+
+
+def replay(
+    sequence: Recording,
+    config: Config,
+    folder: Path,
+    *,
+    ground_truth: Trajectory | None = None,
+    limit: int | None = None,
+    on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
+) -> Run:
+    """Runs the odometry over ``sequence`` as fast as it goes; no frame is dropped.
+
+    Poses are on disk as soon as they are known. However the run ends, the results of the frames
+    done are written.
+
+    Args:
+        sequence: where the frames come from.
+        config: of the odometry.
+        folder: where the results go; created if it is not there.
+        ground_truth: T_world_camera; None takes what the sequence knows.
+        limit: number of frames to stop after; None takes all.
+        on_frame: called after each frame.
+
+    Raises:
+        InputError: the folder cannot be written, or a frame cannot be read.
+    """
+    start_results(config, folder)
+    run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
+    odometry = Odometry(config)
+    start = perf_counter()
+    try:
+        with TumWriter(folder / TRAJECTORY) as trajectory:
+            for frame in islice(sequence, limit):
+                before = perf_counter()
+                estimate = odometry.process(frame)
+                now = perf_counter()
+                run.add(estimate, 1000 * (now - before))
+                run.wall_s = now - start
+                if estimate.T_odom_camera is not None:
+                    trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
+                on_frame(estimate)
+    except InputError as error:
+        done = f"{error.remedy}; the {len(run.frames)} frames before it are done"
+        raise InputError(error.where, error.cause, done) from error
+    finally:
+        if run.frames:
+            write_results(run, folder)
+    if not run.frames:
+        raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
+    return run
+
+
+def start_results(config: Config, folder: Path) -> None:
+    """Creates the folder, with what is known before the first frame.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / TRAJECTORY).touch()
+        (folder / PARAMETERS).write_text(to_yaml(config), encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
+        ) from error
+
+
+def write_results(
+    run: Run, folder: Path, measured: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
+    """Writes figures, report and pose graph of a run with one frame at least.
+
+    Args:
+        run: what was done.
+        folder: where to.
+        measured: figures measured elsewhere, beside those of the run or in place of them.
+
+    Returns:
+        The figures written.
+    """
+    evaluation = _evaluation(run)
+    figures = {**metrics(run, evaluation), **measured}
+    write_g2o(folder / KEYFRAMES, run.pose_graph)
+    (folder / METRICS).write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    (folder / REPORT).write_text(render(run, figures, evaluation), encoding="utf-8")
+    return figures
+
+
+def _evaluation(run: Run) -> Evaluation | None:
+    if run.ground_truth is None:
+        return None
+    try:
+        return evaluate(run.trajectory, run.ground_truth)
+    except InputError as error:
+        logger.warning("no error against ground truth: %s", error.cause)
+        return None

@@ -1,0 +1,1 @@
+"""Pages and charts that experiments write."""

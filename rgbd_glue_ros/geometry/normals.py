@@ -1,0 +1,105 @@
+"""Planes of a depth image on a grid of pixels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.geometry.camera import depth_sigma
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
+
+# A plane is fitted to this many pixels to each side of a grid point, every second one.
+_HALF_WINDOW = 6
+_STRIDE = 2
+_MIN_POINTS = 12
+# The cosine between normal and ray at 80 degrees; a surface seen flatter has little depth to trust.
+_MIN_COSINE = 0.17
+
+
+def grid_points_and_normals(
+    depth: Float32, intrinsics: CameraIntrinsics, step: int
+) -> tuple[Float64, Float64]:
+    """Every ``step``-th pixel as a point with the normal of the plane around it.
+
+    Points lie on their planes, which averages depth noise.
+
+    Args:
+        depth: float32 [H, W], metres, NaN where unknown.
+        intrinsics: of the depth image.
+        step: pixels between grid points.
+
+    Returns:
+        Points and unit normals towards the camera, float64 [rows, columns, 3] in the optical
+        frame; NaN where the surface is unknown, an edge, or seen too flat.
+    """
+    K = intrinsics
+    return _points_and_normals(depth, K.fx, K.fy, K.cx, K.cy, step)
+
+
+@compiled
+def _points_and_normals(
+    depth: Float32, fx: float, fy: float, cx: float, cy: float, step: int
+) -> tuple[Float64, Float64]:
+    height, width = depth.shape
+    rows, columns = height // step, width // step
+    points = np.full((rows, columns, 3), np.nan)
+    normals = np.full((rows, columns, 3), np.nan)
+    reach, stride = _HALF_WINDOW, _STRIDE
+    for r in range(rows):
+        v0 = r * step + step // 2
+        for c in range(columns):
+            u0 = c * step + step // 2
+            z0 = depth[v0, u0]
+            if not z0 > 0.0:
+                continue
+            # Inverse depth of a plane is linear in the pixel: 1/z = a + b du + d dv. Least squares
+            # in inverse depth also has the right weights, as its noise hardly depends on z.
+            gate = 4.0 * depth_sigma(z0) + 0.02 * z0
+            n = 0
+            su = sv = suu = suv = svv = sw = suw = svw = 0.0
+            for v in range(max(0, v0 - reach), min(height, v0 + reach + 1), stride):
+                for u in range(max(0, u0 - reach), min(width, u0 + reach + 1), stride):
+                    z = depth[v, u]
+                    if not abs(z - z0) < gate:
+                        continue
+                    du, dv, w = float(u - u0), float(v - v0), 1.0 / z
+                    n += 1
+                    su += du
+                    sv += dv
+                    suu += du * du
+                    suv += du * dv
+                    svv += dv * dv
+                    sw += w
+                    suw += du * w
+                    svw += dv * w
+            if n < _MIN_POINTS:
+                continue
+            mu, mv, mw = su / n, sv / n, sw / n
+            cuu, cuv, cvv = suu / n - mu * mu, suv / n - mu * mv, svv / n - mv * mv
+            cuw, cvw = suw / n - mu * mw, svw / n - mv * mw
+            determinant = cuu * cvv - cuv * cuv
+            if determinant < 1.0:
+                continue
+            b = (cuw * cvv - cvw * cuv) / determinant
+            d = (cvw * cuu - cuw * cuv) / determinant
+            a = mw - b * mu - d * mv
+            if a <= 0.0:
+                continue
+            # 1/z = a + b du + d dv is n·X = -1 with the normal below, up to scale
+            nx, ny = -b * fx, -d * fy
+            nz = -(a - b * (u0 - cx) - d * (v0 - cy))
+            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+            z = 1.0 / a
+            if abs(z - z0) > gate:
+                continue
+            x, y = (u0 - cx) / fx * z, (v0 - cy) / fy * z
+            cosine = -(nx * x + ny * y + nz * z) / (length * math.sqrt(x * x + y * y + z * z))
+            if cosine < _MIN_COSINE:
+                continue
+            points[r, c, 0], points[r, c, 1], points[r, c, 2] = x, y, z
+            normals[r, c, 0] = nx / length
+            normals[r, c, 1] = ny / length
+            normals[r, c, 2] = nz / length
+    return points, normals

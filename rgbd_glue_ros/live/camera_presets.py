@@ -1,0 +1,75 @@
+"""Presets for cameras (``config/cameras/``): the topics of their drivers, and what they can see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import yaml
+
+from rgbd_glue_ros import parameters as cfg
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.messages.synchronizer import Channel
+
+TOPIC_ARGUMENTS = {
+    "color": topics.SUBSCRIBED[Channel.COLOR],
+    "depth": topics.SUBSCRIBED[Channel.DEPTH],
+    "camera_info": topics.SUBSCRIBED[Channel.INFO],
+    "depth_camera_info": topics.DEPTH_INFO,
+}
+"""What a preset and the launch file call the topics, and the names that the node has for them."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera and its driver.
+
+    Attributes:
+        topics: by the names in TOPIC_ARGUMENTS, without the transport.
+        parameters: of the node, by their dotted names.
+    """
+
+    topics: Mapping[str, str]
+    parameters: Mapping[str, cfg.Value]
+
+
+def camera_names() -> list[str]:
+    """The names of all presets."""
+    folder = cfg.share_directory() / "config" / "cameras"
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
+def load_camera(name: str) -> Camera:
+    """The preset of that name.
+
+    Raises:
+        InputError: there is none, or its file holds what no preset has.
+    """
+    if name not in camera_names():
+        raise InputError(
+            f"camera {name!r}", "is not known", f"take one of {', '.join(camera_names())}"
+        )
+    path = cfg.share_directory() / "config" / "cameras" / f"{name}.yaml"
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    unknown = set(content["topics"]) - set(TOPIC_ARGUMENTS)
+    if unknown:
+        raise InputError(path, f"no such topics: {unknown}", f"take {', '.join(TOPIC_ARGUMENTS)}")
+    declared = {p.name: p for part in (cfg.NodeConfig, cfg.Config) for p in cfg.parameters(part())}
+    parameters = {}
+    for parameter, value in content["parameters"].items():
+        if parameter not in declared:
+            raise cfg.unknown_parameter(parameter, declared)
+        parameters[parameter] = declared[parameter].convert(value)
+    return Camera(content["topics"], parameters)
+
+
+def remappings(camera: Camera | None, given: Mapping[str, str]) -> list[tuple[str, str]]:
+    """The node's topics and what they are remapped to.
+
+    Args:
+        camera: gives its topics; None for the node's own names.
+        given: topics that win over the camera's, by the names in TOPIC_ARGUMENTS; "" for none.
+    """
+    known = {**(camera.topics if camera else {}), **{k: v for k, v in given.items() if v}}
+    return [(own, known[name]) for name, own in TOPIC_ARGUMENTS.items() if name in known]

@@ -1,0 +1,164 @@
+"""From the camera's pose to the robot's: frames, covariances and twists as REP-103/105 want them.
+
+The odometry follows the camera's optical frame c from its first frame c0. What is published is
+the pose of a child frame in ``odom``, both fixed to the camera or the robot that carries it:
+``T_odom_child = T_odom_c0 T_c0_c T_c_child``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.types import Float64
+
+T_BODY_OPTICAL = se3.from_rotation_translation(
+    np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3)
+)
+"""A camera's optical frame (x right, y down, z forward) in its body frame (x forward, y left,
+z up), which drivers call ``camera_link``."""
+
+AXES = {"body": T_BODY_OPTICAL, "optical": np.eye(4)}
+"""Pose of the optical frame in a frame at the same place with axes of that kind."""
+
+
+@dataclass(frozen=True)
+class Framing:
+    """The two constant transforms between the camera's motion and the published pose.
+
+    Attributes:
+        T_odom_c0: float64 [4, 4], pose of the first optical frame in odom.
+        T_camera_child: float64 [4, 4], pose of the child frame in the optical frame.
+    """
+
+    T_odom_c0: Float64
+    T_camera_child: Float64
+
+    @staticmethod
+    def of_camera(axes: str) -> Framing:
+        """The child is the optical frame itself; odom starts at the camera with ``axes``.
+
+        Args:
+            axes: a name in AXES; with ``body`` the z axis of odom is up if the camera starts level.
+        """
+        return Framing(AXES[axes], np.eye(4))
+
+    @staticmethod
+    def of_robot(T_robot_camera: Float64) -> Framing:
+        """The child is a robot frame, which starts at the origin of odom.
+
+        Args:
+            T_robot_camera: float64 [4, 4], pose of the optical frame in the robot frame.
+        """
+        return Framing(T_robot_camera, se3.inverse(T_robot_camera))
+
+    def starting_at(self, T_odom_start: Float64) -> Framing:
+        """The same where what started at the origin of odom starts at ``T_odom_start`` [4, 4]."""
+        return Framing(T_odom_start @ self.T_odom_c0, self.T_camera_child)
+
+    def pose(self, T_c0_camera: Float64) -> Float64:
+        """T_odom_child [4, 4] for the camera's pose [4, 4] in its first optical frame."""
+        T_odom_child: Float64 = self.T_odom_c0 @ T_c0_camera @ self.T_camera_child
+        return T_odom_child
+
+    def pose_covariance(self, T_c0_camera: Float64, covariance: Float64) -> Float64:
+        """The covariance [6, 6] of T_odom_child.
+
+        Both covariances are as in ``nav_msgs/Odometry``: of the errors of the position and of the
+        rotation vector along the axes of the fixed frame, x y z rx ry rz, in m and rad.
+
+        Args:
+            T_c0_camera: float64 [4, 4], the camera's pose.
+            covariance: float64 [6, 6] of that pose.
+        """
+        # a rotation error of the camera swings the child around it
+        lever = T_c0_camera[:3, :3] @ self.T_camera_child[:3, 3]
+        J = np.eye(6)
+        J[:3, 3:] = -se3.skew(lever)
+        J = np.kron(np.eye(2), self.T_odom_c0[:3, :3]) @ J
+        mapped: Float64 = J @ covariance @ J.T
+        return mapped
+
+    def twist(self, twist: Float64) -> Float64:
+        """The child frame's velocity [6] (v, omega; m/s, rad/s) in its axes, from the camera's."""
+        in_child: Float64 = se3.adjoint(se3.inverse(self.T_camera_child)) @ twist
+        return in_child
+
+    def twist_covariance(self, covariance: Float64) -> Float64:
+        """The covariance [6, 6] of ``twist``, from that of the camera's velocity."""
+        A = se3.adjoint(se3.inverse(self.T_camera_child))
+        mapped: Float64 = A @ covariance @ A.T
+        return mapped
+
+
+def parse_pose(where: str, text: str) -> Float64:
+    """The transform [4, 4] written as ``x y z roll pitch yaw`` or ``x y z qx qy qz qw``.
+
+    Args:
+        where: name of the parameter, for the error.
+        text: numbers separated by blanks or commas, metres and radians; roll, pitch and yaw turn
+            about fixed axes in this order, as in URDF.
+
+    Raises:
+        InputError: not six or seven finite numbers, or the quaternion is not of unit length.
+    """
+    remedy = "give 'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'"
+    try:
+        numbers = np.array([float(word) for word in text.replace(",", " ").split()])
+    except ValueError as error:
+        raise InputError(where, f"{text!r} is not a list of numbers", remedy) from error
+    if numbers.size not in {6, 7} or not np.isfinite(numbers).all():
+        raise InputError(where, f"{text!r} is not six or seven finite numbers", remedy)
+    position, orientation = numbers[:3], numbers[3:]
+    if orientation.size == 3:
+        return se3.from_rotation_translation(
+            Rotation.from_euler("xyz", orientation).as_matrix(), position
+        )
+    length = float(np.linalg.norm(orientation))
+    if abs(length - 1.0) > 0.01:
+        raise InputError(where, f"the quaternion's length is {length:.3g}, not 1", remedy)
+    return se3.from_translation_quaternion(position, orientation)
+
+
+def framing(frame_id: str, camera_pose: str, camera_axes: str) -> Framing:
+    """The framing that the parameters of these names ask for.
+
+    Args:
+        frame_id: robot frame to publish the pose of; "" for the camera's optical frame.
+        camera_pose: pose of the camera in ``frame_id`` as ``parse_pose`` reads it; "" if not given.
+        camera_axes: a name in AXES: which axes of the camera ``camera_pose`` speaks of, and, where
+            there is no robot frame, which axes odom starts with.
+
+    Raises:
+        InputError: one of ``frame_id`` and ``camera_pose`` is given without the other, or
+            ``camera_pose`` cannot be read. An extrinsic is never assumed to be the identity.
+    """
+    if not frame_id:
+        if camera_pose:
+            raise InputError(
+                "camera_pose",
+                "is the camera's pose in frame_id, which is not set",
+                "set frame_id, as base_link, or leave camera_pose out",
+            )
+        return Framing.of_camera(camera_axes)
+    if not camera_pose:
+        raise InputError(
+            "camera_pose",
+            f"not set, so where the camera sits in {frame_id!r} is not known",
+            f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), install "
+            "tf2_msgs to have it from TF, or leave frame_id empty to publish the camera's own pose",
+        )
+    return Framing.of_robot(parse_pose("camera_pose", camera_pose) @ AXES[camera_axes])
+
+
+def pose_parameter(name: str, text: str) -> Float64 | None:
+    """The transform [4, 4] that a parameter gives as ``parse_pose`` reads it; None if empty.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    return parse_pose(name, text) if text else None

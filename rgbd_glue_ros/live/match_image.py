@@ -1,0 +1,100 @@
+"""A picture of the matches that a pose came from, for people to look at."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.geometry.camera import project, rectified
+from rgbd_glue_ros.types import (
+    CameraIntrinsics,
+    Correspondences,
+    OdometryEstimate,
+    RegistrationResult,
+    RgbdFrame,
+    UInt8,
+)
+
+# RGB, told apart by people who do not see red and green too.
+VISUAL = (255, 210, 0)
+CREDIBLE = (70, 160, 255)
+REJECTED = (230, 50, 40)
+_TEXT = (255, 255, 255)
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+# Fractions of a pixel that OpenCV draws with.
+_SHIFT = 4
+_DIMMED = 0.6
+# Of each kind; more would hide the image, and the robot has better to do.
+_DRAWN = 200
+
+
+def match_image(frame: RgbdFrame, estimate: OdometryEstimate) -> UInt8:
+    """The frame's colour image [H, W, 3] RGB with its matches, state and epsilon.
+
+    Each match is a line from where the keyframe's camera saw the point to where this frame's camera
+    sees it, and ends in a dot there. Of many matches a part is drawn; the numbers are of all.
+
+    Args:
+        frame: the frame.
+        estimate: of the frame.
+    """
+    frame = rectified(frame)
+    color = frame.color if frame.color.ndim == 3 else np.dstack([frame.color] * 3)
+    image = np.ascontiguousarray((color * _DIMMED).astype(np.uint8))
+    result = estimate.registration
+    if result is not None:
+        kinds = (
+            (rejected(result), REJECTED),
+            (result.credible, CREDIBLE),
+            (result.visual_inliers, VISUAL),
+        )
+        for matches, rgb in kinds:
+            _draw(image, matches, frame.intrinsics, rgb)
+    _write(image, estimate)
+    return image
+
+
+def rejected(result: RegistrationResult) -> Correspondences:
+    """The geometric matches that are not credible: those that equation 8 takes away."""
+    credible = {row.tobytes() for row in _rows(result.credible)}
+    rows = [row.tobytes() not in credible for row in _rows(result.geometric)]
+    return result.geometric.select(np.array(rows, bool))
+
+
+def _rows(matches: Correspondences) -> NDArray[np.float64]:
+    return np.hstack([matches.source, matches.target])
+
+
+def _draw(
+    image: UInt8, matches: Correspondences, camera: CameraIntrinsics, rgb: tuple[int, int, int]
+) -> None:
+    visible = matches.select((matches.source[:, 2] > 0) & (matches.target[:, 2] > 0))
+    if not len(visible):
+        return
+    visible = visible.select(np.arange(0, len(visible), -(-len(visible) // _DRAWN)))
+    ends = [project(points, camera) for points in (visible.target, visible.source)]
+    lines = np.round(np.stack(ends, axis=1) * 2**_SHIFT).astype(np.int32)
+    cv2.polylines(image, list(lines), False, rgb, 1, cv2.LINE_AA, _SHIFT)
+    for _, end in lines:
+        cv2.circle(image, end.tolist(), 3 << (_SHIFT - 1), rgb, -1, cv2.LINE_AA, _SHIFT)
+
+
+def _write(image: UInt8, estimate: OdometryEstimate) -> None:
+    words = [(estimate.state.value.upper(), _TEXT)]
+    result = estimate.registration
+    if result is not None:
+        epsilon = f"eps {result.epsilon_m * 100:.1f} cm" if result.filtered else "not filtered"
+        words += [
+            (epsilon, _TEXT),
+            (f"{len(result.visual_inliers)} visual", VISUAL),
+            (f"{len(result.credible)} credible", CREDIBLE),
+            (f"{len(result.geometric) - len(result.credible)} rejected", REJECTED),
+        ]
+    scale = image.shape[1] / 1250
+    (_, height), _ = cv2.getTextSize("X", _FONT, scale, 1)
+    image[: 2 * height + 2] //= 3
+    x = height
+    for text, rgb in words:
+        cv2.putText(image, text, (x, round(1.5 * height)), _FONT, scale, rgb, 1, cv2.LINE_AA)
+        x += cv2.getTextSize(text, _FONT, scale, 1)[0][0] + 2 * height

@@ -1,0 +1,32 @@
+"""Names of the node's topics and services, as they are before remapping."""
+
+from __future__ import annotations
+
+from rgbd_glue_ros.messages.synchronizer import Channel
+
+SUBSCRIBED = {
+    Channel.COLOR: "rgb/image",
+    Channel.DEPTH: "depth/image",
+    Channel.INFO: "rgb/camera_info",
+}
+DEPTH_INFO = "depth/camera_info"
+"""Only for depth that is not registered to colour."""
+
+POSE = "pose"
+ODOM = "odom"
+KEYFRAME_POSE = "keyframe/pose"
+PATH = "path"
+MATCHES = "debug/matches"
+DIAGNOSTICS = "/diagnostics"
+
+RESET_SERVICE = "~/reset_odom"
+PAUSE_SERVICE = "~/pause_odom"
+RESUME_SERVICE = "~/resume_odom"
+
+RAW = "raw"
+"""The transport of images that are not compressed."""
+
+
+def transported(topic: str, transport: str) -> str:
+    """The topic of an image in some transport; ``topic`` is that of the raw image."""
+    return topic if transport == RAW else f"{topic}/{transport}"

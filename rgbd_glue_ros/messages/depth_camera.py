@@ -1,0 +1,100 @@
+"""Whether depth is registered to colour, and if not, which camera took it and from where.
+
+A driver that registers depth gives it the colour camera's frame; other frame, other camera. Depth
+of another camera needs that camera's info and its place, and is refused without: registered or
+not, depth images look alike, and poses from the wrong kind are wrong without a sign of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.messages.fields import CameraInfo
+from rgbd_glue_ros.messages.images import (
+    AnyImage,
+    FrameTopics,
+    intrinsics_from_message,
+    is_rectified,
+    rectified_intrinsics_from_message,
+)
+from rgbd_glue_ros.types import CameraIntrinsics, Float64
+
+FindTransform = Callable[[str, str], Float64 | None]
+"""Gives T_target_source [4, 4] of two frames (target, source); None where it is not known."""
+
+REGISTER_IN_DRIVER = (
+    "switch registration on in the driver (realsense2_camera: align_depth.enable, and its topic "
+    "aligned_depth_to_color/image_raw; orbbec_camera, astra_camera, openni2_camera: "
+    "depth_registration; depthai_ros_driver: stereo.i_align_depth; azure_kinect_ros_driver: topic "
+    "depth_to_rgb/image_raw), or run depth_image_proc's register node"
+)
+
+
+def depth_camera(
+    color: AnyImage,
+    depth: AnyImage,
+    color_info: CameraInfo,
+    depth_info: CameraInfo | None,
+    find_transform: FindTransform,
+    topics: FrameTopics,
+) -> DepthCamera | None:
+    """The camera that took a depth image; None if the image is registered to colour.
+
+    Args:
+        color: the colour image.
+        depth: the depth image.
+        color_info: of the colour camera.
+        depth_info: of the depth camera; None if there is none.
+        find_transform: gives the place of the depth camera.
+        topics: where the messages are from.
+
+    Raises:
+        InputError: the depth image is not registered, and the depth camera or its place is not
+            known.
+    """
+    color_frame, depth_frame = color.header.frame_id, depth.header.frame_id
+    is_one_frame = color_frame == depth_frame or not (color_frame and depth_frame)
+    if depth_info is not None and depth_info.header.frame_id != depth_frame:
+        depth_info = None  # of another image, as where one of two topics was remapped
+    if depth_info is None:
+        if is_one_frame:
+            return None
+        raise InputError(
+            topics.depth,
+            f"is not registered to colour: its frame is {depth_frame}, that of {topics.color} "
+            f"{color_frame}",
+            f"{REGISTER_IN_DRIVER}; or remap {topics.depth_info} to the depth camera's info, to "
+            "have it registered here",
+        )
+    intrinsics = _intrinsics(depth_info, topics.depth, topics.depth_info)
+    if is_one_frame:
+        taken_by = _intrinsics(color_info, topics.color, topics.info)
+        return None if _is_alike(intrinsics, taken_by) else DepthCamera(intrinsics, np.eye(4))
+    T_color_depth = find_transform(color_frame, depth_frame)
+    if T_color_depth is None:
+        raise InputError(
+            topics.depth,
+            f"is not registered to colour, and where {depth_frame} is in {color_frame} is not "
+            "known",
+            f"see that the driver publishes it to /tf_static, or set depth_camera_pose; or "
+            f"{REGISTER_IN_DRIVER}",
+        )
+    return DepthCamera(intrinsics, T_color_depth)
+
+
+def _intrinsics(info: CameraInfo, image_topic: str, info_topic: str) -> CameraIntrinsics:
+    if is_rectified(image_topic):
+        return rectified_intrinsics_from_message(info, info_topic)
+    return intrinsics_from_message(info, info_topic)
+
+
+def _is_alike(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:
+    """Whether both are one camera, at one resolution or two."""
+    scaled = depth.scaled(color.width, color.height)
+    return scaled.distortion == color.distortion and np.allclose(
+        scaled.matrix, color.matrix, rtol=0, atol=0.01
+    )

@@ -1,0 +1,226 @@
+"""Plain ROS messages, to be written to a bag or copied into a message of rclpy.
+
+Classes and fields are named as in ROS 2, so that ``messages`` reads these like any other.
+"""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.messages.image_codecs import encode_jpeg, encode_png, quantised
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    CameraIntrinsics,
+    Float32,
+    Float64,
+    UInt8,
+)
+
+Message = TypeVar("Message")
+
+# REP-118: 16UC1 depth is in millimetres
+DEPTH_UNITS_PER_METRE = 1000
+
+
+@dataclass(frozen=True)
+class Time:
+    """builtin_interfaces/msg/Time."""
+
+    sec: int
+    nanosec: int
+
+
+@dataclass(frozen=True)
+class Header:
+    """std_msgs/msg/Header."""
+
+    stamp: Time
+    frame_id: str
+
+
+@dataclass(frozen=True)
+class Image:
+    """sensor_msgs/msg/Image; ``data`` uint8, flat."""
+
+    header: Header
+    height: int
+    width: int
+    encoding: str
+    is_bigendian: int
+    step: int
+    data: UInt8
+
+
+@dataclass(frozen=True)
+class CompressedImage:
+    """sensor_msgs/msg/CompressedImage; ``data`` uint8, flat."""
+
+    header: Header
+    format: str
+    data: UInt8
+
+
+@dataclass(frozen=True)
+class RegionOfInterest:
+    """sensor_msgs/msg/RegionOfInterest; all zero means the whole image."""
+
+    x_offset: int = 0
+    y_offset: int = 0
+    height: int = 0
+    width: int = 0
+    do_rectify: bool = False
+
+
+@dataclass(frozen=True)
+class CameraInfo:
+    """sensor_msgs/msg/CameraInfo; ``d`` float64 [N], ``k`` and ``r`` [9], ``p`` [12]."""
+
+    header: Header
+    height: int
+    width: int
+    distortion_model: str
+    d: Float64
+    k: Float64
+    r: Float64
+    p: Float64
+    binning_x: int = 0
+    binning_y: int = 0
+    roi: RegionOfInterest = RegionOfInterest()
+
+
+@dataclass(frozen=True)
+class Point:
+    """geometry_msgs/msg/Point, metres."""
+
+    x: float
+    y: float
+    z: float
+
+
+@dataclass(frozen=True)
+class Quaternion:
+    """geometry_msgs/msg/Quaternion."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+@dataclass(frozen=True)
+class Pose:
+    """geometry_msgs/msg/Pose."""
+
+    position: Point
+    orientation: Quaternion
+
+
+@dataclass(frozen=True)
+class PoseStamped:
+    """geometry_msgs/msg/PoseStamped."""
+
+    header: Header
+    pose: Pose
+
+
+def header(stamp_ns: int, frame_id: str) -> Header:
+    """A header with the stamp split into seconds and nanoseconds."""
+    return Header(Time(*divmod(stamp_ns, NANOSECONDS)), frame_id)
+
+
+def color_image(color: UInt8, head: Header) -> Image:
+    """A colour image [H, W, 3] RGB or a grey one [H, W], as rgb8 or mono8."""
+    return _image(color, "rgb8" if color.ndim == 3 else "mono8", head)
+
+
+def depth_image(depth: Float32, head: Header) -> Image:
+    """Depth [H, W] in metres, NaN unknown, as 32FC1, which loses nothing."""
+    return _image(depth.astype("<f4"), "32FC1", head)
+
+
+def compressed_color_image(color: UInt8, head: Header, quality: int = 95) -> CompressedImage:
+    """A colour image [H, W, 3] RGB or a grey one [H, W], as JPEG."""
+    if color.ndim == 2:
+        return CompressedImage(head, "mono8; jpeg compressed ", _flat(encode_jpeg(color, quality)))
+    data = encode_jpeg(cv2.cvtColor(color, cv2.COLOR_RGB2BGR), quality)
+    return CompressedImage(head, "rgb8; jpeg compressed bgr8", _flat(data))
+
+
+def compressed_depth_image(depth: Float32, head: Header) -> CompressedImage:
+    """Depth [H, W] in metres, NaN unknown, as compressedDepth: a PNG of whole millimetres.
+
+    Depth beyond 65.535 m is given as unknown.
+    """
+    # the three numbers before the PNG are for 32FC1 only
+    head_of_data = struct.pack("<iff", 0, 0.0, 0.0)
+    data = head_of_data + encode_png(quantised(depth, DEPTH_UNITS_PER_METRE))
+    return CompressedImage(head, "16UC1; compressedDepth png", _flat(data))
+
+
+def camera_info(intrinsics: CameraIntrinsics, head: Header) -> CameraInfo:
+    """The camera info of an image that is used as it is: P repeats K, R is the identity."""
+    p = np.zeros((3, 4))
+    p[:, :3] = intrinsics.matrix
+    return CameraInfo(
+        header=head,
+        height=intrinsics.height,
+        width=intrinsics.width,
+        distortion_model=distortion_model(intrinsics),
+        d=np.array(intrinsics.distortion or (0.0,) * 5, np.float64),
+        k=intrinsics.matrix.ravel(),
+        r=np.eye(3).ravel(),
+        p=p.ravel(),
+    )
+
+
+def distortion_model(intrinsics: CameraIntrinsics) -> str:
+    """What ROS calls the model of that many coefficients."""
+    return "rational_polynomial" if len(intrinsics.distortion) > 5 else "plumb_bob"
+
+
+def pose_stamped(T: Float64, head: Header) -> PoseStamped:
+    """The pose T [4, 4] of a body in the frame that the header names."""
+    x, y, z = (float(value) for value in T[:3, 3])
+    qx, qy, qz, qw = (float(value) for value in se3.quaternion(T))
+    return PoseStamped(head, Pose(Point(x, y, z), Quaternion(qx, qy, qz, qw)))
+
+
+def copy_fields(source: object, target: Message) -> Message:
+    """Copies a plain message into one of rclpy's of the same type, which it returns."""
+    for item in fields(source):  # type: ignore[arg-type]
+        value = getattr(source, item.name)
+        if is_dataclass(value):
+            copy_fields(value, getattr(target, item.name))
+        elif isinstance(value, np.ndarray):
+            # of all that rclpy takes, only an array.array is filled without a loop in Python
+            values = array(value.dtype.char)
+            values.frombytes(value.data.cast("B"))
+            setattr(target, item.name, values)
+        else:
+            setattr(target, item.name, value)
+    return target
+
+
+def _image(pixels: NDArray[np.uint8] | NDArray[np.float32], encoding: str, head: Header) -> Image:
+    height, width = pixels.shape[:2]
+    return Image(
+        header=head,
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=pixels[0].nbytes,
+        data=np.ascontiguousarray(pixels).reshape(-1).view(np.uint8),
+    )
+
+
+def _flat(data: bytes) -> UInt8:
+    return np.frombuffer(data, np.uint8)

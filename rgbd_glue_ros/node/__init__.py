@@ -1,0 +1,1 @@
+"""The ROS node, and the one folder that imports rclpy."""

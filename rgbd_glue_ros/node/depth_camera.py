@@ -1,0 +1,76 @@
+"""What the node knows of a depth camera whose images are not registered to colour."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import CameraInfo
+
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.extrinsics import parse_pose
+from rgbd_glue_ros.messages.depth_camera import depth_camera
+from rgbd_glue_ros.messages.images import FrameTopics
+from rgbd_glue_ros.messages.synchronizer import Match
+from rgbd_glue_ros.node.tf import Transforms
+from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.types import Float64
+
+# Drivers send the info after its image: how long the first frame waits for it.
+FIRST_INFO_S = 1.0
+
+
+class DepthCameraInput:
+    """Listens to the depth camera's info.
+
+    Attributes:
+        topic: its full name.
+    """
+
+    def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
+        """Subscribes.
+
+        Raises:
+            InputError: ``depth_camera_pose`` cannot be read.
+        """
+        self.topic: str = node.resolve_topic_name(topics.DEPTH_INFO)
+        self._node = node
+        self._is_registered = config.depth_is_registered
+        pose = config.depth_camera_pose
+        self._T_color_depth = parse_pose("depth_camera_pose", pose) if pose else None
+        self._transforms = transforms
+        self._wait_s = config.wait_for_transform
+        self._info: CameraInfo | None = None
+        self._came = threading.Event()
+        self._has_waited = False
+        # best effort hears every publisher, and that an info is lost is no matter
+        qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        node.create_subscription(CameraInfo, self.topic, self._receive, qos)
+
+    def _receive(self, info: CameraInfo) -> None:
+        self._info = info
+        self._came.set()
+
+    def of(self, match: Match[Any], names: FrameTopics) -> DepthCamera | None:
+        """The camera that took the depth image; None if the image is registered to colour.
+
+        Raises:
+            InputError: the image is not registered, and the depth camera or its place is not
+                known.
+        """
+        if self._is_registered:
+            return None
+        if not self._has_waited and self._node.count_publishers(self.topic) > 0:
+            self._came.wait(FIRST_INFO_S)
+            self._has_waited = True
+        return depth_camera(
+            match.color, match.depth, match.info, self._info, self._find_transform, names
+        )
+
+    def _find_transform(self, color_frame: str, depth_frame: str) -> Float64 | None:
+        if self._T_color_depth is not None or self._transforms is None:
+            return self._T_color_depth
+        return self._transforms.lookup(color_frame, depth_frame, None, self._wait_s)

@@ -1,0 +1,74 @@
+"""What the node tells of itself on /diagnostics."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from std_msgs.msg import Header
+
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.monitor import Monitor
+from rgbd_glue_ros.messages.synchronizer import Synchronizer
+from rgbd_glue_ros.node.input_watch import NodeWatch
+from rgbd_glue_ros.types import TrackingState
+
+DIAGNOSTIC_LEVELS = {
+    TrackingState.INITIALIZING: DiagnosticStatus.WARN,
+    TrackingState.TRACKING: DiagnosticStatus.OK,
+    TrackingState.LOST: DiagnosticStatus.ERROR,
+}
+DIAGNOSTICS_S = 1.0
+
+
+class NodeDiagnostics:
+    """Publishes the counts once a second."""
+
+    def __init__(
+        self,
+        node: Node,
+        monitor: Monitor,
+        synchronizer: Synchronizer[Any],
+        watch: NodeWatch,
+    ) -> None:
+        """Starts the timer.
+
+        Args:
+            node: whose diagnostics these are.
+            monitor: counts frames.
+            synchronizer: counts messages.
+            watch: says when nothing arrives.
+        """
+        self._node = node
+        self._monitor = monitor
+        self._synchronizer = synchronizer
+        self._watch = watch
+        self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
+        # not the node's clock: simulated time may stand still
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(DIAGNOSTICS_S, self._publish, clock=steady)
+
+    def _verdict(self, state: TrackingState) -> tuple[bytes, str]:
+        if self._monitor.is_paused:
+            return DiagnosticStatus.WARN, "paused"
+        if self._watch.silence:
+            return DiagnosticStatus.STALE, self._watch.silence
+        return DIAGNOSTIC_LEVELS[state], state.value
+
+    def _publish(self) -> None:
+        values: dict[str, object] = {**self._monitor.values(time.monotonic_ns())}
+        for channel, counts in self._synchronizer.counts.items():
+            values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
+        level, message = self._verdict(self._monitor.state)
+        status = DiagnosticStatus(
+            level=level,
+            name=f"{self._node.get_fully_qualified_name()}: odometry",
+            message=message,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        header = Header(stamp=self._node.get_clock().now().to_msg())
+        self._publisher.publish(DiagnosticArray(header=header, status=[status]))

@@ -1,0 +1,104 @@
+"""Where the camera is on the robot, from parameters or TF; never assumed."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.live import extrinsics
+from rgbd_glue_ros.live.extrinsics import Framing
+from rgbd_glue_ros.node.tf import Transforms
+from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.types import Float64
+
+
+class NodeFraming:
+    """The frames of what is published, as soon as they are known."""
+
+    def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
+        """Takes what the parameters say.
+
+        Raises:
+            InputError: a parameter cannot be read, or without TF the parameters are not enough.
+        """
+        self._node = node
+        self._config = config
+        self._transforms = transforms
+        self._at_origin = self._given()
+        self._T_odom_start = extrinsics.pose_parameter("initial_pose", config.initial_pose)
+        self._said: set[str] = set()
+        if config.guess_frame_id and not (config.frame_id and transforms):
+            raise InputError(
+                "guess_frame_id",
+                "needs frame_id, and TF",
+                "set frame_id, and install tf2_msgs, or leave guess_frame_id empty",
+            )
+
+    def _given(self) -> Framing | None:
+        """The framing that the parameters give; None if TF has to."""
+        config = self._config
+        if config.frame_id and not config.camera_pose and self._transforms is not None:
+            return None
+        return extrinsics.framing(config.frame_id, config.camera_pose, config.camera_axes)
+
+    def start_at(self, T_odom_start: Float64 | None) -> None:
+        """Sets the pose [4, 4] that the next start is at; None for the origin."""
+        self._T_odom_start = T_odom_start
+
+    @property
+    def known(self) -> Framing | None:
+        """The framing; None if it is not known yet."""
+        if self._at_origin is None or self._T_odom_start is None:
+            return self._at_origin
+        return self._at_origin.starting_at(self._T_odom_start)
+
+    def of(self, camera_frame: str) -> Framing | None:
+        """The framing of a camera, looked up if need be; None if it is not known.
+
+        Args:
+            camera_frame: the optical frame of the camera.
+        """
+        if self._at_origin is None:
+            T_robot_camera = self._lookup(self._config.frame_id, camera_frame, None)
+            if T_robot_camera is not None:
+                self._at_origin = Framing.of_robot(T_robot_camera)
+                self._node.get_logger().info(f"TF: found {camera_frame}. {self.description}")
+        return self.known
+
+    def guess(self, stamp_ns: int) -> Float64 | None:
+        """Pose [4, 4] of the robot by another odometry; None if there is none, or not in time."""
+        if not self._config.guess_frame_id:
+            return None
+        return self._lookup(self._config.guess_frame_id, self._config.frame_id, stamp_ns)
+
+    def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
+        if self._transforms is None:
+            return None
+        wait_s = self._config.wait_for_transform
+        found = self._transforms.lookup(target, source, stamp_ns, wait_s)
+        what = f"from {source or 'images without a frame'} to {target}"
+        if found is None and what not in self._said:
+            self._said.add(what)
+            self._node.get_logger().error(
+                f"TF: there is no transform {what}, waited {wait_s} s (said once): see that "
+                "robot_state_publisher, static_transform_publisher or the odometry runs"
+                + (", or set camera_pose" if target == self._config.frame_id else "")
+            )
+        return found
+
+    @property
+    def description(self) -> str:
+        """Where the camera is and looks at the start, as a user would check it."""
+        framing, odom = self.known, self._config.odom_frame_id
+        if framing is None:
+            return f"Where the camera is in {self._config.frame_id} is to come from TF"
+        x, y, z = framing.T_odom_c0[:3, 3]
+        ahead, up = framing.T_odom_c0[:3, 2], -framing.T_odom_c0[:3, 1]
+        return (
+            f"At the start the camera is at ({x:.3f} {y:.3f} {z:.3f}) in {odom}, looks along "
+            f"({_vector(ahead)}), and its image's top is towards ({_vector(up)})"
+        )
+
+
+def _vector(v: Float64) -> str:
+    return " ".join(f"{x + 0.0:.2f}" for x in v)

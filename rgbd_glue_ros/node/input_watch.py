@@ -1,0 +1,102 @@
+"""Watches what arrives, and says what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from rgbd_glue_ros.live.input_faults import (
+    Input,
+    explain_interval,
+    explain_missing,
+    explain_silence,
+)
+from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
+from rgbd_glue_ros.node.inputs import NodeInput
+
+LOOK_S = 5.0
+
+
+@dataclass(frozen=True)
+class _Counts:
+    """Complete frames, and messages of each channel that came and that did not, so far."""
+
+    matches: int
+    received: dict[Channel, int]
+    missing: dict[Channel, int]
+
+
+class NodeWatch:
+    """Looks every few seconds and logs what is new.
+
+    Attributes:
+        silence: why no frame was complete lately; "" if some were.
+    """
+
+    def __init__(
+        self, node: Node, synchronizer: Synchronizer[Any], inputs: Sequence[NodeInput]
+    ) -> None:
+        """Starts the timer.
+
+        Args:
+            node: has the timer and the log.
+            synchronizer: counts messages.
+            inputs: the subscriptions; may be filled later.
+        """
+        self.silence = ""
+        self._node = node
+        self._synchronizer = synchronizer
+        self._inputs = inputs
+        self._before = self._counts()
+        self._said: set[str] = set()
+        # not the node's clock: simulated time may stand still just when silence is to be reported
+        node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _counts(self) -> _Counts:
+        counts = self._synchronizer.counts
+        return _Counts(
+            self._synchronizer.matches,
+            {c: counts[c].received for c in Channel},
+            {c: counts[c].missing for c in Channel},
+        )
+
+    def _look(self) -> None:
+        now, before = self._counts(), self._before
+        self._before = now
+        received = {c: now.received[c] - before.received[c] for c in Channel}
+        missing = {c: now.missing[c] - before.missing[c] for c in Channel}
+        synchronizer = self._synchronizer
+        self._say_if_new("missing", explain_missing(missing, received))
+        self._say_if_new(
+            "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
+        )
+        if now.matches > before.matches or not self._inputs:
+            self.silence = ""
+            return
+        why = self._explain_silence(received)
+        if why != self.silence:
+            self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {why}")
+        self.silence = why
+
+    def _explain_silence(self, received: dict[Channel, int]) -> str:
+        inputs = [
+            Input(
+                i.channel, i.topic, i.publishers, received[i.channel], received[i.channel] / LOOK_S
+            )
+            for i in self._inputs
+        ]
+        return explain_silence(
+            inputs, self._synchronizer.closest_miss_ns, self._synchronizer.max_interval_ns
+        )
+
+    def _say_if_new(self, what: str, line: str | None) -> None:
+        """Logs a line unless the last look gave one of the same kind."""
+        if line is None:
+            self._said.discard(what)
+        elif what not in self._said:
+            self._said.add(what)
+            self._node.get_logger().warning(line)

@@ -1,0 +1,145 @@
+"""The node's subscriptions, which take what their publishers offer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.node.runtime import say_later
+from rgbd_glue_ros.parameters import NodeConfig
+
+Receive = Callable[[Channel, Any], None]
+
+
+class NodeInput:
+    """A subscription that takes the reliability its publishers offer, unless one is set.
+
+    A reliable subscription gets nothing from a best-effort publisher, and a best-effort one may
+    lose images of a reliable publisher; which one comes up is not known before it does.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        channel: Channel,
+        message_type: type,
+        topic: str,
+        receive: Receive,
+        config: NodeConfig,
+    ) -> None:
+        """Subscribes.
+
+        Args:
+            node: subscribes.
+            channel: what the topic carries.
+            message_type: of the topic.
+            topic: its full name.
+            receive: called with each message.
+            config: says which QoS.
+        """
+        self.channel = channel
+        self.topic = topic
+        self._node = node
+        self._type = message_type
+        self._receive = receive
+        self._depth = config.topic_queue_size
+        self._parameter = "qos_camera_info" if channel is Channel.INFO else "qos"
+        qos = config.qos_camera_info if channel is Channel.INFO else config.qos
+        self._matches_publisher = qos == 0
+        self._reliability = (
+            ReliabilityPolicy.RELIABLE if qos == 1 else ReliabilityPolicy.BEST_EFFORT
+        )
+        self._subscription = self._subscribe()
+
+    def _subscribe(self) -> Subscription:
+        return self._node.create_subscription(
+            self._type,
+            self.topic,
+            lambda message: self._receive(self.channel, message),
+            QoSProfile(depth=self._depth, reliability=self._reliability),
+            event_callbacks=SubscriptionEventCallbacks(
+                matched=self._publishers_changed, incompatible_qos=self._publishers_changed
+            ),
+        )
+
+    def _publishers_changed(self, _event: object) -> None:
+        publishers = self._node.get_publishers_info_by_topic(self.topic)
+        if not publishers:
+            return
+        if len(publishers) > 1:
+            self._node.get_logger().warning(
+                f"{self.topic} has {len(publishers)} publishers, whose messages mix: "
+                f"{', '.join(self.publishers)}; keep one. One that was killed is still counted "
+                "for a while"
+            )
+        offered = {info.qos_profile.reliability for info in publishers}
+        best = (
+            ReliabilityPolicy.RELIABLE
+            if offered == {ReliabilityPolicy.RELIABLE}
+            else ReliabilityPolicy.BEST_EFFORT
+        )
+        if best == self._reliability:
+            return
+        if not self._matches_publisher:
+            if self._reliability == ReliabilityPolicy.RELIABLE:
+                say_later(self._node, self._refusal)
+            return
+        self._node.get_logger().info(f"{self.topic}: subscribing {_words(best)}, as published")
+        self._reliability = best
+        self._node.destroy_subscription(self._subscription)
+        self._subscription = self._subscribe()
+
+    def _refusal(self) -> str:
+        return (
+            f"{self.topic} is published by {', '.join(self.publishers)}, but "
+            f"{self._node.get_fully_qualified_name()} subscribes reliable ({self._parameter}:=1) "
+            f"and gets nothing from a publisher with best effort; set {self._parameter} to 0"
+        )
+
+    @property
+    def publishers(self) -> tuple[str, ...]:
+        """Who publishes the topic, its type and its reliability."""
+        words = []
+        for info in self._node.get_publishers_info_by_topic(self.topic):
+            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            expected = self._type.__module__.split(".")[0] + "/msg/" + self._type.__name__
+            wrong = "" if info.topic_type == expected else f", not {expected}"
+            reliability = _words(info.qos_profile.reliability)
+            words.append(f"{name} ({info.topic_type}{wrong}, {reliability})")
+        return tuple(words)
+
+
+def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> list[NodeInput]:
+    """Subscribes to colour, depth and camera info, in this order."""
+    transports = {
+        Channel.COLOR: config.image_transport,
+        Channel.DEPTH: config.depth_transport,
+        Channel.INFO: topics.RAW,
+    }
+    inputs = []
+    for channel, transport in transports.items():
+        if channel is Channel.INFO:
+            message_type: type = CameraInfo
+        else:
+            message_type = Image if transport == topics.RAW else CompressedImage
+        # as image_transport does it: what users remap is the base topic
+        topic = topics.transported(node.resolve_topic_name(topics.SUBSCRIBED[channel]), transport)
+        inputs.append(NodeInput(node, channel, message_type, topic, receive, config))
+    return inputs
+
+
+def qos_words(profile: QoSProfile) -> str:
+    """What publisher and subscription have to agree on, as ``reliable, volatile``."""
+    return f"{_words(profile.reliability)}, {_words(profile.durability)}"
+
+
+def _words(policy: ReliabilityPolicy | DurabilityPolicy) -> str:
+    return str(policy.name).lower().replace("_", " ")

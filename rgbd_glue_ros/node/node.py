@@ -1,0 +1,318 @@
+"""The ROS node: subscribes to an RGB-D camera, publishes its pose.
+
+Subscription callbacks only pair messages by stamp; a worker thread converts the newest complete
+frame, runs the odometry on it and publishes. So a slow frame delays nothing but itself, and what
+comes meanwhile is dropped and counted, but for the newest.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import SimpleQueue
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from std_srvs.srv import Empty
+
+from rgbd_glue_ros import parameters as cfg
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.extrinsics import pose_parameter
+from rgbd_glue_ros.live.monitor import Drop, Monitor
+from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
+from rgbd_glue_ros.messages import images
+from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
+from rgbd_glue_ros.node.depth_camera import DepthCameraInput
+from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
+from rgbd_glue_ros.node.extrinsics import NodeFraming
+from rgbd_glue_ros.node.input_watch import NodeWatch
+from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
+from rgbd_glue_ros.node.outputs import NodeOutputs
+from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
+from rgbd_glue_ros.node.runtime import NodeExecutor, RosLogHandler, init
+from rgbd_glue_ros.node.tf import listen
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.warm_up import warm_up
+from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, TrackingState
+
+logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
+
+NODE_NAME = "rgbd_odometry"
+# Long enough for the slowest frame; a launch system kills what takes longer to end.
+CLOSE_S = 4.0
+# Frames that come this much before their turn by max_update_rate are taken: stamps jitter.
+EARLY_FRACTION = 0.1
+
+
+@dataclass(frozen=True)
+class _Arrival:
+    """A complete frame and when its last message came, by the monotonic clock."""
+
+    match: Match[Any]
+    arrived_ns: int
+
+
+class OdometryNode(Node):  # type: ignore[misc]
+    """RGB-D odometry as a node; a context manager, since it owns a thread.
+
+    Attributes:
+        monitor: counts what becomes of frames.
+    """
+
+    def __init__(self) -> None:
+        """Declares the parameters; subscribes as soon as the first frame would not be slow.
+
+        Raises:
+            InputError: a parameter has a value that it cannot have.
+        """
+        super().__init__(NODE_NAME)
+        self._log_handler = RosLogHandler(self.get_logger())
+        logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
+
+        self._node_config, self._config = declare_parameters(self)
+        transforms = listen(self, self._node_config)
+        self._framing = NodeFraming(self, self._node_config, transforms)
+        self._odometry = Odometry(self._config)
+        self.monitor = Monitor()
+        self._last_stamp_ns: int | None = None
+        self._last_taken_ns: int | None = None
+        approximate_ns = round(self._node_config.approx_sync_max_interval * NANOSECONDS)
+        self._synchronizer: Synchronizer[Any] = Synchronizer(
+            approximate_ns if self._node_config.approx_sync else 0,
+            self._node_config.sync_queue_size,
+        )
+        # what is to be done on the worker's thread, before the next frame
+        self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._worker = self._create_worker()
+        self._inputs: list[NodeInput] = []
+        self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
+        self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
+        watch = NodeWatch(self, self._synchronizer, self._inputs)
+        self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, watch)
+        for name, serve in (
+            (topics.RESET_SERVICE, self._serve_reset),
+            (topics.PAUSE_SERVICE, self._serve_pause),
+            (topics.RESUME_SERVICE, self._serve_resume),
+        ):
+            self.create_service(Empty, name, serve)
+        follow_changes(self, self._node_config, self._config, self._take_parameters)
+        self._warmed_up = self.create_guard_condition(self._subscribe)
+        # compiling for the first time takes long, and the process is to end when it is told to
+        threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
+
+    def __enter__(self) -> OdometryNode:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Finishes the frame in work and ends the thread."""
+        ended = self._worker.close(CLOSE_S)
+        self.get_logger().info(str(self.monitor.summary(time.monotonic_ns())))
+        logging.getLogger(cfg.PACKAGE).removeHandler(self._log_handler)
+        if ended:
+            self.destroy_node()
+
+    def _create_worker(self) -> Worker[_Arrival]:
+        if self._node_config.always_process_most_recent_frame:
+            return NewestWorker(self._process, lambda _: self.monitor.dropped(Drop.SUPERSEDED))
+        return QueueWorker(self._process, self._node_config.sync_queue_size)
+
+    def _take_parameters(self, node_config: cfg.NodeConfig, config: cfg.Config) -> None:
+        """Goes on by changed parameters, from the next frame on."""
+        self._node_config = self._outputs.config = node_config
+        self._requests.put(lambda: self._odometry.reconfigure(config))
+
+    # Services
+
+    def _serve_reset(self, _request: object, response: Empty.Response) -> Empty.Response:
+        self._requests.put(self._reset)
+        self.get_logger().info("Told to reset: starting anew with the next frame")
+        return response
+
+    def _serve_pause(self, _request: object, response: Empty.Response) -> Empty.Response:
+        self.monitor.is_paused = True
+        self.get_logger().info("Paused: no frame is processed until told to resume")
+        return response
+
+    def _serve_resume(self, _request: object, response: Empty.Response) -> Empty.Response:
+        self.monitor.is_paused = False
+        self.get_logger().info("Resumed")
+        return response
+
+    # Input
+
+    def _warm_up(self) -> None:
+        self.get_logger().info("Warming up; where nothing is compiled yet, it takes some seconds")
+        try:
+            warm_up(self._config)
+        except Exception:
+            logger.exception("Warming up failed, so the first frames will be slow")
+        with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
+            self._warmed_up.trigger()
+
+    def _subscribe(self) -> None:
+        self._inputs += node_inputs(self, self._node_config, self._receive)
+        self.get_logger().info(self._description())
+
+    def _receive(self, channel: Channel, message: Any) -> None:
+        arrived_ns = time.monotonic_ns()
+        stamp_ns = images.stamp_ns(message.header.stamp)
+        for match in self._synchronizer.add(channel, stamp_ns, message):
+            if self.monitor.is_paused:
+                self.monitor.dropped(Drop.PAUSED)
+            elif self._is_too_soon(match.stamp_ns):
+                self.monitor.dropped(Drop.TOO_SOON)
+            else:
+                self._last_taken_ns = match.stamp_ns
+                self._worker.submit(_Arrival(match, arrived_ns))
+
+    def _is_too_soon(self, stamp_ns: int) -> bool:
+        """Whether a frame is to be left out for ``max_update_rate``."""
+        if self._last_taken_ns is None or self._node_config.max_update_rate <= 0:
+            return False
+        period_ns = NANOSECONDS / self._node_config.max_update_rate
+        return 0 <= stamp_ns - self._last_taken_ns < (1 - EARLY_FRACTION) * period_ns
+
+    # Work, on the worker's thread
+
+    def _process(self, arrival: _Arrival) -> None:
+        while not self._requests.empty():
+            self._requests.get()()
+        state_before = self._odometry.state
+        try:
+            frame = self._frame(arrival.match)
+            self._reset_if_earlier(frame)
+            framing = self._framing.of(frame.frame_id)
+            if framing is None:
+                self.monitor.dropped(Drop.UNPLACED)
+                return
+            T_guess_child = self._framing.guess(frame.stamp_ns)
+            T_guess_camera = (
+                None
+                if T_guess_child is None
+                else T_guess_child @ se3.inverse(framing.T_camera_child)
+            )
+            estimate = self._odometry.track(frame, T_guess_camera)
+            pose = self._outputs.publish(estimate, framing, frame, T_guess_child)
+        except InputError as fault:
+            self.monitor.dropped(Drop.UNUSABLE)
+            if self.monitor.is_news(fault.where, fault.cause):
+                self.get_logger().error(f"{fault} (said once, counted from now on)")
+            return
+        except Exception as error:
+            self.monitor.dropped(Drop.FAILED)
+            if self.monitor.is_news("a frame", repr(error)):
+                logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
+            return
+        self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
+        self._announce(state_before, estimate)
+        self._update_map(estimate, pose)
+
+    def _update_map(self, estimate: OdometryEstimate, pose: PoseStamped | None) -> None:
+        """Does what only the next frame needs, now that the pose is on its way.
+
+        Args:
+            estimate: of the frame.
+            pose: as published; None if there was none.
+        """
+        try:
+            is_keyframe = self._odometry.update_map() or estimate.is_keyframe
+        except Exception as error:
+            if self.monitor.is_news("a keyframe", repr(error)):
+                logger.exception("A keyframe could not be made; going on without it")
+            return
+        if is_keyframe and pose is not None:
+            self._outputs.publish_keyframe(pose)
+
+    def _frame(self, match: Match[Any]) -> RgbdFrame:
+        color, depth, info = (i.topic for i in self._inputs)
+        names = images.FrameTopics(color, depth, info, self._depth_camera.topic)
+        taken_by = self._depth_camera.of(match, names)
+        return images.frame_from_messages(match.color, match.depth, match.info, names, taken_by)
+
+    def _reset_if_earlier(self, frame: RgbdFrame) -> None:
+        """Starts anew when time went back; ``Match.restarted`` may have been superseded."""
+        if self._last_stamp_ns is not None and frame.stamp_ns < self._last_stamp_ns:
+            back_s = (self._last_stamp_ns - frame.stamp_ns) / NANOSECONDS
+            self.get_logger().warning(
+                f"Time went back by {back_s:.3f} s (a bag in a loop?): starting anew"
+            )
+            self._reset()
+        self._last_stamp_ns = frame.stamp_ns
+
+    def _reset(self) -> None:
+        self._odometry.reset()
+        self._framing.start_at(pose_parameter("initial_pose", self._node_config.initial_pose))
+        self._outputs.forget_path()
+        self._last_stamp_ns = None
+
+    def _announce(self, before: TrackingState, estimate: OdometryEstimate) -> None:
+        if estimate.state is before:
+            return
+        if estimate.state is TrackingState.LOST:
+            result = estimate.registration
+            reason = f" ({result.status.value})" if result else ""
+            self.get_logger().warning(
+                f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f}{reason}: no pose is published "
+                "until the camera is found again"
+            )
+        elif before is TrackingState.LOST:
+            self.get_logger().info(f"Tracking again at {estimate.stamp_ns / NANOSECONDS:.3f}")
+
+    def _description(self) -> str:
+        """What is subscribed and published, in the frames as the user would check them."""
+        subscribed = ", ".join(i.topic for i in self._inputs)
+        child = self._node_config.frame_id or "the camera's optical frame"
+        return (
+            f"Subscribed to {subscribed}; publishing {self._node_config.odom_frame_id} -> {child}. "
+            f"{self._framing.description}"
+        )
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs the node until SIGINT or SIGTERM.
+
+    Returns:
+        The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
+    """
+    told_to_end = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: told_to_end.set())
+    try:
+        init(args)
+        with OdometryNode() as node:
+            executor = NodeExecutor(node, node.monitor.is_news)
+            spinning = threading.Thread(
+                target=executor.spin_until, args=[told_to_end.is_set], daemon=True
+            )
+            spinning.start()
+            told_to_end.wait()
+            executor.wake()
+            spinning.join()
+            executor.shutdown()
+    except InputError as error:
+        rclpy.logging.get_logger(NODE_NAME).fatal(str(error))
+        return 2
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

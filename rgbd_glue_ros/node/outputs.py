@@ -1,0 +1,185 @@
+"""What the node publishes of an estimate."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry as OdometryMessage
+from nav_msgs.msg import Path
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import Image
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.extrinsics import Framing
+from rgbd_glue_ros.live.match_image import match_image
+from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages.images import stamp_ns
+from rgbd_glue_ros.node.inputs import qos_words
+from rgbd_glue_ros.node.runtime import say_later
+from rgbd_glue_ros.node.tf import Broadcaster
+from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame
+
+# As rtabmap_odom has it.
+NULL_VARIANCE = 9999.0
+
+
+class NodeOutputs:
+    """Publishes what an estimate knows, and nothing that it does not.
+
+    Attributes:
+        config: what to publish; may be replaced by one that ``config.fixed_because`` allows.
+    """
+
+    def __init__(self, node: Node, config: NodeConfig, *, has_tf: bool) -> None:
+        """Creates the publishers.
+
+        Args:
+            node: publishes.
+            config: what, and in which frames.
+            has_tf: whether /tf can be published.
+        """
+        self._node = node
+        self.config = config
+        # without a robot frame, the child is the optical frame, whose parent is the driver's
+        does_broadcast = has_tf and config.publish_tf and config.frame_id
+        self._broadcaster = Broadcaster(node) if does_broadcast else None
+        self._pose = self._publisher(PoseStamped, topics.POSE)
+        self._odom = self._publisher(OdometryMessage, topics.ODOM)
+        self._keyframe = self._publisher(PoseStamped, topics.KEYFRAME_POSE)
+        self._path = self._publisher(Path, topics.PATH)
+        self._matches = self._publisher(Image, topics.MATCHES)
+        self._way: deque[PoseStamped] = deque(maxlen=config.path_poses)
+
+    def _publisher(self, message_type: type, topic: str) -> Publisher:
+        def refusal() -> str:
+            subscriptions = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
+            asked = ", ".join(
+                f"{i.node_namespace.rstrip('/')}/{i.node_name} ({qos_words(i.qos_profile)})"
+                for i in subscriptions
+            )
+            return (
+                f"{publisher.topic_name} is published {qos_words(publisher.qos_profile)}, and a "
+                f"subscription that asks for more gets nothing; subscribed by {asked}"
+            )
+
+        callbacks = PublisherEventCallbacks(
+            incompatible_qos=lambda _: say_later(self._node, refusal)
+        )
+        publisher = self._node.create_publisher(message_type, topic, 10, event_callbacks=callbacks)
+        return publisher
+
+    def publish(
+        self,
+        estimate: OdometryEstimate,
+        framing: Framing,
+        frame: RgbdFrame,
+        T_guess_child: Float64 | None,
+    ) -> PoseStamped | None:
+        """Publishes an estimate.
+
+        Args:
+            estimate: what is known after a frame.
+            framing: from the camera to the frames that are published.
+            frame: that it is of.
+            T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
+
+        Returns:
+            The pose as published; None if there is none.
+        """
+        child = self.config.frame_id or frame.frame_id
+        self._show_matches(frame, estimate)
+        if estimate.T_odom_camera is None:
+            if self.config.publish_null_when_lost:
+                self._odom.publish(self._null(estimate.stamp_ns, child))
+            return None
+        head = fields.header(estimate.stamp_ns, self.config.odom_frame_id)
+        T_odom_child = framing.pose(estimate.T_odom_camera)
+        pose = fields.copy_fields(fields.pose_stamped(T_odom_child, head), PoseStamped())
+        self._broadcast(T_odom_child, T_guess_child, estimate.stamp_ns)
+        self._pose.publish(pose)
+        self._publish_odom(estimate, framing, pose, child)
+        self._extend_path(pose)
+        return pose
+
+    def publish_keyframe(self, pose: PoseStamped) -> None:
+        """Publishes the pose of a frame that became a keyframe."""
+        self._keyframe.publish(pose)
+
+    def _publish_odom(
+        self, estimate: OdometryEstimate, framing: Framing, pose: PoseStamped, child: str
+    ) -> None:
+        if (
+            estimate.T_odom_camera is None
+            or estimate.covariance is None
+            or estimate.twist is None
+            or estimate.twist_covariance is None
+        ):
+            return  # the first frame has no velocity, and a made-up one would be believed
+        odom = OdometryMessage(header=pose.header)
+        odom.child_frame_id = child
+        odom.pose.pose = pose.pose
+        odom.pose.covariance = framing.pose_covariance(
+            estimate.T_odom_camera, estimate.covariance
+        ).ravel()
+        odom.twist.twist = _twist_message(framing.twist(estimate.twist))
+        odom.twist.covariance = framing.twist_covariance(estimate.twist_covariance).ravel()
+        self._odom.publish(odom)
+
+    def forget_path(self) -> None:
+        """Begins the path anew, as after a reset."""
+        self._way.clear()
+
+    def _extend_path(self, pose: PoseStamped) -> None:
+        """Adds the pose where it is time, and publishes the path while somebody listens."""
+        if self._way:
+            since_ns = stamp_ns(pose.header.stamp) - stamp_ns(self._way[-1].header.stamp)
+            if since_ns < self.config.path_period * NANOSECONDS:
+                return
+        self._way.append(pose)
+        if self._path.get_subscription_count():
+            self._path.publish(Path(header=pose.header, poses=list(self._way)))
+
+    def _show_matches(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        """Draws the matches while somebody looks."""
+        if self._matches.get_subscription_count():
+            head = fields.header(estimate.stamp_ns, frame.frame_id)
+            image = fields.color_image(match_image(frame, estimate), head)
+            self._matches.publish(fields.copy_fields(image, Image()))
+
+    def _broadcast(
+        self, T_odom_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
+    ) -> None:
+        """Publishes /tf, where that leaves every frame with one parent."""
+        config = self.config
+        if self._broadcaster is None:
+            return
+        if not config.guess_frame_id:
+            self._broadcaster.publish(config.odom_frame_id, config.frame_id, T_odom_child, stamp_ns)
+        elif T_guess_child is not None:
+            T_odom_guess = T_odom_child @ se3.inverse(T_guess_child)
+            self._broadcaster.publish(
+                config.odom_frame_id, config.guess_frame_id, T_odom_guess, stamp_ns
+            )
+
+    def _null(self, stamp_ns: int, child: str) -> OdometryMessage:
+        """What rtabmap_odom publishes for a frame without a pose."""
+        head = fields.header(stamp_ns, self.config.odom_frame_id)
+        odom = OdometryMessage()
+        fields.copy_fields(head, odom.header)
+        odom.child_frame_id = child
+        odom.pose.pose.orientation.w = 0.0
+        odom.pose.covariance = odom.twist.covariance = np.diag([NULL_VARIANCE] * 6).ravel()
+        return odom
+
+
+def _twist_message(velocity: Float64) -> Twist:
+    twist = Twist()
+    for part, (x, y, z) in ((twist.linear, velocity[:3]), (twist.angular, velocity[3:])):
+        part.x, part.y, part.z = float(x), float(y), float(z)
+    return twist

@@ -1,0 +1,132 @@
+"""The parameters of ``config`` as parameters of a ROS node."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from rgbd_glue_ros import parameters as cfg
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.live.extrinsics import pose_parameter
+
+
+def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
+    """Declares all parameters with the values that the node's overrides give them.
+
+    Overrides are read before the declaration, which would refuse an int where a double is
+    declared, take a misspelt name for nothing, and know no preset below them.
+
+    Raises:
+        InputError: a parameter has a value that it cannot have.
+    """
+    # rclpy has no other way to them
+    overrides = node._parameter_overrides  # noqa: SLF001
+    given = {cfg.USUAL_NAMES.get(name, name): item.value for name, item in overrides.items()}
+    own = {p.name: p for p in cfg.parameters(cfg.NodeConfig())}
+    method = {p.name: p for p in cfg.parameters(cfg.Config())}
+    node_config = cfg.with_values(
+        cfg.NodeConfig(), {name: value for name, value in given.items() if name in own}
+    )
+    odometry_config = cfg.with_values(
+        cfg.load_preset(node_config.preset),
+        {name: value for name, value in given.items() if name in method},
+    )
+    resolved = {**cfg.values(node_config), **cfg.values(odometry_config)}
+    for parameter in [*own.values(), *method.values()]:
+        node.declare_parameter(
+            parameter.name,
+            resolved[parameter.name],
+            _descriptor(parameter),
+            ignore_override=True,
+        )
+    for name in given:
+        # rclpy declares some by itself, as use_sim_time
+        if not node.has_parameter(name):
+            node.get_logger().error(str(cfg.unknown_parameter(name, resolved)))
+    return node_config, odometry_config
+
+
+def follow_changes(
+    node: Node,
+    node_config: cfg.NodeConfig,
+    config: cfg.Config,
+    changed: Callable[[cfg.NodeConfig, cfg.Config], None],
+) -> None:
+    """Lets parameters change that can while the node runs; others are refused with the reason.
+
+    Args:
+        node: whose parameters were declared by ``declare_parameters``.
+        node_config: the node's values so far.
+        config: the method's values so far.
+        changed: called with all values after some have changed.
+    """
+    now = (node_config, config)
+
+    def parts(parameters: list[RosParameter]) -> tuple[dict[str, object], dict[str, object]]:
+        own, method = (
+            {p.name: p.value for p in parameters if p.name in cfg.values(part)} for part in now
+        )
+        return own, method
+
+    def check(parameters: list[RosParameter]) -> SetParametersResult:
+        own, method = parts(parameters)
+        for name in (*own, *method):
+            reason = cfg.fixed_because(name)
+            if reason:
+                return SetParametersResult(
+                    successful=False, reason=f"{name} cannot change while the node runs: {reason}"
+                )
+        try:
+            cfg.with_values(now[0], own)
+            cfg.with_values(now[1], method)
+            pose_parameter("initial_pose", str(own.get("initial_pose", "")))
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def take(parameters: list[RosParameter]) -> None:
+        nonlocal now
+        own, method = parts(parameters)
+        if own or method:
+            now = cfg.with_values(now[0], own), cfg.with_values(now[1], method)
+            changed(*now)
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(take)
+
+
+def _descriptor(parameter: cfg.Parameter) -> ParameterDescriptor:
+    """The declaration of a parameter, as ROS tells it."""
+    fixed = cfg.fixed_because(parameter.name)
+    descriptor = ParameterDescriptor(
+        name=parameter.name,
+        description=parameter.description,
+        # not read_only, which would refuse without the reason
+        additional_constraints=f"Takes {parameter.allowed}."
+        + (f" Cannot change while the node runs: {fixed}." if fixed else ""),
+    )
+    low, high = parameter.minimum, parameter.maximum
+    if parameter.type is int and (low, high) != (None, None):
+        descriptor.integer_range = [
+            IntegerRange(
+                from_value=-(2**63) if low is None else int(low),
+                to_value=2**63 - 1 if high is None else int(high),
+            )
+        ]
+    elif parameter.type is float and (low, high) != (None, None):
+        descriptor.floating_point_range = [
+            FloatingPointRange(
+                from_value=-sys.float_info.max if low is None else float(low),
+                to_value=sys.float_info.max if high is None else float(high),
+            )
+        ]
+    return descriptor

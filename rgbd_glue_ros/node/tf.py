@@ -1,0 +1,136 @@
+"""TF: where the camera is on the robot, where another odometry has it, and the pose for others.
+
+``tf2_ros`` is used where it is installed. ROS from PyPI lacks it; where ``tf2_msgs`` can be
+imported, the node listens to /tf and /tf_static by itself, and where not it does without.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, Protocol
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages.images import pose_from_message, stamp_ns
+from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TransformTree
+from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.types import Float64
+
+if TYPE_CHECKING:
+    from tf2_msgs.msg import TFMessage
+
+# As tf2 has them.
+TF, TF_STATIC = "/tf", "/tf_static"
+TF_QOS = QoSProfile(depth=100)
+TF_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+POLL_S = 0.005
+
+
+class Transforms(Protocol):
+    """What is known of the frames."""
+
+    def lookup(
+        self, target: str, source: str, stamp_ns: int | None, timeout_s: float
+    ) -> Float64 | None:
+        """As ``TransformTree.lookup``; waits, so not to be called by the executor's thread."""
+        ...
+
+
+def listen(node: Node, config: NodeConfig) -> Transforms | None:
+    """Listens to TF as well as it can be done, and logs how; None if it cannot."""
+    try:
+        import tf2_ros  # noqa: PLC0415 - not part of ROS from PyPI
+    except ImportError:
+        pass
+    else:
+        node.get_logger().info("TF: by tf2_ros")
+        return _BufferedTransforms(node, tf2_ros)
+    try:
+        from tf2_msgs.msg import TFMessage  # noqa: PLC0415 - not part of ROS from PyPI
+    except ImportError:
+        node.get_logger().info("TF: none, since neither tf2_ros nor tf2_msgs is installed")
+        return None
+    node.get_logger().info("TF: by the node itself, since tf2_ros is not installed")
+    tree = TransformTree()
+
+    def receive(message: TFMessage, *, is_static: bool) -> None:
+        for transform in message.transforms:
+            try:
+                T = pose_from_message(transform, TF)
+            except InputError:
+                continue  # nothing that could be used
+            head = transform.header
+            stamp = None if is_static else stamp_ns(head.stamp)
+            tree.add(_name(head.frame_id), _name(transform.child_frame_id), T, stamp)
+
+    node.create_subscription(
+        TFMessage, TF_STATIC, lambda m: receive(m, is_static=True), TF_STATIC_QOS
+    )
+    # a robot's /tf is much to take in for nothing
+    if config.guess_frame_id or (config.frame_id and not config.camera_pose):
+        node.create_subscription(TFMessage, TF, lambda m: receive(m, is_static=False), TF_QOS)
+    return tree
+
+
+class _BufferedTransforms:
+    """tf2_ros's buffer and listener."""
+
+    def __init__(self, node: Node, tf2_ros: Any) -> None:
+        self._buffer = tf2_ros.Buffer(Duration(nanoseconds=HISTORY_NS))
+        self._listener = tf2_ros.TransformListener(self._buffer, node)
+        self._error = tf2_ros.TransformException
+
+    def lookup(
+        self, target: str, source: str, stamp_ns: int | None, timeout_s: float
+    ) -> Float64 | None:
+        # not the buffer's own waiting, which goes by a clock that may stand still
+        end = time.monotonic() + timeout_s
+        while True:
+            found = self._lookup(target, source, stamp_ns)
+            if found is not None or time.monotonic() >= end:
+                return found
+            time.sleep(POLL_S)
+
+    def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
+        when = Time(nanoseconds=stamp_ns or 0)  # 0 is the newest
+        try:
+            found = self._buffer.lookup_transform(_name(target), _name(source), when)
+        except self._error:
+            return None
+        return pose_from_message(found, TF)
+
+
+class Broadcaster:
+    """Publishes poses on /tf."""
+
+    def __init__(self, node: Node) -> None:
+        """Creates the publisher.
+
+        Raises:
+            ImportError: tf2_msgs is not installed.
+        """
+        from tf2_msgs.msg import TFMessage  # noqa: PLC0415 - not part of ROS from PyPI
+
+        self._type = TFMessage
+        self._publisher = node.create_publisher(TFMessage, TF, TF_QOS)
+
+    def publish(self, parent: str, child: str, T_parent_child: Float64, stamp_ns: int) -> None:
+        """Publishes the pose [4, 4] of a frame in another."""
+        transform = TransformStamped(child_frame_id=child)
+        fields.copy_fields(fields.header(stamp_ns, parent), transform.header)
+        to, turn = transform.transform.translation, transform.transform.rotation
+        to.x, to.y, to.z = (float(value) for value in T_parent_child[:3, 3])
+        turn.x, turn.y, turn.z, turn.w = (float(v) for v in se3.quaternion(T_parent_child))
+        self._publisher.publish(self._type(transforms=[transform]))
+
+
+def _name(frame: str) -> str:
+    """A frame's name as tf2 has it; ROS 1 began them with a slash."""
+    return frame.removeprefix("/")

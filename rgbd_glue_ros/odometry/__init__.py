@@ -1,0 +1,1 @@
+"""The pose of a moving camera, from keyframes, tracking and relocalisation."""

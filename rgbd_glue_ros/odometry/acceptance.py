@@ -1,0 +1,44 @@
+"""Whether what planes and pixels say of a pose is enough to believe it."""
+
+from __future__ import annotations
+
+from rgbd_glue_ros.parameters import OdometryConfig
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+
+# Surfaces fill an image, but all its texture may be on somebody who walks through it: what the
+# correlation of brightness counts beside the agreement of planes.
+_TEXTURE = 0.3
+
+
+def believable(found: Refinement, asked: int, config: OdometryConfig) -> bool:
+    """Whether planes or pixels speak for a pose and the planes do not speak against it.
+
+    Args:
+        found: the pose.
+        asked: planes of which a part has to agree.
+        config: how much it takes.
+    """
+    enough = asked >= config.min_planes
+    agreement = found.planes_agreeing / max(asked, 1)
+    if enough and agreement < config.plane_agreement / 2:
+        return False
+    return (enough and agreement >= config.plane_agreement) or (
+        found.pixels_seen >= config.min_pixels and found.correlation >= config.pixel_correlation
+    )
+
+
+def certain(found: Refinement, config: OdometryConfig) -> bool:
+    """Whether to believe a pose that is unlikely: one that a camera hardly gets to, or was at.
+
+    Planes and pixels must speak for it, those too that something may hide.
+    """
+    return (
+        found.planes_seen >= config.min_planes
+        and found.plane_agreement >= config.plane_agreement
+        and found.correlation >= config.pixel_correlation
+    )
+
+
+def support(found: Refinement) -> float:
+    """How well planes and pixels agree, for choosing between two poses of one frame."""
+    return found.plane_agreement + _TEXTURE * max(found.correlation, 0.0)

@@ -1,0 +1,141 @@
+"""Keyframes: frames with a pose that others are registered and refined against."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.parameters import OdometryConfig
+from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.types import Float64
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A frame that others are registered against.
+
+    Attributes:
+        number: counted from 0.
+        stamp_ns: of the frame.
+        T_odom_camera: float64 [4, 4].
+        covariance: float64 [6, 6] of the pose, perturbation on the left, odom frame.
+        features: of the frame.
+        model: its planes and pixels, in the odom frame.
+    """
+
+    number: int
+    stamp_ns: int
+    T_odom_camera: Float64
+    covariance: Float64
+    features: FrameFeatures
+    model: Model
+
+
+@dataclass(frozen=True)
+class Anchor(Keyframe):
+    """A keyframe that tracking has left behind.
+
+    Attributes:
+        correction: float64 [4, 4], what takes the drift out of ``T_odom_camera``.
+    """
+
+    correction: Float64
+
+    @property
+    def corrected_pose(self) -> Float64:
+        """The pose without the drift, float64 [4, 4]."""
+        return self.correction @ self.T_odom_camera
+
+
+class Keyframes:
+    """The latest keyframes, and of those before them the ones that know the room.
+
+    The latest are the window that tracking chooses from. One that leaves it becomes an anchor,
+    unless there is an earlier one near, which has drifted less. Where room is short the oldest
+    anchor goes.
+    """
+
+    def __init__(self, config: OdometryConfig) -> None:
+        self._config = config
+        self._window: deque[Keyframe] = deque()
+        self._anchors: deque[Anchor] = deque()
+        self._count = 0
+
+    def __len__(self) -> int:
+        return len(self._anchors) + len(self._window)
+
+    def __iter__(self) -> Iterator[Keyframe]:
+        yield from self._anchors
+        yield from self._window
+
+    def add(
+        self,
+        stamp_ns: int,
+        T_odom_camera: Float64,
+        covariance: Float64,
+        features: FrameFeatures,
+        model: Model,
+        correction: Float64,
+    ) -> Keyframe:
+        """Makes a keyframe of a frame.
+
+        Args:
+            stamp_ns: of the frame.
+            T_odom_camera: as tracked, float64 [4, 4].
+            covariance: float64 [6, 6] of it.
+            features: of the frame.
+            model: in its camera's frame.
+            correction: what takes out the drift as it is known now, float64 [4, 4].
+        """
+        moved = model.moved(T_odom_camera)
+        number, self._count = self._count, self._count + 1
+        keyframe = Keyframe(number, stamp_ns, T_odom_camera, covariance, features, moved)
+        self._window.append(keyframe)
+        if len(self._window) > min(self._config.window, self._config.keyframes):
+            self._leave(self._window.popleft(), correction)
+        while len(self) > self._config.keyframes:
+            self._anchors.popleft()
+        return keyframe
+
+    def _leave(self, keyframe: Keyframe, correction: Float64) -> None:
+        anchor = Anchor(**vars(keyframe), correction=correction)
+        if self.anchor(anchor.corrected_pose, self._config.keyframe_spacing) is None:
+            self._anchors.append(anchor)
+
+    def forget(self) -> None:
+        """Drops all keyframes; numbers go on."""
+        self._window.clear()
+        self._anchors.clear()
+
+    def anchor(self, T_corrected: Float64, radius: float) -> Anchor | None:
+        """The earliest anchor that saw the room from nearer there than ``radius``, if there is one.
+
+        Args:
+            T_corrected: pose of a camera, without the drift, float64 [4, 4].
+            radius: metres plus radians.
+        """
+        near = (k for k in self._anchors if se3.difference(k.corrected_pose, T_corrected) < radius)
+        return next(near, None)
+
+    def latest(self, count: int) -> list[Keyframe]:
+        """The last ``count`` keyframes, newest first."""
+        return list(self)[::-1][:count]
+
+    def in_turn(self, count: int, turn: int) -> list[Keyframe]:
+        """``count`` of all keyframes, newest first and other ones every turn, until all had theirs.
+
+        Args:
+            count: how many.
+            turn: from 0, which has the newest.
+        """
+        newest_first = self.latest(len(self))
+        start = turn * count % max(len(newest_first), 1)
+        return (newest_first[start:] + newest_first[:start])[:count]
+
+    def nearest(self, T_odom_camera: Float64) -> list[Keyframe]:
+        """The window, those first that saw the room from most nearly there."""
+        newest_first = reversed(self._window)
+        return sorted(newest_first, key=lambda k: se3.difference(k.T_odom_camera, T_odom_camera))

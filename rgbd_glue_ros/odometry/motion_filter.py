@@ -1,0 +1,139 @@
+"""How a camera moves between frames: a Kalman filter of pose and velocity.
+
+Poses of single frames jitter, above all along directions that the images hardly fix; a camera has
+mass and does not. The filter follows the images where they are precise and the motion where not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
+from rgbd_glue_ros.parameters import MotionConfig
+from rgbd_glue_ros.types import NANOSECONDS, Float64
+
+# A velocity is worth something for this long; after it the camera is expected where it was.
+_MEMORY_S = 0.25
+# Before anything is known: a camera on a robot or in a hand, m/s and rad/s.
+_START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
+# How much a camera that shows anything may change its speed between two frames, m/s and rad/s.
+_CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
+# No camera is moved faster and sees anything: it was found again elsewhere.
+_FASTEST = np.array([5.0] * 3 + [10.0] * 3)
+# The two parts of the filter's state.
+_POSE, _VELOCITY = slice(0, 6), slice(6, 12)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Pose and velocity at a time.
+
+    Attributes:
+        stamp_ns: of the last frame that had a pose.
+        T_odom_camera: float64 [4, 4].
+        velocity: float64 [6], linear and angular, in the camera's frame (m/s, rad/s).
+        covariance: float64 [12, 12] of pose and velocity; perturbations on the right of the pose,
+            in the camera's frame.
+    """
+
+    stamp_ns: int
+    T_odom_camera: Float64
+    velocity: Float64
+    covariance: Float64
+
+    @staticmethod
+    def start(stamp_ns: int, T_odom_camera: Float64) -> Motion:
+        """A pose that is known, and a velocity that is not."""
+        covariance = np.diag(np.concatenate([np.zeros(6), _START_SPEED**2]))
+        return Motion(stamp_ns, T_odom_camera, np.zeros(6), covariance)
+
+    def predicted(self, stamp_ns: int, config: MotionConfig) -> Motion:
+        """The motion at a later stamp, at constant velocity but for random accelerations."""
+        elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
+        moving = min(elapsed, _MEMORY_S)
+        step = se3.exp(self.velocity * moving)
+        F = np.eye(12)
+        F[:6, :6] = se3.adjoint(se3.inverse(step))
+        F[:6, 6:] = moving * np.eye(6)
+        # the velocity changes at the start of the step: a change spread over it would have to be
+        # twice as great, and a filter that believes its measurements would swing
+        G = np.concatenate([np.eye(6) * elapsed**2, np.eye(6) * elapsed])
+        acceleration = np.diag([config.acceleration**2] * 3 + [config.angular_acceleration**2] * 3)
+        covariance = F @ self.covariance @ F.T + G @ acceleration @ G.T
+        # the velocity at the end is not the mean of the step, which is all that poses tell
+        covariance[6:, 6:] += acceleration * (elapsed / 2) ** 2
+        # what the camera does after the memory has faded, nobody knows
+        velocity = self.velocity * (moving / elapsed)
+        return Motion(stamp_ns, self.T_odom_camera @ step, velocity, covariance)
+
+    def reaches(self, T_odom_camera: Float64, predicted: Motion) -> bool:
+        """Whether a camera that was last here can be there now.
+
+        Args:
+            T_odom_camera: there, float64 [4, 4].
+            predicted: where it is expected now.
+        """
+        elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
+        covariance = predicted.covariance[:6, :6] + np.diag((_CHANGE_OF_SPEED * elapsed) ** 2)
+        way = se3.log(se3.inverse(predicted.T_odom_camera) @ T_odom_camera)
+        return mahalanobis_squared(way, covariance) < SURPRISE
+
+    def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
+        """The motion after a measured pose.
+
+        A measurement that the prediction finds all but impossible is believed: the camera was
+        pushed, or found again, and the prediction was too sure of itself.
+
+        Args:
+            T_measured: T_odom_camera, float64 [4, 4].
+            covariance: float64 [6, 6] of it, perturbation on the right.
+        """
+        innovation = se3.log(se3.inverse(self.T_odom_camera) @ T_measured)
+        surprise = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
+        P = self.covariance * max(1.0, (surprise / SURPRISE) ** 2)
+        corrected = self._updated(P, _POSE, innovation, covariance)
+        if (np.abs(corrected.velocity) < _FASTEST).all():
+            return corrected
+        start = Motion.start(self.stamp_ns, corrected.T_odom_camera)
+        start.covariance[:6, :6] = corrected.covariance[:6, :6]
+        return start
+
+    def corrected_velocity(self, velocity: Float64, covariance: Float64) -> Motion:
+        """The motion after a measured velocity; as it was, where the two disagree altogether.
+
+        Args:
+            velocity: float64 [6], linear and angular, in the camera's frame.
+            covariance: float64 [6, 6] of it.
+        """
+        innovation = velocity - self.velocity
+        expected = self.covariance[_VELOCITY, _VELOCITY] + covariance
+        # the comparison with NaN is false, too
+        if not mahalanobis_squared(innovation, expected) <= SURPRISE:
+            return self
+        return self._updated(self.covariance, _VELOCITY, innovation, covariance)
+
+    def _updated(
+        self, P: Float64, measured: slice, innovation: Float64, covariance: Float64
+    ) -> Motion:
+        """The update of a Kalman filter.
+
+        Args:
+            P: float64 [12, 12], how uncertain the motion is before it.
+            measured: which of pose and velocity was measured.
+            innovation: float64 [6], how far off the measurement is.
+            covariance: float64 [6, 6] of the measurement.
+        """
+        gain = P[:, measured] @ np.linalg.inv(P[measured, measured] + covariance)
+        change = gain @ innovation
+        # Joseph's form: the difference P - gain P has no digit left after a minute without a pose
+        kept = np.eye(12)
+        kept[:, measured] -= gain
+        return replace(
+            self,
+            T_odom_camera=self.T_odom_camera @ se3.exp(change[_POSE]),
+            velocity=self.velocity + change[_VELOCITY],
+            covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
+        )

@@ -1,0 +1,43 @@
+"""Gets over with what makes the first frames slow: libraries, compiled code, caches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import Config, with_values
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
+
+_WIDTH, _HEIGHT = 640, 480
+_FOCAL_PX = 525.0
+_PERIOD_NS = NANOSECONDS // 30
+
+
+def warm_up(config: Config) -> None:
+    """Runs an odometry of its own over made-up frames; takes long only where nothing is cached."""
+    # every frame becomes a keyframe, as that takes code of its own
+    odometry = Odometry(with_values(config, {"odometry.keyframe_translation": 0.001}))
+    for i in range(4):
+        odometry.process(_frame(i))
+
+
+def _frame(i: int) -> RgbdFrame:
+    """A bumpy wall and a box before it, covered with noise, that move by.
+
+    So every stage has something to do.
+    """
+    centre = (_WIDTH - 1) / 2, (_HEIGHT - 1) / 2
+    camera = CameraIntrinsics(_WIDTH, _HEIGHT, _FOCAL_PX, _FOCAL_PX, *centre)
+    blocks = np.random.default_rng(0).integers(0, 255, (_HEIGHT // 8, _WIDTH // 8, 3), np.uint8)
+    color = np.kron(blocks, np.ones((8, 8, 1), np.uint8))
+    u, v = np.meshgrid(np.arange(_WIDTH), np.arange(_HEIGHT))
+    depth = (2 + 0.2 * np.sin(u / 50) * np.cos(v / 40)).astype(np.float32)
+    depth[_HEIGHT // 4 : -_HEIGHT // 4, _WIDTH // 4 : -_WIDTH // 4] -= 0.8
+    shift = 2 * i
+    return RgbdFrame(
+        i * _PERIOD_NS,
+        np.roll(color, shift, axis=1),
+        np.roll(depth, shift, axis=1),
+        camera,
+        depth_delay_ns=_PERIOD_NS,
+    )

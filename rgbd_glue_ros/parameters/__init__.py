@@ -1,0 +1,78 @@
+"""Every parameter, declared once: type, default, unit, range and meaning.
+
+The YAML files in ``config/``, the command line, the ROS parameters and the tables in ``docs/`` are
+generated from these declarations or checked against them.
+"""
+
+from __future__ import annotations
+
+from rgbd_glue_ros.parameters.files import (
+    PACKAGE,
+    load_preset,
+    load_yaml,
+    parse_assignment,
+    share_directory,
+    to_markdown,
+    to_yaml,
+)
+from rgbd_glue_ros.parameters.method import (
+    FALLBACK_METHODS,
+    FIT_METHODS,
+    FIXED,
+    GEOMETRIC_FEATURES,
+    VISUAL_FEATURES,
+    CameraConfig,
+    Config,
+    FeaturesConfig,
+    FitConfig,
+    GlueConfig,
+    MotionConfig,
+    OdometryConfig,
+    RansacConfig,
+    RefineConfig,
+    TimingConfig,
+)
+from rgbd_glue_ros.parameters.node import NODE_CHANGEABLE, USUAL_NAMES, NodeConfig, fixed_because
+from rgbd_glue_ros.parameters.parameter import (
+    Parameter,
+    Value,
+    parameters,
+    unknown_parameter,
+    values,
+    with_values,
+)
+
+__all__ = [
+    "FALLBACK_METHODS",
+    "FIT_METHODS",
+    "FIXED",
+    "GEOMETRIC_FEATURES",
+    "NODE_CHANGEABLE",
+    "PACKAGE",
+    "USUAL_NAMES",
+    "VISUAL_FEATURES",
+    "CameraConfig",
+    "Config",
+    "FeaturesConfig",
+    "FitConfig",
+    "GlueConfig",
+    "MotionConfig",
+    "NodeConfig",
+    "OdometryConfig",
+    "Parameter",
+    "RansacConfig",
+    "RefineConfig",
+    "TimingConfig",
+    "Value",
+    "fixed_because",
+    "load_preset",
+    "load_yaml",
+    "parameters",
+    "parse_assignment",
+    "share_directory",
+    "to_markdown",
+    "to_yaml",
+    "unknown_parameter",
+    "values",
+    "with_values",
+]

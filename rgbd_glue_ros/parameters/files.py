@@ -1,0 +1,124 @@
+"""Parameters in files and on the command line: YAML, presets, ``name=value``, Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters.method import Config
+from rgbd_glue_ros.parameters.parameter import parameters, values, with_values
+
+C = TypeVar("C")
+
+PACKAGE = "rgbd_glue_ros"
+
+
+def parse_assignment(text: str) -> tuple[str, object]:
+    """``name=value`` as given to ``--set``; the value is read as YAML.
+
+    Raises:
+        InputError: there is no equals sign, or the value is not YAML.
+    """
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise InputError(f"--set {text}", "not of the form name=value", "as in --set glue.k=3")
+    try:
+        parsed = yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise InputError(f"--set {text}", "the value is not YAML", "quote it") from error
+    return name, "" if parsed is None else parsed
+
+
+def share_directory() -> Path:
+    """The folder that holds ``config/``, ``launch/`` and ``package.xml``: source tree or share.
+
+    Raises:
+        InputError: the package was copied without its data files.
+    """
+    here = Path(__file__).resolve()
+    for parent in here.parents:
+        for candidate in (parent, parent / "share" / PACKAGE):
+            if (candidate / "package.xml").is_file() and (candidate / "config").is_dir():
+                return candidate
+    raise InputError(here.parent, "the package's data files are missing", "install it again")
+
+
+def load_yaml(path: Path, base: C) -> C:
+    """``base`` with the values of a ROS parameter file (``/**: ros__parameters: …``) set.
+
+    Raises:
+        InputError: the file cannot be read, is not such a file, or holds a bad value.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(path, f"cannot be read ({reason})", "give a YAML file") from error
+    try:
+        ((_, node),) = content.items()
+        tree = node["ros__parameters"]
+        changes = dict(_flattened(tree))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            path, "is no ROS parameter file", "it starts with '/**:' and 'ros__parameters:'"
+        ) from error
+    try:
+        return with_values(base, changes)
+    except InputError as error:
+        raise InputError(f"{path}: {error.where}", error.cause, error.remedy) from error
+
+
+def load_preset(name: str) -> Config:
+    """The configuration of ``config/<name>.yaml``.
+
+    Raises:
+        InputError: there is no such preset.
+    """
+    folder = share_directory() / "config"
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
+        raise InputError(f"preset {name!r}", "does not exist", f"take one of {known}")
+    return load_yaml(path, Config())
+
+
+def _flattened(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    for name, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flattened(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def to_yaml(config: object) -> str:
+    """The configuration as a commented ROS parameter file, which ``load_yaml`` reads back."""
+    lines = ["/**:", "  ros__parameters:"]
+    current = values(config)
+    sections: list[str] = []
+    for parameter in parameters(config):
+        *path, name = parameter.name.split(".")
+        for depth, section in enumerate(path):
+            if sections[: depth + 1] != path[: depth + 1]:
+                lines.append("  " * (depth + 2) + f"{section}:")
+        sections = path
+        indent = "  " * (len(path) + 2)
+        value = yaml.safe_dump(current[parameter.name], width=math.inf).splitlines()[0]
+        lines.append(f"{indent}# {parameter.description} Takes {parameter.allowed}.")
+        lines.append(f"{indent}{name}: {value}")
+    return "\n".join(lines) + "\n"
+
+
+def to_markdown(config: object) -> str:
+    """The configuration as a Markdown table of all parameters."""
+    current = values(config)
+    rows = ["| parameter | value | unit | takes | meaning |", "|---|---|---|---|---|"]
+    rows += [
+        f"| `{p.name}` | `{current[p.name]}` | {p.unit} | {p.allowed} | {p.description} |"
+        for p in parameters(config)
+    ]
+    return "\n".join(rows) + "\n"

@@ -1,0 +1,377 @@
+"""The parameters of the method: what registration and odometry depend on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from rgbd_glue_ros.parameters.parameter import parameter
+
+VISUAL_FEATURES = ("none", "orb", "sift", "brisk")
+FIT_METHODS = ("randomised", "procrustes", "ransac")
+FALLBACK_METHODS = ("none", "sc2_pcr")
+GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid")
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """How depth is read."""
+
+    depth_min: float = parameter(
+        0.1, "Depth below this is taken as unknown.", unit="m", minimum=0.0
+    )
+    depth_max: float = parameter(
+        8.0, "Depth above this is taken as unknown.", unit="m", minimum=0.1
+    )
+
+
+@dataclass(frozen=True)
+class FeaturesConfig:
+    """What is extracted from a frame."""
+
+    visual: str = parameter(
+        "orb", "Visual feature; none registers by geometry alone.", choices=VISUAL_FEATURES
+    )
+    geometric: str = parameter(
+        "fpfh_grid",
+        "Geometric feature; none registers by visual correspondences alone.",
+        choices=GEOMETRIC_FEATURES,
+    )
+    keypoints: int = parameter(
+        1000, "Visual keypoints kept per frame, at most.", minimum=10, maximum=20000
+    )
+    ratio: float = parameter(
+        0.8,
+        "Lowe's ratio (equation 1): a visual match is kept when its nearest neighbour is nearer "
+        "than this times the second nearest.",
+        minimum=0.1,
+        maximum=1.0,
+    )
+    voxel: float = parameter(
+        0.025, "Edge of the voxels that thin the cloud for fpfh.", unit="m", minimum=0.001
+    )
+    geometric_matches: int = parameter(
+        20000,
+        "Geometric matches of fpfh, at most: of a cloud with more points than this, as many are "
+        "matched, spread evenly, to all of the other cloud.",
+        minimum=100,
+    )
+    grid_step: int = parameter(
+        12, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
+    )
+
+
+@dataclass(frozen=True)
+class GlueConfig:
+    """Section 3 of the paper."""
+
+    inlier_threshold: float = parameter(
+        0.05, "t_in: RANSAC's inlier threshold on 3D distance.", unit="m", minimum=0.001
+    )
+    k: float = parameter(
+        5.0,
+        "K of equation 4: matches within K t_in are assumed inliers. The paper takes 3 for learned "
+        "and 5 for hand-crafted features.",
+        minimum=1.0,
+        maximum=100.0,
+    )
+    confidence: float = parameter(
+        0.95,
+        "Quantile of the chi-square distribution in equation 7.",
+        minimum=0.5,
+        maximum=0.9999,
+    )
+    min_visual: int = parameter(
+        6,
+        "The filter is skipped when equation 4 assumes fewer visual inliers than this.",
+        minimum=3,
+    )
+    min_credible: int = parameter(
+        10,
+        "The filter is skipped when fewer geometric matches than this survive it.",
+        minimum=3,
+    )
+    over_chance: float = parameter(
+        0.0,
+        "The filter is skipped when fewer geometric matches survive it than this times those that "
+        "would had points been matched at random; 0 does not ask. With a fallback, 2 tells most "
+        "wrong transforms, but also right ones of small clouds.",
+        minimum=0.0,
+    )
+    filter: bool = parameter(True, "Whether the consistency filter (equation 8) is applied at all.")
+    fallback: str = parameter(
+        "none",
+        "What gives the rough transform where visual matches are too few for it or almost no "
+        "geometric match agrees: none skips the filter as in the paper, sc2_pcr finds one from the "
+        "geometric matches.",
+        choices=FALLBACK_METHODS,
+    )
+
+
+@dataclass(frozen=True)
+class RansacConfig:
+    """The rough transform from visual correspondences (section 3.2)."""
+
+    iterations: int = parameter(1000, "Samples drawn, at most.", minimum=1, maximum=1000000)
+    min_inliers: int = parameter(
+        6, "A transform that fewer visual matches than this agree with is not believed.", minimum=3
+    )
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """The fit to all credible correspondences (section 3.3)."""
+
+    method: str = parameter(
+        "randomised",
+        "Fit to the credible matches: randomised weighted Procrustes as in the paper, procrustes "
+        "of all of them at once, or ransac.",
+        choices=FIT_METHODS,
+    )
+    subsets: int = parameter(10, "Random subsets of the randomised weighted Procrustes.", minimum=1)
+    fraction: float = parameter(
+        0.2, "Part of the matches in each random subset.", minimum=0.01, maximum=1.0
+    )
+
+
+@dataclass(frozen=True)
+class RefineConfig:
+    """The joint refinement after the fit, beyond the paper."""
+
+    iterations: int = parameter(
+        5,
+        "Gauss-Newton steps at each level of the image pyramid, at most; 0 leaves the fit of the "
+        "paper as it is.",
+        minimum=0,
+        maximum=100,
+    )
+    grid_step: int = parameter(
+        8, "Spacing of the planes in a keyframe.", unit="pixel", minimum=1, maximum=64
+    )
+    plane_cauchy: float = parameter(
+        2.0,
+        "Plane distance, in its standard deviations, at which a plane's weight is halved.",
+        minimum=0.01,
+    )
+    pixel_weight: float = parameter(
+        10.0,
+        "Weight of a photometric residual beside a plane's, both by their standard deviations; 0 "
+        "refines on planes alone.",
+        minimum=0.0,
+    )
+    unregistered_weight: float = parameter(
+        1.0,
+        "The same where depth turns out not to be registered to colour, if that is less: the depth "
+        "of a pixel is then that of another one.",
+        minimum=0.0,
+    )
+    pixel_cauchy: float = parameter(
+        2.0,
+        "Photometric residual, in its standard deviations, at which a pixel's weight is halved.",
+        minimum=0.01,
+    )
+    correlation: float = parameter(
+        1000.0,
+        "Neighbouring residuals err alike: as many of them as this count as one in the covariance.",
+        minimum=1.0,
+    )
+
+
+@dataclass(frozen=True)
+class TimingConfig:
+    """When the images are really taken; found out while the camera moves.
+
+    Of cameras whose frame is called openni… (Kinect v1, Xtion) it is known.
+    """
+
+    depth_latency: float = parameter(
+        0.0,
+        "How much later depth is stamped than colour of the same moment; a first guess, unless "
+        "spread is 0.",
+        unit="s",
+        minimum=-0.05,
+        maximum=0.05,
+    )
+    readout: float = parameter(
+        0.0,
+        "From the first row of an image to the last: 0 for a global shutter, negative where the "
+        "last row is read first; a first guess, unless spread is 0.",
+        unit="s",
+        minimum=-0.05,
+        maximum=0.05,
+    )
+    spread: float = parameter(
+        0.01,
+        "Standard deviation of these two first guesses; 0 keeps them as they are, for any camera.",
+        unit="s",
+        minimum=0.0,
+    )
+    drift: float = parameter(
+        0.0001, "How much they may change from frame to frame.", unit="s", minimum=0.0
+    )
+    correlation: float = parameter(
+        1000.0,
+        "Neighbouring residuals err alike: as many of them as this count as one for the timing.",
+        minimum=1.0,
+    )
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """How the camera may move between frames."""
+
+    acceleration: float = parameter(
+        3.0,
+        "Standard deviation of the camera's acceleration. Great values take every pose as the "
+        "images give it.",
+        unit="m/s²",
+        minimum=0.01,
+    )
+    angular_acceleration: float = parameter(
+        6.0,
+        "Standard deviation of the camera's angular acceleration.",
+        unit="rad/s²",
+        minimum=0.01,
+    )
+
+
+@dataclass(frozen=True)
+class OdometryConfig:
+    """Keyframes and tracking state."""
+
+    keyframes: int = parameter(
+        50,
+        "Keyframes kept at most: the window, and anchors, which are earlier ones that serve to "
+        "find a lost camera and to take drift out.",
+        minimum=1,
+        maximum=1000,
+    )
+    window: int = parameter(
+        5,
+        "Latest keyframes that tracking chooses from. A step back to an older one would show as a "
+        "jump of the drift since then.",
+        minimum=1,
+        maximum=1000,
+    )
+    keyframe_spacing: float = parameter(
+        0.6,
+        "A keyframe that leaves the window is forgotten where it is nearer than this to an anchor, "
+        "metres and radians added.",
+        minimum=0.0,
+    )
+    drift_radius: float = parameter(
+        1.0,
+        "A new keyframe is compared with the earliest anchor that is nearer than this, metres and "
+        "radians added: what they disagree by is drift, and is taken out. 0 compares with none.",
+        minimum=0.0,
+    )
+    drift_rate: float = parameter(
+        0.01,
+        "Drift is taken out by this part of the camera's way at most, metres and radians added, so "
+        "that the pose never jumps.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    references: int = parameter(
+        3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
+    )
+    keyframe_translation: float = parameter(
+        0.25, "A frame this far from its keyframe becomes one.", unit="m", minimum=0.001
+    )
+    keyframe_rotation: float = parameter(
+        0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.001
+    )
+    prior_radius: float = parameter(
+        0.1,
+        "Radius of the search around the motion prior where visual matches give no transform; "
+        "0 registers without a prior.",
+        unit="m",
+        minimum=0.0,
+    )
+    surprise_translation: float = parameter(
+        0.03,
+        "A pose this far from the motion prior competes with one refined from the prior.",
+        unit="m",
+        minimum=0.0,
+    )
+    surprise_rotation: float = parameter(
+        0.03,
+        "A pose turned this much from the motion prior competes with one refined from the prior.",
+        unit="rad",
+        minimum=0.0,
+    )
+    min_planes: int = parameter(
+        200, "Planes that must be seen for their agreement to count.", minimum=1
+    )
+    min_pixels: int = parameter(
+        200, "Textured pixels that must be seen for their correlation to count.", minimum=1
+    )
+    plane_agreement: float = parameter(
+        0.5,
+        "A pose is believed when at least this part of the planes seen agrees with it; it is "
+        "refused, whatever the pixels say, below half of this.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    pixel_correlation: float = parameter(
+        0.6,
+        "A pose is believed when the brightness of model and image correlates at least this much "
+        "and no plane contradicts.",
+        minimum=-1.0,
+        maximum=1.0,
+    )
+    timing_error: float = parameter(
+        0.015,
+        "What shutter, exposure and stamps leave unknown about the time of an image; the "
+        "covariance grows by the way travelled in it.",
+        unit="s",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    scale_error: float = parameter(
+        0.005,
+        "Relative error of the camera's scale; the covariance grows by this part of the distance "
+        "from the keyframe.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    recovery_attempts: int = parameter(
+        3,
+        "Keyframes tried per frame when tracking fails; while the camera is lost, all in turn.",
+        minimum=0,
+        maximum=100,
+    )
+    recovery_inliers: int = parameter(
+        25, "Visual inliers that recovery needs: a wrong one is worse than none.", minimum=3
+    )
+    reset_countdown: int = parameter(
+        30,
+        "Frames that show something and have no pose, after which a new keyframe starts at the "
+        "last pose; 0 waits for ever.",
+        minimum=0,
+    )
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything the registration and the odometry depend on."""
+
+    seed: int = parameter(0, "Seed of every random choice.", minimum=0)
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    features: FeaturesConfig = field(default_factory=FeaturesConfig)
+    glue: GlueConfig = field(default_factory=GlueConfig)
+    ransac: RansacConfig = field(default_factory=RansacConfig)
+    fit: FitConfig = field(default_factory=FitConfig)
+    refine: RefineConfig = field(default_factory=RefineConfig)
+    timing: TimingConfig = field(default_factory=TimingConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+
+
+FIXED = {
+    "features": "the keyframes hold features of one kind",
+    "timing": "what was learnt of the camera's times rests on it",
+    "odometry.keyframes": "the room for keyframes is made at the start",
+    "odometry.window": "the room for keyframes is made at the start",
+    "odometry.keyframe_spacing": "the keyframes kept were chosen by it",
+}
+"""Parameters and sections of the method that cannot change while it runs, and why not."""

@@ -1,0 +1,169 @@
+"""The declaration of a parameter, and configurations, which are trees of them.
+
+A configuration is a frozen tree of dataclasses; a parameter's dotted name (``glue.k``) is its path
+in that tree.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar, cast
+
+from rgbd_glue_ros.errors import InputError
+
+Value = bool | int | float | str
+C = TypeVar("C")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """The declaration of one parameter.
+
+    Attributes:
+        name: dotted name.
+        default: default value; its type is the parameter's type.
+        description: what it means, one or two sentences.
+        unit: SI unit or other unit; "" for a pure number or text.
+        minimum: least allowed value, None if unbounded.
+        maximum: greatest allowed value, None if unbounded.
+        choices: allowed texts; empty if any text is.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+
+    @property
+    def type(self) -> type:
+        """bool, int, float or str."""
+        return type(self.default)
+
+    def convert(self, value: object) -> Value:
+        """``value`` as this parameter's type.
+
+        Raises:
+            InputError: it is of another type, out of range, or not among the choices.
+        """
+        if self.type is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if self.type is float and isinstance(value, str):
+            # YAML 1.1 takes 1e-3 for a text, as it has no dot
+            with suppress(ValueError):
+                value = float(value)
+        if self.type is str and isinstance(value, bool):
+            # YAML 1.1 reads none of our texts as a bool, but a user's "no" or "off" it does
+            raise InputError(self.name, f"{value} is not a text", f"give {self.allowed}")
+        if not isinstance(value, self.type) or (self.type is int and isinstance(value, bool)):
+            raise InputError(
+                self.name, f"{value!r} is no {self.type.__name__}", f"give {self.allowed}"
+            )
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            too_low = self.minimum is not None and not value >= self.minimum
+            too_high = self.maximum is not None and not value <= self.maximum
+            if too_low or too_high:
+                raise InputError(self.name, f"{value} is out of range", f"give {self.allowed}")
+        if self.choices and value not in self.choices:
+            raise InputError(self.name, f"{value!r} is not known", f"give {self.allowed}")
+        return cast(Value, value)
+
+    @property
+    def allowed(self) -> str:
+        """What values are allowed, in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        words = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+        text = words[self.type]
+        if self.minimum is not None and self.maximum is not None:
+            text += f" from {self.minimum:g} to {self.maximum:g}"
+        elif self.minimum is not None:
+            text += f" of at least {self.minimum:g}"
+        elif self.maximum is not None:
+            text += f" of at most {self.maximum:g}"
+        return text + (f" ({self.unit})" if self.unit else "")
+
+
+def parameter(
+    default: Value,
+    description: str,
+    *,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """The field of a configuration that is a parameter, as of ``Parameter``."""
+    return field(
+        default=default,
+        metadata={
+            "parameter": Parameter("", default, description, unit, minimum, maximum, choices)
+        },
+    )
+
+
+def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:
+    """The declarations of all parameters of a configuration (class or instance), in order."""
+    for item in fields(config):  # type: ignore[arg-type]
+        if "parameter" in item.metadata:
+            yield replace(item.metadata["parameter"], name=prefix + item.name)
+        else:
+            yield from parameters(_section_class(item), f"{prefix}{item.name}.")
+
+
+def _section_class(item: Field[Any]) -> Any:
+    return item.default_factory
+
+
+def values(config: object) -> dict[str, Value]:
+    """The dotted name and value of every parameter of a configuration, in order."""
+    found: dict[str, Value] = {}
+    for item in fields(config):  # type: ignore[arg-type]
+        value = getattr(config, item.name)
+        if is_dataclass(value):
+            found.update({f"{item.name}.{name}": v for name, v in values(value).items()})
+        else:
+            found[item.name] = value
+    return found
+
+
+def with_values(config: C, changes: Mapping[str, object]) -> C:
+    """The configuration with the parameters in ``changes`` (dotted names) set.
+
+    Raises:
+        InputError: an unknown name, or a value of the wrong type or out of range.
+    """
+    declared = {p.name: p for p in parameters(config)}
+    converted = {}
+    for name, value in changes.items():
+        if name not in declared:
+            raise unknown_parameter(name, declared)
+        converted[name] = declared[name].convert(value)
+    return _replaced(config, converted)
+
+
+def unknown_parameter(name: str, declared: Iterable[str]) -> InputError:
+    """The error of a name that is not declared; its remedy is the nearest name that is."""
+    near = difflib.get_close_matches(name, declared, n=1, cutoff=0.4)
+    hint = f"did you mean {near[0]}?" if near else "see `rgbd-glue params`"
+    return InputError(name, "no such parameter", hint)
+
+
+def _replaced(config: C, changes: Mapping[str, Value]) -> C:
+    new: dict[str, Any] = {}
+    for item in fields(config):  # type: ignore[arg-type]
+        inside = {
+            name.removeprefix(item.name + "."): value
+            for name, value in changes.items()
+            if name.startswith(item.name + ".")
+        }
+        if item.name in changes:
+            new[item.name] = changes[item.name]
+        elif inside:
+            new[item.name] = _replaced(getattr(config, item.name), inside)
+    return replace(config, **new)  # type: ignore[type-var]

@@ -1,0 +1,20 @@
+"""Where recorded frames come from; the format of a recording is found out by itself."""
+
+from __future__ import annotations
+
+from rgbd_glue_ros.recordings.bag.recording import Topics
+from rgbd_glue_ros.recordings.calibration import load_calibration
+from rgbd_glue_ros.recordings.collection import recordings, split
+from rgbd_glue_ros.recordings.formats import FORMATS, Format, open_recording
+from rgbd_glue_ros.recordings.recording import Recording
+
+__all__ = [
+    "FORMATS",
+    "Format",
+    "Recording",
+    "Topics",
+    "load_calibration",
+    "open_recording",
+    "recordings",
+    "split",
+]

@@ -1,0 +1,1 @@
+"""Recordings that are bags, of ROS 1 and ROS 2."""

@@ -1,0 +1,200 @@
+"""A bag as topics and messages in order, whatever its format and state.
+
+Whole ones are read through rosbags, damaged ones by ``damaged``.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.fields import CameraInfo
+from rgbd_glue_ros.recordings.bag.layout import METADATA, SIGNATURE, storage_files
+from rgbd_glue_ros.recordings.bag.salvage import DamagedError, RecordedMessage, salvage
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class RecordedTopic:
+    """A topic of a bag.
+
+    Attributes:
+        name: of the topic.
+        type: as ``sensor_msgs/msg/Image``.
+        message_count: of the topic in the bag.
+        offered_qos: the profiles of its publishers; empty if not recorded.
+    """
+
+    name: str
+    type: str
+    message_count: int
+    offered_qos: tuple[Qos, ...] = ()
+
+
+class BagFile:
+    """An open bag.
+
+    Attributes:
+        path: a rosbag2 folder or storage file, or a ROS 1 bag.
+        topics: with one message at least, by name.
+        is_ros1: whether messages are serialised as in ROS 1.
+        damage: what is wrong with it, None as long as nothing is known to be.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Opens it.
+
+        Raises:
+            InputError: there is no bag, it holds no message, or nothing of it can be read.
+        """
+        self.path = path
+        self.damage: str | None = None
+        self._reader: AnyReader | None = None
+        if not path.exists():
+            raise InputError(path, "does not exist", "give a bag")
+        self._files = storage_files(path)
+        if not self._files:
+            raise InputError(path, "is no bag", f"looked for {SIGNATURE}")
+        self.is_ros1 = ".bag" in self._files[0].suffixes
+        self._typestore = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_JAZZY)
+        try:
+            reader = AnyReader(
+                [path] if (path / METADATA).is_file() else self._files,
+                default_typestore=self._typestore,
+            )
+            reader.open()
+        except Exception as error:  # noqa: BLE001 (a damaged file makes it raise almost anything)
+            logger.debug("%s: read without its index (%r)", path, error)
+            self.topics = self._scan()
+        else:
+            self._reader = reader
+            self.topics = _indexed_topics(reader.connections)
+        if not self.topics:
+            self.close()
+            raise InputError(
+                path, f"holds no message: {self.damage or 'it is empty'}", "record anew"
+            )
+
+    def messages(self, topics: Collection[str] = ()) -> Iterator[RecordedMessage]:
+        """The messages of some topics (none given: of all), from the beginning, in order of time.
+
+        Those of a damaged file are in the order in which they were written; they end where the
+        damage begins, and ``damage`` says what it is.
+        """
+        messages = self._salvaged() if self._reader is None else self._indexed(self._reader, topics)
+        return (message for message in messages if not topics or message.topic in topics)
+
+    def deserialize(self, message: RecordedMessage) -> Any:
+        """The message as an object with the fields it has in ROS 2.
+
+        Raises:
+            InputError: its bytes are not of its type.
+        """
+        try:
+            if self._reader is not None:
+                fields: Any = self._reader.deserialize(message.data, message.type)
+            elif self.is_ros1:
+                fields = self._typestore.deserialize_ros1(message.data, message.type)
+            else:
+                fields = self._typestore.deserialize_cdr(message.data, message.type)
+        except (AnyReaderError, SerdeError, AssertionError, KeyError) as error:
+            raise InputError(
+                message.topic, f"a message is no {message.type} ({error})", "check the recording"
+            ) from error
+        if self.is_ros1 and message.type == "sensor_msgs/msg/CameraInfo":
+            return _ros2_camera_info(fields)
+        return fields
+
+    def close(self) -> None:
+        """Releases the files."""
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None
+
+    def __enter__(self) -> BagFile:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _indexed(self, reader: AnyReader, topics: Collection[str]) -> Iterator[RecordedMessage]:
+        chosen = [c for c in reader.connections if not topics or c.topic in topics]
+        given = set()
+        try:
+            for connection, stamp_ns, data in reader.messages(chosen):
+                given.add((connection.topic, stamp_ns))
+                yield RecordedMessage(connection.topic, connection.msgtype, stamp_ns, data)
+        except Exception as error:  # noqa: BLE001 (as on opening)
+            # damage between the indexed parts, or merely a file without chunks out of order
+            logger.debug("%s: read on without its index (%r)", self.path, error)
+            for message in self._salvaged():
+                if (message.topic, message.stamp_ns) not in given:
+                    yield message
+
+    def _salvaged(self) -> Iterator[RecordedMessage]:
+        for file in self._files:
+            yield from self._noting_damage(file)
+
+    def _noting_damage(self, file: Path) -> Iterator[RecordedMessage]:
+        try:
+            yield from salvage(file)
+        except DamagedError as error:
+            self.damage = str(error) if file == self.path else f"{file.name}: {error}"
+
+    def _scan(self) -> dict[str, RecordedTopic]:
+        counts = Counter((message.topic, message.type) for message in self._salvaged())
+        return {
+            topic: RecordedTopic(topic, message_type, count)
+            for (topic, message_type), count in sorted(counts.items())
+        }
+
+
+def _ros2_camera_info(ros1: Any) -> CameraInfo:
+    """In ROS 1 the names of the matrices are capitals."""
+    return CameraInfo(
+        header=ros1.header,
+        height=ros1.height,
+        width=ros1.width,
+        distortion_model=ros1.distortion_model,
+        d=ros1.D,
+        k=ros1.K,
+        r=ros1.R,
+        p=ros1.P,
+        binning_x=ros1.binning_x,
+        binning_y=ros1.binning_y,
+        roi=ros1.roi,
+    )
+
+
+def _indexed_topics(connections: Collection[Connection]) -> dict[str, RecordedTopic]:
+    topics: dict[str, RecordedTopic] = {}
+    for connection in sorted(connections, key=lambda c: c.topic):
+        known = topics.get(connection.topic)
+        qos = (
+            tuple(connection.ext.offered_qos_profiles)
+            if isinstance(connection.ext, ConnectionExtRosbag2)
+            else ()
+        )
+        count = connection.msgcount + (known.message_count if known else 0)
+        if count:
+            topics[connection.topic] = RecordedTopic(
+                connection.topic, connection.msgtype, count, qos
+            )
+    return topics

@@ -1,0 +1,245 @@
+"""Sequences in rosbag2 (MCAP, SQLite; compressed or not) and ROS 1 bags."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterable, Iterator
+from functools import cached_property, partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.fields import camera_info, header
+from rgbd_glue_ros.messages.images import (
+    FrameTopics,
+    frame_from_messages,
+    pose_from_message,
+    registration_doubt,
+    stamp_ns,
+)
+from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
+from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.recordings.bag.depth_camera import RecordedDepthCamera
+from rgbd_glue_ros.recordings.bag.file import BagFile
+from rgbd_glue_ros.recordings.bag.topics import (
+    Topics,
+    find_color,
+    find_depth,
+    find_ground_truth,
+    find_info,
+)
+from rgbd_glue_ros.recordings.prefetch import mapped_ahead
+from rgbd_glue_ros.recordings.recording import selected
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame, Trajectory
+
+__all__ = ["BagRecording", "Topics"]
+
+logger = logging.getLogger(__name__)
+
+# A bag may hold the topics' messages further apart in time than a network delivers them.
+QUEUE_SIZE = 30
+
+# Later than any image: a camera info that no image has to wait for.
+_FOREVER_NS = 2**63
+
+
+class BagRecording:
+    """The frames of a bag, paired and decoded as the node does it.
+
+    Messages that cannot be used are skipped, counted and logged once per cause.
+
+    Attributes:
+        skipped: how many messages and frames the last iteration could not use.
+    """
+
+    def __init__(
+        self, path: Path, topics: Topics | None = None, calibration: CameraIntrinsics | None = None
+    ) -> None:
+        """Opens the bag and finds its topics.
+
+        Args:
+            path: a rosbag2 folder or storage file, or a ROS 1 bag.
+            topics: those to take; None, and any that is None, is found by type and name.
+            calibration: of the colour camera; None takes the bag's camera info.
+
+        Raises:
+            InputError: it is no bag or an empty one, or the topics are missing or ambiguous.
+        """
+        wanted = topics or Topics()
+        self._bag = BagFile(path)
+        self._calibration = calibration
+        self.skipped = 0
+        have = self._bag.topics
+        try:
+            color = find_color(have, wanted.color, path)
+            depth = find_depth(have, wanted.depth, path)
+            info = (
+                find_info(have, wanted.info, color, path)
+                if calibration is None
+                else "the given calibration"
+            )
+            self._ground_truth = find_ground_truth(have, wanted.ground_truth, path)
+        except InputError:
+            self.close()
+            raise
+        self._topics = FrameTopics(color, depth, info)
+
+    @property
+    def name(self) -> str:
+        """The bag's name."""
+        path = self._bag.path.resolve()
+        return path.name if path.is_dir() else path.stem
+
+    @property
+    def topics(self) -> Topics:
+        """The topics taken."""
+        info = None if self._calibration else self._topics.info
+        return Topics(self._topics.color, self._topics.depth, info, self._ground_truth)
+
+    @property
+    def frame_count(self) -> int:
+        """How many frames it holds, at most."""
+        topics = self._bag.topics
+        images = self._topics.color, self._topics.depth
+        return min(topics[name].message_count for name in images)
+
+    @cached_property
+    def ground_truth(self) -> Trajectory | None:
+        """Poses as recorded, None if the bag has no such topic; those that are no pose left out."""
+        if self._ground_truth is None:
+            return None
+        faults = _Faults()
+        stamps, poses = [], []
+        for message in self._bag.messages([self._ground_truth]):
+            try:
+                fields = self._bag.deserialize(message)
+                pose = pose_from_message(fields, message.topic)
+            except InputError as error:
+                faults.add(error)
+                continue
+            stamps.append(stamp_ns(fields.header.stamp))
+            poses.append(pose)
+        if not poses:
+            return None
+        return Trajectory(np.array(stamps, np.int64), np.array(poses))
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        """The frames in order of time; a stamp goes back only where the bag's do.
+
+        Raises:
+            InputError: at the end, if the bag is damaged there or gave no frame at all.
+        """
+        is_empty = True
+        faults = _Faults()
+        sync: Synchronizer[Any] = Synchronizer(
+            round(NodeConfig().approx_sync_max_interval * NANOSECONDS), QUEUE_SIZE
+        )
+        depth_camera = RecordedDepthCamera(self._bag, self._topics)
+        matches = self._watched(self._matches(sync, faults), depth_camera)
+        for result in mapped_ahead(partial(self._frame, depth_camera), matches):
+            if isinstance(result, InputError):
+                faults.add(result)
+            else:
+                is_empty = False
+                yield result
+        self.skipped = faults.count
+        if self._bag.damage is not None:
+            raise InputError(
+                self._bag.path,
+                f"{self._bag.damage}; what could be read before that was used",
+                "copy or record it again",
+            )
+        if is_empty:
+            raise faults.first or _nothing_paired(self._bag.path, self._topics, sync)
+        if faults.count:
+            logger.warning("%s: %d messages or frames skipped", self._bag.path, faults.count)
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        """The frames of these numbers, increasing; all before the last of them are read too."""
+        return selected(self, indices)
+
+    def close(self) -> None:
+        """Releases the files."""
+        self._bag.close()
+
+    def __enter__(self) -> BagRecording:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _matches(self, sync: Synchronizer[Any], faults: _Faults) -> Iterator[Match[Any]]:
+        channels = {self._topics.color: Channel.COLOR, self._topics.depth: Channel.DEPTH}
+        if self._calibration is None:
+            channels[self._topics.info] = Channel.INFO
+        else:
+            sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
+        for recorded in self._bag.messages(channels):
+            try:
+                message = self._bag.deserialize(recorded)
+            except InputError as error:
+                faults.add(error)
+                continue
+            stamp = stamp_ns(message.header.stamp)
+            yield from sync.add(channels[recorded.topic], stamp, message)
+        yield from sync.flush()
+
+    def _watched(
+        self, matches: Iterator[Match[Any]], depth_camera: RecordedDepthCamera
+    ) -> Iterator[Match[Any]]:
+        """The matches, with what is odd about them logged."""
+        for number, match in enumerate(matches):
+            doubt = registration_doubt(match.color, match.depth, self._topics)
+            if number == 0 and doubt is not None and depth_camera.of(match) is None:
+                logger.warning("%s", doubt)
+            if match.restarted:
+                logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
+            yield match
+
+    def _frame(
+        self, depth_camera: RecordedDepthCamera, match: Match[Any]
+    ) -> RgbdFrame | InputError:
+        try:
+            return frame_from_messages(
+                match.color, match.depth, match.info, depth_camera.topics, depth_camera.of(match)
+            )
+        except InputError as error:
+            return error
+
+
+class _Faults:
+    """Counts faults and logs each kind once; those that differ in numbers alone are of a kind."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.first: InputError | None = None
+        self._kinds: set[str] = set()
+
+    def add(self, error: InputError) -> None:
+        self.count += 1
+        self.first = self.first or error
+        kind = re.sub(r"[\d.]+", "#", str(error))
+        if kind not in self._kinds:
+            self._kinds.add(kind)
+            logger.warning("%s; skipped, as all like it will be", error)
+
+
+def _nothing_paired(path: Path, topics: FrameTopics, sync: Synchronizer[Any]) -> InputError:
+    if sync.closest_miss_ns is None:
+        received = {c.value: counts.received for c, counts in sync.counts.items()}
+        return InputError(path, f"no frame is complete (messages: {received})", "record all topics")
+    return InputError(
+        path,
+        f"no image of {topics.color} has one of {topics.depth} near its stamp; the nearest are "
+        f"{sync.closest_miss_ns / 1e6:.1f} ms apart",
+        "record with synchronised streams",
+    )

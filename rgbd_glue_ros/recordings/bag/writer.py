@@ -1,0 +1,195 @@
+"""Writes frames and true poses to a rosbag2 in MCAP."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.typesys import Stores, get_typestore
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.fields import (
+    CompressedImage,
+    Header,
+    Image,
+    camera_info,
+    color_image,
+    compressed_color_image,
+    compressed_depth_image,
+    depth_image,
+    header,
+    pose_stamped,
+)
+from rgbd_glue_ros.messages.images import COLOR_SUFFIX, DEPTH_SUFFIX
+from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, UInt8
+
+COLOR_TOPIC = "/camera/color/image_raw"
+DEPTH_TOPIC = "/camera/aligned_depth_to_color/image_raw"
+INFO_TOPIC = "/camera/color/camera_info"
+GROUND_TRUTH_TOPIC = "/ground_truth/pose"
+"""Topics of the bags written here, named as a RealSense camera's driver does."""
+
+CAMERA_FRAME = "camera_color_optical_frame"
+WORLD_FRAME = "world"
+
+
+@dataclass(frozen=True)
+class ImageCodec:
+    """How images are put into messages.
+
+    Attributes:
+        type: of the messages.
+        color_suffix: of the colour images' topic.
+        depth_suffix: of the depth images' topic.
+        color: makes the message of a colour image, [H, W, 3] RGB or [H, W].
+        depth: makes the message of a depth image, [H, W] metres.
+    """
+
+    type: str
+    color_suffix: str
+    depth_suffix: str
+    color: Callable[[UInt8, Header], Image | CompressedImage]
+    depth: Callable[[Float32, Header], Image | CompressedImage]
+
+
+RAW = ImageCodec(
+    "sensor_msgs/msg/Image",
+    "",
+    "",
+    color_image,
+    depth_image,
+)
+"""rgb8 or mono8, and 32FC1: loses nothing."""
+
+COMPRESSED = ImageCodec(
+    "sensor_msgs/msg/CompressedImage",
+    COLOR_SUFFIX,
+    DEPTH_SUFFIX,
+    compressed_color_image,
+    compressed_depth_image,
+)
+"""JPEG, and PNG of whole millimetres, as image_transport has them."""
+
+_INFO_TYPE = "sensor_msgs/msg/CameraInfo"
+_POSE_TYPE = "geometry_msgs/msg/PoseStamped"
+
+_NO_LIMIT = QosTime(0, 0)
+
+
+def _qos(depth: int) -> Qos:
+    # Most subscribers of images ask for best effort, some for reliable: a reliable publisher
+    # serves both, so that whoever plays the bag with the offered profiles is heard by all.
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=depth,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.VOLATILE,
+        deadline=_NO_LIMIT,
+        lifespan=_NO_LIMIT,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=_NO_LIMIT,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+# Below 10, even reliable transport was seen to lose camera infos.
+_IMAGE_QOS = _qos(depth=10)
+_POSE_QOS = _qos(depth=100)
+
+
+@dataclass(frozen=True)
+class EncodedFrame:
+    """The serialised messages of a frame."""
+
+    stamp_ns: int
+    color: memoryview
+    depth: memoryview
+    info: memoryview
+
+
+class BagWriter:
+    """A bag under construction; as a context manager, it leaves a whole bag however it is left.
+
+    Equal calls write equal bytes.
+    """
+
+    def __init__(self, folder: Path, codec: ImageCodec) -> None:
+        """Creates the bag.
+
+        Args:
+            folder: of the bag; must not exist.
+            codec: ``RAW`` or ``COMPRESSED``.
+
+        Raises:
+            InputError: the folder exists or cannot be written.
+        """
+        self._codec = codec
+        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._pose: Connection | None = None
+        try:
+            self._writer = Writer(
+                folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
+            )
+            self._writer.open()
+        except (WriterError, OSError) as error:
+            raise InputError(folder, f"cannot be written ({error})", "give a new folder") from error
+        self._color = self._topic(COLOR_TOPIC + codec.color_suffix, codec.type, _IMAGE_QOS)
+        self._depth = self._topic(DEPTH_TOPIC + codec.depth_suffix, codec.type, _IMAGE_QOS)
+        self._info = self._topic(INFO_TOPIC, _INFO_TYPE, _IMAGE_QOS)
+
+    def encode(self, frame: RgbdFrame) -> EncodedFrame:
+        """Does the slow part of writing a frame; any thread may call it."""
+        head = header(frame.stamp_ns, frame.frame_id or CAMERA_FRAME)
+        depth_head = header(frame.stamp_ns + frame.depth_delay_ns, head.frame_id)
+        serialize = self._typestore.serialize_cdr
+        return EncodedFrame(
+            frame.stamp_ns,
+            serialize(self._codec.color(frame.color, head), self._codec.type),
+            serialize(self._codec.depth(frame.depth, depth_head), self._codec.type),
+            serialize(camera_info(frame.intrinsics, head), _INFO_TYPE),
+        )
+
+    def write(self, frame: EncodedFrame) -> None:
+        """Adds colour, depth and camera info; frames and poses come in order of time."""
+        self._writer.write(self._info, frame.stamp_ns, frame.info)
+        self._writer.write(self._color, frame.stamp_ns, frame.color)
+        self._writer.write(self._depth, frame.stamp_ns, frame.depth)
+
+    def write_pose(self, stamp_ns: int, T_world_camera: Float64) -> None:
+        """Adds a true pose [4, 4] of the optical frame."""
+        if self._pose is None:
+            self._pose = self._topic(GROUND_TRUTH_TOPIC, _POSE_TYPE, _POSE_QOS)
+        pose = pose_stamped(T_world_camera, header(stamp_ns, WORLD_FRAME))
+        self._writer.write(self._pose, stamp_ns, self._typestore.serialize_cdr(pose, _POSE_TYPE))
+
+    def close(self) -> None:
+        """Writes index and metadata."""
+        self._writer.close()
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _topic(self, name: str, message_type: str, qos: Qos) -> Connection:
+        return self._writer.add_connection(
+            name, message_type, typestore=self._typestore, offered_qos_profiles=[qos]
+        )

@@ -1,0 +1,94 @@
+"""Recordings from one format to another: a bag becomes a TUM RGB-D folder, all others a bag."""
+
+from __future__ import annotations
+
+import heapq
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from itertools import chain
+from operator import itemgetter
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.recordings.bag.recording import BagRecording
+from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW, BagWriter
+from rgbd_glue_ros.recordings.prefetch import mapped_ahead
+from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
+from rgbd_glue_ros.types import RgbdFrame, Trajectory
+
+# When, and how
+_Write = tuple[int, Callable[[], None]]
+
+logger = logging.getLogger(__name__)
+
+# Who waits longer than this is shown how far it is.
+_PROGRESS_AFTER_S = 2.0
+
+
+def convert(source: Recording, target: Path, compressed: bool) -> None:
+    """Writes a recording in another format, with its camera and true poses.
+
+    However it ends, the frames written are there and can be read.
+
+    Args:
+        source: a bag, for a TUM RGB-D folder; or any other, for a rosbag2.
+        target: a folder that does not exist.
+        compressed: whether images in a bag are to be JPEG and compressedDepth; raw ones lose
+            nothing. In a folder, images are always PNG.
+
+    Raises:
+        InputError: the target exists or cannot be written, or a frame cannot be read; the frames
+            before it were written.
+    """
+    if target.exists():
+        raise InputError(target, "exists already", "give a new folder")
+    frames = iter(source)
+    first = next(frames, None)
+    if first is None:
+        raise InputError(source.name, "holds no frame", "give a recording with RGB-D frames")
+    progress = tqdm(
+        chain([first], frames),
+        total=source.frame_count,
+        unit=" frames",
+        delay=_PROGRESS_AFTER_S,
+        disable=None,
+    )
+    try:
+        if isinstance(source, BagRecording):
+            with TumFolderWriter(target, first.intrinsics, source.ground_truth) as folder:
+                for files in mapped_ahead(folder.encode, progress):
+                    folder.write(files)
+        else:
+            with BagWriter(target, COMPRESSED if compressed else RAW) as bag:
+                write_bag(progress, source.ground_truth, bag)
+    except OSError as error:
+        raise InputError(
+            target,
+            f"cannot be written ({error.strerror})",
+            "free some space, or give another folder",
+        ) from error
+    except KeyboardInterrupt:
+        logger.warning("interrupted; the frames written so far are in %s", target)
+        raise
+
+
+def write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWriter) -> None:
+    """Writes frames and poses, merged in order of time."""
+    streams: list[Iterable[_Write]] = [
+        ((f.stamp_ns, partial(bag.write, f)) for f in mapped_ahead(bag.encode, frames))
+    ]
+    if truth is not None:
+        streams.append(_poses(truth, bag))
+    for _, write in heapq.merge(*streams, key=itemgetter(0)):
+        write()
+
+
+def _poses(truth: Trajectory, bag: BagWriter) -> Iterator[_Write]:
+    for row in np.argsort(truth.stamps_ns, kind="stable"):
+        stamp_ns = int(truth.stamps_ns[row])
+        yield stamp_ns, partial(bag.write_pose, stamp_ns, truth.poses[row])

@@ -1,0 +1,112 @@
+"""From a source to a folder of recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.recordings.fetch.archive import only_folder, remove, unpack
+from rgbd_glue_ros.recordings.fetch.catalogue import Source
+from rgbd_glue_ros.recordings.fetch.download import Progress, download
+
+RECORD = "fetched.json"
+"""In the folder: where it is from, with size and checksum of the archive."""
+
+
+@dataclass(frozen=True)
+class Fetched:
+    """What was fetched.
+
+    Attributes:
+        folder: of the recordings.
+        url: of the archive.
+        licence: of the data.
+        bytes: of the archive.
+        sha256: of the archive.
+    """
+
+    folder: Path
+    url: str
+    licence: str
+    bytes: int
+    sha256: str
+
+
+def fetch(
+    source: Source,
+    directory: Path,
+    *,
+    on_download: Progress = lambda *_: None,
+    on_unpack: Callable[[int], None] = lambda _: None,
+    pause_s: float = 2.0,
+) -> Fetched:
+    """Downloads and unpacks a data set; its folder appears when all of it is there.
+
+    No publisher of the catalogue gives checksums. What is trusted instead is the server's
+    certificate, and the checksums that gzip and zip keep of their content; where ``source`` has a
+    checksum it decides.
+
+    Args:
+        source: what to fetch.
+        directory: where its folder goes; created if it is not there.
+        on_download: called for every block of the archive.
+        on_unpack: called with the bytes of every block unpacked.
+        pause_s: between attempts to go on with a download.
+
+    What is in ``directory`` under the archive's name is taken for it and not downloaded again.
+
+    Raises:
+        InputError: the folder is there already or cannot be written, the download fails, or the
+            archive is not what it should be.
+    """
+    target = directory / source.folder
+    if target.exists():
+        raise InputError(target, "is there already", "remove it to fetch it again")
+    archive = directory / Path(urlsplit(source.url).path).name
+    work = directory / f".{source.folder}.unpacking"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        if not archive.is_file():
+            download(source.url, archive, on_progress=on_download, pause_s=pause_s)
+        checksum = _sha256(archive)
+        if source.sha256 is not None and checksum != source.sha256.lower():
+            archive.unlink()
+            raise InputError(
+                source.url, f"has the SHA-256 {checksum}, not {source.sha256}", "do not trust it"
+            )
+        result = Fetched(target, source.url, source.licence, archive.stat().st_size, checksum)
+        try:
+            remove(work)
+            unpack(archive, work, on_unpack)
+            _record(result, only_folder(work)).rename(target)
+        except InputError:
+            # what is damaged must not be taken up again
+            archive.unlink()
+            raise
+        finally:
+            remove(work)
+        archive.unlink()
+    except OSError as error:
+        raise InputError(
+            directory, f"cannot be written ({error.strerror})", "give another folder (-o)"
+        ) from error
+    return result
+
+
+def _record(fetched: Fetched, folder: Path) -> Path:
+    content = {key: value for key, value in asdict(fetched).items() if key != "folder"}
+    (folder / RECORD).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    return folder
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(2**20):
+            digest.update(block)
+    return digest.hexdigest()

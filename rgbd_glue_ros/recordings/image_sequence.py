@@ -1,0 +1,195 @@
+"""A sequence whose frames are image files, decoded ahead of their use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.recordings.prefetch import mapped_ahead
+from rgbd_glue_ros.types import (
+    CameraIntrinsics,
+    Float32,
+    Float64,
+    RgbdFrame,
+    Trajectory,
+    UInt8,
+)
+
+_TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
+"""How an image of so many channels becomes RGB; grey stays grey."""
+
+
+@dataclass(frozen=True)
+class DepthEncoding:
+    """How a 16-bit depth image says metres.
+
+    Attributes:
+        units_per_metre: a metre in units of the image.
+        invalid: values that mean unknown.
+    """
+
+    units_per_metre: float
+    invalid: tuple[int, ...]
+
+    def metres(self, image: NDArray[np.uint16]) -> Float32:
+        """float32 [H, W] metres with NaN for unknown, from uint16 [H, W]."""
+        depth: Float32 = np.divide(image, np.float32(self.units_per_metre), dtype=np.float32)
+        for value in self.invalid:
+            depth[image == value] = np.nan
+        return depth
+
+
+@dataclass(frozen=True)
+class ImagePair:
+    """The files of one frame, and when each was taken."""
+
+    stamp_ns: int
+    color: Path
+    depth_stamp_ns: int
+    depth: Path
+
+
+@dataclass(frozen=True)
+class ImageSequence:
+    """A ``Recording`` of image files.
+
+    Attributes:
+        name: the data set's name.
+        pairs: the files of every frame, in order of time.
+        encoding: of the depth images.
+        intrinsics: of all images.
+        ground_truth: T_world_camera, None if not known.
+        color_size: width and height of the colour images where these are larger than depth; they
+            are reduced to its size.
+        frame_id: the camera's optical frame, "" if not known.
+    """
+
+    name: str
+    pairs: tuple[ImagePair, ...]
+    encoding: DepthEncoding
+    intrinsics: CameraIntrinsics
+    ground_truth: Trajectory | None
+    color_size: tuple[int, int] | None = None
+    frame_id: str = ""
+
+    @property
+    def frame_count(self) -> int:
+        """How many frames it holds."""
+        return len(self.pairs)
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        """The frames in order of time.
+
+        Raises:
+            InputError: an image is missing, corrupt, or not of the camera's size.
+        """
+        return self.select(range(self.frame_count))
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        """The frames of these numbers, counted from 0, without reading any other."""
+        return mapped_ahead(self._read, (self.pairs[i] for i in indices if i < self.frame_count))
+
+    def _read(self, pair: ImagePair) -> RgbdFrame:
+        return RgbdFrame(
+            pair.stamp_ns,
+            self._color(pair.color),
+            self._depth(pair.depth),
+            self.intrinsics,
+            self.frame_id,
+            depth_delay_ns=pair.depth_stamp_ns - pair.stamp_ns,
+        )
+
+    def _color(self, path: Path) -> UInt8:
+        camera = self.intrinsics
+        image = self._decoded(path, self.color_size or (camera.width, camera.height))
+        return reduced(to_rgb(image, str(path)), camera)
+
+    def _depth(self, path: Path) -> Float32:
+        image = self._decoded(path, (self.intrinsics.width, self.intrinsics.height))
+        if image.dtype != np.uint16 or image.ndim != 2:
+            raise InputError(
+                path,
+                f"is {image.dtype} of shape {image.shape}, not a depth image",
+                "give depth as 16-bit grey PNG",
+            )
+        return self.encoding.metres(image)
+
+    def _decoded(self, path: Path, expected: tuple[int, int]) -> NDArray[Any]:
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise InputError(
+                path, f"cannot be read ({error.strerror})", "restore the file"
+            ) from error
+        image = decode(data, str(path))
+        height, width = image.shape[:2]
+        if (width, height) != expected:
+            raise InputError(
+                path,
+                f"is {width}x{height}, but the camera is {expected[0]}x{expected[1]}",
+                "give the calibration of these images (--calibration)",
+            )
+        return image
+
+    def close(self) -> None:
+        """Holds nothing open."""
+
+    def __enter__(self) -> ImageSequence:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def to_rgb(image: NDArray[Any], where: str) -> UInt8:
+    """A decoded image as uint8 [H, W, 3] RGB, or [H, W] where it is grey.
+
+    Raises:
+        InputError: it has not 8 bits, or neither 1, 3 nor 4 channels.
+    """
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    if image.dtype != np.uint8 or channels not in _TO_RGB:
+        raise InputError(
+            where,
+            f"is {image.dtype} with {channels} channels, not a colour image",
+            "give colour as 8-bit PNG or JPEG",
+        )
+    conversion = _TO_RGB[channels]
+    return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
+
+
+def reduced(color: UInt8, camera: CameraIntrinsics) -> UInt8:
+    """A larger colour image of the same view, averaged to the size of ``camera``."""
+    size = camera.width, camera.height
+    if color.shape[1::-1] == size:
+        return color
+    return np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA))
+
+
+def matrix(path: Path, size: int) -> Float64:
+    """The numbers in a text file as a matrix [size, size]; they need not be finite.
+
+    Raises:
+        InputError: the file cannot be read, or holds anything else.
+    """
+    try:
+        numbers = np.array([float(word) for word in path.read_text(encoding="utf-8").split()])
+    except (OSError, ValueError) as error:
+        raise InputError(path, f"cannot be read ({error})", "restore the file") from error
+    if numbers.size != size * size:
+        raise InputError(path, f"is no {size}x{size} matrix", "restore the file")
+    return numbers.reshape(size, size)

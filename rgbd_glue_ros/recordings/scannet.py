@@ -1,0 +1,99 @@
+"""ScanNet as its exporter leaves it: ``color/0.jpg``, ``depth/0.png``, ``pose/0.txt``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImagePair, ImageSequence, matrix
+from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens, stamp_ns
+from rgbd_glue_ros.types import CameraIntrinsics, Float64, Trajectory
+
+SIGNATURE = f"*{SUFFIX}, or color, depth and pose"
+
+_DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0,))
+_INTRINSICS = Path("intrinsic/intrinsic_depth.txt")
+_COLOR_TYPES = (".jpg", ".png")
+
+
+def matches(path: Path) -> bool:
+    """Whether it is a sensor stream, or a folder of one or of its images."""
+    return is_sens(path) or _is_exported(path) or len(_streams(path)) == 1
+
+
+def open_scannet(
+    path: Path, calibration: CameraIntrinsics | None = None
+) -> ImageSequence | SensSequence:
+    """The scan at ``path``.
+
+    Args:
+        path: a sensor stream, the folder of a scan that holds one, or one of exported images.
+        calibration: of the depth camera; None takes the scan's.
+
+    Raises:
+        InputError: it cannot be used.
+    """
+    if is_sens(path):
+        return SensSequence(path, calibration)
+    if _is_exported(path):
+        return _open_exported(path, calibration)
+    return SensSequence(_streams(path)[0], calibration)
+
+
+def _streams(folder: Path) -> list[Path]:
+    return [path for path in folder.glob(f"*{SUFFIX}") if is_sens(path)]
+
+
+def _is_exported(folder: Path) -> bool:
+    return all((folder / part).is_dir() for part in ("color", "depth", "pose"))
+
+
+def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageSequence:
+    """Frame i of a scan is in files named i; those without a finite pose have no ground truth."""
+    files = [p for p in (folder / "color").iterdir() if p.suffix in _COLOR_TYPES]
+    pairs: list[ImagePair] = []
+    stamps: list[int] = []
+    poses: list[Float64] = []
+    for number, color in sorted((_number(path), path) for path in files):
+        stamp = stamp_ns(number)
+        depth, pose = folder / f"depth/{number}.png", folder / f"pose/{number}.txt"
+        if not depth.is_file():
+            raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
+        pairs.append(ImagePair(stamp, color, stamp, depth))
+        if pose.is_file():
+            T = matrix(pose, 4)
+            if np.isfinite(T).all():
+                stamps.append(stamp)
+                poses.append(T)
+    if not pairs:
+        raise InputError(folder / "color", "holds no image", "export the scan again")
+    truth = Trajectory(np.array(stamps, np.int64), np.stack(poses)) if poses else None
+    camera = calibration or _camera(folder, pairs[0].depth)
+    color_size = _size(pairs[0].color)
+    return ImageSequence(folder.resolve().name, tuple(pairs), _DEPTH, camera, truth, color_size)
+
+
+def _number(path: Path) -> int:
+    try:
+        return int(path.stem)
+    except ValueError as error:
+        raise InputError(path, "has no number for a name", "name it 0.jpg, 1.jpg…") from error
+
+
+def _camera(folder: Path, depth: Path) -> CameraIntrinsics:
+    K = matrix(folder / _INTRINSICS, 4)
+    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
+        raise InputError(folder / _INTRINSICS, "is no camera matrix", "restore the file")
+    return CameraIntrinsics(*_size(depth), K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+
+
+def _size(path: Path) -> tuple[int, int]:
+    """Width and height of an image."""
+    try:
+        height, width = decode(path.read_bytes(), str(path)).shape[:2]
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})", "restore the file") from error
+    return width, height

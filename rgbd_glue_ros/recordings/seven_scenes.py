@@ -1,0 +1,89 @@
+"""7-Scenes and 3DMatch data sets: a folder of ``frame-%06d.{color,depth,pose}.*``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImagePair, ImageSequence, matrix
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
+
+_DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0, 65535))
+_RATE_HZ = 30
+_INTRINSICS = "camera-intrinsics.txt"
+_WIDTH, _HEIGHT = 640, 480
+# 7-Scenes comes without a file of intrinsics; its page gives these for every scene
+_SCENES = ("chess", "fire", "heads", "office", "pumpkin", "redkitchen", "stairs")
+_SEVEN_SCENES = CameraIntrinsics(_WIDTH, _HEIGHT, 585.0, 585.0, 320.0, 240.0)
+
+
+def matches(folder: Path) -> bool:
+    """Whether the folder is laid out so."""
+    return any(folder.glob("frame-*.color.*"))
+
+
+def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:
+    """The sequence in ``folder``; the data has no stamps, so frame i is at (i + 1) / 30 s.
+
+    Args:
+        folder: of the frames.
+        calibration: of the camera; None reads ``camera-intrinsics.txt`` there or one level up,
+            or takes 7-Scenes' own below a folder named as one of its scenes.
+
+    Raises:
+        InputError: a frame's depth is missing, a pose is malformed, or the camera is not known.
+            A frame whose pose is missing or not finite has no ground truth.
+    """
+    pairs: list[ImagePair] = []
+    stamps: list[int] = []
+    poses: list[Float64] = []
+    for color in sorted(folder.glob("frame-*.color.*")):
+        stem = color.name.split(".")[0]
+        stamp = _stamp(color, stem)
+        depth, pose = folder / f"{stem}.depth.png", folder / f"{stem}.pose.txt"
+        if not depth.is_file():
+            raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
+        pairs.append(ImagePair(stamp, color, stamp, depth))
+        if pose.is_file():
+            T = matrix(pose, 4)
+            # where 3DMatch's tracking was lost there is a pose that is not finite
+            if np.isfinite(T).all():
+                stamps.append(stamp)
+                poses.append(T)
+    truth = Trajectory(np.array(stamps, np.int64), np.stack(poses)) if poses else None
+    camera = calibration or _camera(folder)
+    return ImageSequence(_name(folder.resolve()), tuple(pairs), _DEPTH, camera, truth)
+
+
+def _name(folder: Path) -> str:
+    """The folder's name, with the scene's before it where that is no name for itself."""
+    return f"{folder.parent.name}/{folder.name}" if folder.name.startswith("seq-") else folder.name
+
+
+def _stamp(path: Path, stem: str) -> int:
+    try:
+        number = int(stem.removeprefix("frame-"))
+    except ValueError as error:
+        raise InputError(path, "has no number in its name", "name it frame-000000…") from error
+    # from 1/30 s on: in ROS a stamp of zero means that there is none
+    return (number + 1) * NANOSECONDS // _RATE_HZ
+
+
+def _camera(folder: Path) -> CameraIntrinsics:
+    folder = folder.resolve()
+    for path in (folder / _INTRINSICS, folder.parent / _INTRINSICS):
+        if path.is_file():
+            K = matrix(path, 3)
+            if not np.isfinite(K).all():
+                raise InputError(path, "is no camera matrix", "restore the file")
+            fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+            return CameraIntrinsics(_WIDTH, _HEIGHT, fx, fy, cx, cy)
+    if folder.parent.name in _SCENES:
+        return _SEVEN_SCENES
+    raise InputError(
+        folder,
+        f"has no {_INTRINSICS}, nor has the folder above",
+        "give the calibration (--calibration camera_info.yaml)",
+    )

@@ -1,0 +1,218 @@
+"""What poses are refined against: the planes and the textured pixels of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.camera import (
+    DEPTH_EDGE_SIGMAS,
+    apparent_velocity,
+    depth_sigma,
+    keypoints_to_points,
+    seconds_after_color,
+    seen_before,
+    shutter_part,
+)
+from rgbd_glue_ros.geometry.normals import grid_points_and_normals
+from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
+
+LEVELS = 3
+# Edge of the cells that give one pixel each, at every level of the pyramid: coarse levels have
+# fewer pixels, so their cells are smaller.
+_CELLS_PX = (8, 5, 4)
+_MIN_GRADIENT = 5.0
+# A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
+# seen there moves with the edge and not with the pixel's own depth.
+_OCCLUSION_PX = 3
+# A surface that recedes by this part of its depth within that distance is still one.
+_RECEDING = 0.02
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Oriented points.
+
+    Attributes:
+        points: float64 [N, 3], metres.
+        normals: float64 [N, 3], unit.
+        velocity: float64 [N, 3], ``apparent_velocity`` when they were seen, m/s.
+        part: float64 [N], ``shutter_part`` of the row that they were seen in.
+    """
+
+    points: Float64
+    normals: Float64
+    velocity: Float64
+    part: Float64
+
+    def moved(self, T: Float64) -> Planes:
+        """The planes in the frame that T [4, 4] maps to."""
+        R = T[:3, :3]
+        points = se3.transform(T, self.points)
+        return Planes(points, self.normals @ R.T, self.velocity @ R.T, self.part)
+
+
+@dataclass(frozen=True)
+class Pixels:
+    """Points with the brightness that one level of an image pyramid has there.
+
+    Attributes:
+        points: float64 [N, 3], metres.
+        brightness: float64 [N], grey levels.
+        velocity: as that of ``Planes``.
+        part: as that of ``Planes``.
+    """
+
+    points: Float64
+    brightness: Float64
+    velocity: Float64
+    part: Float64
+
+    def moved(self, T: Float64) -> Pixels:
+        """The pixels in the frame that T [4, 4] maps to."""
+        points = se3.transform(T, self.points)
+        return replace(self, points=points, velocity=self.velocity @ T[:3, :3].T)
+
+
+@dataclass(frozen=True)
+class Model:
+    """What poses are refined against, in one frame.
+
+    Attributes:
+        planes: surfaces.
+        pixels: textured points, for each level of the pyramid, finest first.
+    """
+
+    planes: Planes
+    pixels: tuple[Pixels, ...]
+
+    def moved(self, T: Float64) -> Model:
+        """The model in the frame that T [4, 4] maps to."""
+        return Model(self.planes.moved(T), tuple(p.moved(T) for p in self.pixels))
+
+
+def model_of(view: View, grid_step: int) -> Model:
+    """The planes and pixels of a frame, in its optical frame.
+
+    Args:
+        view: the frame.
+        grid_step: spacing of the planes, pixels.
+    """
+    pixels = tuple(
+        _textured_pixels(image, level, view) for level, image in enumerate(pyramid(view.grey))
+    )
+    return Model(_planes(view, grid_step), pixels)
+
+
+def blend(models: Sequence[Model]) -> Model:
+    """One model of several that are in the same frame, of the size of one of them.
+
+    Takes every n-th plane and pixel of n models: to be refined against more keyframes costs
+    nothing, and averages what is wrong with each.
+    """
+    every = slice(None, None, len(models))
+
+    def joined(arrays: Sequence[Float64]) -> Float64:
+        return np.concatenate([array[every] for array in arrays])
+
+    planes = [m.planes for m in models]
+    levels = [[m.pixels[level] for m in models] for level in range(LEVELS)]
+    return Model(
+        Planes(
+            joined([p.points for p in planes]),
+            joined([p.normals for p in planes]),
+            joined([p.velocity for p in planes]),
+            joined([p.part for p in planes]),
+        ),
+        tuple(
+            Pixels(
+                joined([p.points for p in pixels]),
+                joined([p.brightness for p in pixels]),
+                joined([p.velocity for p in pixels]),
+                joined([p.part for p in pixels]),
+            )
+            for pixels in levels
+        ),
+    )
+
+
+def pyramid(grey: UInt8, levels: int = LEVELS) -> list[UInt8]:
+    """The image and smaller ones, each half the size of the one before."""
+    images = [grey]
+    for _ in range(levels - 1):
+        images.append(np.asarray(cv2.pyrDown(images[-1]), np.uint8))
+    return images
+
+
+def _planes(view: View, grid_step: int) -> Planes:
+    points, normals = grid_points_and_normals(view.depth, view.intrinsics, grid_step)
+    known = np.isfinite(points[..., 2])
+    rows = np.nonzero(known)[0] * grid_step + grid_step // 2
+    seconds = seconds_after_color(rows, view)
+    points = seen_before(points[known], seconds, view.twist)
+    # a normal turns as the points do
+    turn = seconds[:, np.newaxis] * np.cross(view.twist[3:], normals[known])
+    return Planes(
+        points,
+        normals[known] + turn,
+        apparent_velocity(points, view.twist),
+        shutter_part(rows, view),
+    )
+
+
+def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
+    """The pixel with the strongest gradient in each cell of a level, where its depth is known."""
+    rows = _strongest_gradients(image, _CELLS_PX[level], _MIN_GRADIENT)
+    rows = rows[_uncovered(view.depth, rows * 2**level, _OCCLUSION_PX * 2**level)]
+    uv = (rows[:, ::-1] * 2**level).astype(np.float32)
+    points, known = keypoints_to_points(uv, view)
+    return Pixels(
+        points,
+        image[rows[known, 0], rows[known, 1]].astype(np.float64),
+        apparent_velocity(points, view.twist),
+        shutter_part(uv[known, 1], view),
+    )
+
+
+@compiled
+def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
+    """Row and column, int64 [N, 2], of the strongest gradient above the threshold in each cell."""
+    height, width = image.shape
+    found = np.empty(((height // cell + 1) * (width // cell + 1), 2), np.int64)
+    n = 0
+    for top in range(2, height - 2, cell):
+        for left in range(2, width - 2, cell):
+            best = (2.0 * threshold) ** 2
+            row, column = -1, -1
+            for v in range(top, min(top + cell, height - 2)):
+                for u in range(left, min(left + cell, width - 2)):
+                    du = float(image[v, u + 1]) - float(image[v, u - 1])
+                    dv = float(image[v + 1, u]) - float(image[v - 1, u])
+                    if du * du + dv * dv > best:
+                        best, row, column = du * du + dv * dv, v, u
+            if row >= 0:
+                found[n, 0], found[n, 1] = row, column
+                n += 1
+    return found[:n]
+
+
+@compiled
+def _uncovered(depth: Float32, pixels: Int64, reach: int) -> NDArray[np.bool_]:
+    """Which pixels, int64 [N, 2] rows and columns, have no nearer surface within ``reach``."""
+    height, width = depth.shape
+    free = np.zeros(len(pixels), np.bool_)
+    for i in range(len(pixels)):
+        row, column = pixels[i, 0], pixels[i, 1]
+        z = nearest = depth[row, column]
+        for v in range(max(0, row - reach), min(height, row + reach + 1)):
+            for u in range(max(0, column - reach), min(width, column + reach + 1)):
+                nearest = min(nearest, depth[v, u])
+        # where depth is unknown this is false
+        free[i] = z - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest) + _RECEDING * nearest
+    return free

@@ -1,0 +1,68 @@
+"""How fast the camera moves, from how one frame of it is distorted.
+
+The rows of a rolling shutter see the room from where the camera was when each was read, and so
+does depth that is taken later than colour. In the difference of two poses their jitter counts
+double and a change of speed shows late; the distortion has the speed of the very frame. As in
+visual odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is found
+along with the pose.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.parameters import RefineConfig
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, beyond_the_pose
+from rgbd_glue_ros.refinement.model import Model, pyramid
+from rgbd_glue_ros.refinement.residuals import Rows, meet, normal_equations, pixel_rows, plane_rows
+from rgbd_glue_ros.types import Float64, View
+
+# The velocity of a camera that no distortion shows: faster than any.
+_UNSEEN_SPEED = 100.0
+
+
+def velocity_seen(
+    found: Refinement,
+    model: Model,
+    source: View,
+    config: RefineConfig,
+    level: int,
+) -> tuple[Float64, Float64]:
+    """The velocity of the camera that takes a frame, whatever the pose.
+
+    Args:
+        found: the frame's pose in the model.
+        model: which it was refined against.
+        source: the frame as it was refined, with the velocity where the search starts.
+        config: weights of the residuals.
+        level: of the pyramid.
+
+    Returns:
+        The velocity, float64 [6], linear and angular in the camera's frame (m/s, rad/s), and its
+        covariance [6, 6]; great where nothing is distorted.
+    """
+    T = found.T_model_source
+    image = pyramid(source.grey, level + 1)[level]
+    meeting = meet(model, image, level, source, config)
+    planes = plane_rows(T, meeting)
+    pixels = pixel_rows(T, meeting, found.light)
+    H, g = _normal_equations(planes, source.depth_delay + planes.part * source.readout)
+    H_pixels, g_pixels = _normal_equations(pixels, pixels.part * source.readout)
+    H, g = beyond_the_pose(H + H_pixels, g + g_pixels)
+    to_model = se3.adjoint(T)
+    information = to_model.T @ (H / config.correlation) @ to_model + np.eye(6) / _UNSEEN_SPEED**2
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
+    return source.twist - covariance @ (to_model.T @ (g / config.correlation)), covariance
+
+
+def _normal_equations(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
+    """Hessian [12, 12] and gradient [12] for the pose and the velocity, both in the model's frame.
+
+    Args:
+        rows: residuals.
+        seconds: float64 [N], when each was seen after the pose's own time: a velocity moves the
+            camera by as much of it.
+    """
+    J = np.hstack([rows.jacobian, rows.jacobian * seconds[:, np.newaxis]])
+    return normal_equations(J, rows.weight, rows.residual)

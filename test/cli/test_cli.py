@@ -1,0 +1,212 @@
+"""The command line: what it prints, and one line and an exit code for everything that is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from rigs.data_sets import write_data_set
+from rigs.paths import ROOT
+
+from rgbd_glue_ros.cli import main as cli
+from rgbd_glue_ros.errors import MissingExtraError
+from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
+from rgbd_glue_ros.types import Trajectory
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "rgbd_glue_ros", *map(str, arguments)]
+
+
+def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command(*arguments), cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+def test_help_names_every_command_and_loads_nothing_heavy() -> None:
+    program = (
+        "import sys; from rgbd_glue_ros.cli.main import main\n"
+        "try: main(['--help'])\n"
+        "finally: assert not {'numpy', 'cv2', 'numba', 'rosbags'} & set(sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    for known in cli.COMMANDS:
+        assert f"    {known.name} " in done.stdout
+
+
+@pytest.mark.parametrize("name", [known.name for known in cli.COMMANDS])
+def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main([name, "--help"])
+    assert end.value.code == 0
+    assert f"rgbd-glue {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "COMMAND"),
+        (["dance"], "invalid choice: 'dance'"),
+        (["evaluate", "a"], "REF"),
+        (["evaluate", "absent.txt", "b"], "absent.txt: cannot be read"),
+        (["params", "--preset", "dead"], "'dead'"),
+        (["params", "--set", "glue.q=3"], "glue.k"),
+        (["params", "--set", "glue.k"], "name=value"),
+        (["params", "--set", "glue.k=0.5"], "from 1 to 100"),
+        (["replay", "absent", "-o", "out"], "absent: does not exist"),
+        (["replay", "test", "-o", "out"], "rgb.txt and depth.txt"),
+        (["replay", "test"], "-o"),
+        (["replay", "test", "-o", "out", "--limit", "0"], "'0'"),
+        (["replay", "test", "-o", "out", "--limit", "many"], "'many'"),
+        (["replay", "test", "-o", "out", "--calibration", "README.md"], "README.md"),
+        (["replay", "test", "-o", "out", "--ground-truth", "README.md"], "README.md:"),
+    ],
+)
+def test_bad_input_is_one_line_on_stderr_and_exit_code_2(arguments: list[str], says: str) -> None:
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("rgbd-glue: ")
+    assert says in line
+
+
+def failing(error: Exception) -> cli.Command:
+    def fail(_: object) -> str:
+        raise error
+
+    return cli.Command("fail", "fails", lambda _: None, fail)
+
+
+def test_a_failure_inside_is_one_line_and_exit_code_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cli, "COMMANDS", (failing(RuntimeError("a\nb")),))
+    assert cli.main(["fail"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "rgbd-glue: failure inside: RuntimeError: a b; --debug shows where"
+
+
+def test_debug_shows_where_an_error_arose(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(cli, "COMMANDS", (failing(RuntimeError("inside")),))
+    assert cli.main(["fail", "--debug"]) == 1
+    assert "Traceback" in caplog.text
+
+
+def test_a_missing_extra_is_named_with_exit_code_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = MissingExtraError("Open3D", "open3d", "fpfh")
+    monkeypatch.setattr(cli, "COMMANDS", (failing(error),))
+    assert cli.main(["fail"]) == 2
+    assert "pip install 'rgbd_glue_ros[open3d]'" in capsys.readouterr().err
+
+
+def test_version_is_that_of_the_installed_package_or_says_that_there_is_none() -> None:
+    done = run("--version")
+    assert done.returncode == 0
+    assert done.stdout.startswith("rgbd-glue ")
+
+
+def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -> None:
+    done = run("params", "--preset", "paper", "--set", "glue.k=3", "--set", "seed=5")
+    tree = yaml.safe_load(done.stdout)["/**"]["ros__parameters"]
+    assert tree["glue"]["k"] == 3.0
+    assert tree["seed"] == 5
+    done = run("params", "--markdown")
+    assert "| `glue.k` |" in done.stdout
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    process = subprocess.Popen(
+        command("params"), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    _, errors = process.communicate()
+    assert errors == ""
+    assert process.returncode == 128 + signal.SIGPIPE
+
+
+def test_evaluate_prints_a_table_or_json(tmp_path: Path) -> None:
+    poses = np.tile(np.eye(4), (40, 1, 1))
+    poses[:, 0, 3] = 0.5 / 30 * np.arange(40)
+    stamps = np.arange(40, dtype=np.int64) * 1_000_000_000 // 30
+    write_tum(tmp_path / "truth.txt", Trajectory(stamps, poses))
+    poses[:, 0, 3] *= 1.1
+    write_tum(tmp_path / "estimate.txt", Trajectory(stamps, poses))
+    table = run("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt").stdout
+    assert "translation  0.05000" in table
+    done = run("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt", "--json")
+    figures = json.loads(done.stdout)
+    assert figures["poses"] == 40
+    assert figures["rpe"]["trans_rmse_m"] == pytest.approx(0.05, abs=1e-6)
+    assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
+
+
+def test_replay_prints_a_summary_and_where_the_report_is(tmp_path: Path) -> None:
+    calibration = write_data_set(tmp_path / "poster", 12)
+    out = tmp_path / "out"
+    done = run(
+        *("replay", tmp_path / "poster", "-o", out, "--calibration", calibration),
+        *("--limit", 10, "--set", "features.keypoints=300"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "frames   10, of which 10 tracked" in done.stdout
+    assert str(out / "report.html") in done.stdout
+    assert "keypoints: 300" in (out / "params.yaml").read_text()
+    assert json.loads((out / "metrics.json").read_text())["ape"]["rmse_m"] < 0.02
+
+
+def test_a_converted_data_set_replays_to_the_same_trajectory(tmp_path: Path) -> None:
+    calibration = write_data_set(tmp_path / "poster", 8)
+    bag = tmp_path / "bag"
+    done = run("convert", tmp_path / "poster", bag, "--calibration", calibration)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert str(bag) in done.stdout
+    run("replay", tmp_path / "poster", "-o", tmp_path / "a", "--calibration", calibration)
+    run("replay", bag, "-o", tmp_path / "b")
+    lines = (tmp_path / "a" / "trajectory.txt").read_text().splitlines()
+    assert len(lines) == 9
+    assert (tmp_path / "b" / "trajectory.txt").read_text().splitlines() == lines
+
+
+def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
+    calibration = write_data_set(tmp_path / "poster", 12)
+    # a pipe in place of an image: who opens it for writing learns when the reader has come to it
+    pipe = tmp_path / "poster" / "rgb" / "009.png"
+    pipe.unlink()
+    os.mkfifo(pipe)
+    out = tmp_path / "out"
+    arguments = ("replay", tmp_path / "poster", "-o", out, "--calibration", calibration)
+    with subprocess.Popen(
+        command(*arguments), cwd=ROOT, stderr=subprocess.PIPE, text=True
+    ) as process:
+
+        def interrupt() -> None:
+            with pipe.open("wb"):
+                process.send_signal(signal.SIGINT)
+
+        threading.Thread(target=interrupt, daemon=True).start()
+        _, errors = process.communicate()
+    assert process.returncode == 128 + signal.SIGINT
+    (line,) = errors.splitlines()
+    assert f"interrupted; what was done is in {out}" in line
+    frames = json.loads((out / "metrics.json").read_text())["frames"]
+    assert 4 <= frames <= 9
+    assert len(read_tum(out / "trajectory.txt")) == frames

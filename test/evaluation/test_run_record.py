@@ -1,0 +1,72 @@
+"""What is kept of a run, and its figures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.evaluation.run_record import FrameRecord, Run, metrics
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.types import (
+    Correspondences,
+    OdometryEstimate,
+    RegistrationResult,
+    RegistrationStatus,
+    TrackingState,
+)
+
+TRACKING, LOST = TrackingState.TRACKING, TrackingState.LOST
+
+
+def registered(x: float, number: int) -> OdometryEstimate:
+    """A keyframe ``x`` metres along, registered against keyframe ``number``."""
+    T = se3.exp(np.array([x, 0, 0, 0, 0, 0]))
+    matches = Correspondences(np.zeros((4, 3)), np.zeros((4, 3)), np.ones(4))
+    none = Correspondences.empty()
+    result = RegistrationResult(None, RegistrationStatus.OK, matches, matches, matches, none)
+    return OdometryEstimate(
+        int(x * 1e9),
+        TRACKING,
+        T,
+        is_keyframe=True,
+        keyframe_id=number,
+        registration=result.accepted(np.eye(4), np.eye(6)),
+    )
+
+
+def test_the_pose_graph_has_the_keyframes_and_links_each_to_what_it_was_registered_against() -> (
+    None
+):
+    run = Run("x", Config())
+    run.add(OdometryEstimate(0, TRACKING, np.eye(4), is_keyframe=True), 1.0)
+    run.add(registered(0.5, 0), 1.0)
+    run.add(OdometryEstimate(1, LOST), 1.0)
+    run.add(registered(0.8, 1), 1.0)
+    graph = run.pose_graph
+    assert len(graph.keyframes) == 3
+    assert [(edge.parent, edge.child) for edge in graph.edges] == [(0, 1), (1, 2)]
+    np.testing.assert_allclose(graph.edges[1].T_parent_child[:3, 3], [0.3, 0, 0])
+
+
+def test_a_record_keeps_counts_and_no_correspondences() -> None:
+    record = FrameRecord.of(registered(0.5, 0), 12.5)
+    assert (record.visual_inliers, record.credible, record.latency_ms) == (4, 0, 12.5)
+    nothing = FrameRecord.of(OdometryEstimate(0, LOST), 1.0)
+    assert nothing.visual_inliers is None
+
+
+def test_figures_count_states_and_take_percentiles_and_medians_per_stage() -> None:
+    run = Run("x", Config(), wall_s=2.0)
+    for i in range(101):
+        stages = {"fit": float(i), "rare": 7.0} if i == 50 else {"fit": float(i)}
+        state = LOST if i % 4 == 0 else TRACKING
+        run.frames.append(FrameRecord(i, state, None, float(i), stages_ms=stages))
+    figures = metrics(run, None)
+    assert (figures["frames"], figures["tracked"], figures["lost"]) == (101, 75, 26)
+    assert figures["fps"] == 50.5
+    assert figures["latency_ms"] == {"p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
+    assert figures["stages_ms"] == pytest.approx({"fit": 50.0, "rare": 7.0})
+    assert figures["path_m"] == 0.0
+    assert figures["peak_rss_mb"] > 10
+    assert "ape" not in figures

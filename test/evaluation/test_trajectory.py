@@ -1,0 +1,183 @@
+"""Trajectories survive their files; stamps are exact; bad lines are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.trajectory import (
+    PoseGraph,
+    PoseGraphEdge,
+    TumWriter,
+    associate,
+    format_stamp,
+    parse_stamp,
+    read_g2o,
+    read_kitti,
+    read_tum,
+    write_g2o,
+    write_kitti,
+    write_tum,
+)
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.types import NANOSECONDS, Float64, Trajectory
+
+STAMPS = st.integers(-(2**62), 2**62)
+
+
+def random_trajectory(seed: int, length: int = 20) -> Trajectory:
+    rng = np.random.default_rng(seed)
+    poses = np.stack([se3.exp(rng.normal(0, 1, 6)) for _ in range(length)])
+    return Trajectory(np.sort(rng.integers(0, 2**61, length)), poses)
+
+
+@given(STAMPS)
+def test_a_stamp_survives_its_text_to_the_nanosecond(stamp_ns: int) -> None:
+    assert parse_stamp(format_stamp(stamp_ns)) == stamp_ns
+
+
+@pytest.mark.parametrize(
+    ("text", "stamp_ns"),
+    [
+        ("1305031453.359684", 1305031453359684000),
+        ("1.305031453359684000e+09", 1305031453359684000),
+        ("0.033333", 33333000),
+        ("-0.5", -NANOSECONDS // 2),
+    ],
+)
+def test_a_stamp_is_read_without_passing_through_a_float(text: str, stamp_ns: int) -> None:
+    assert parse_stamp(text) == stamp_ns
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20)
+def test_a_trajectory_survives_a_tum_file(
+    tmp_path_factory: pytest.TempPathFactory, seed: int
+) -> None:
+    path = tmp_path_factory.mktemp("tum") / "trajectory.txt"
+    written = random_trajectory(seed)
+    write_tum(path, written)
+    read = read_tum(path)
+    np.testing.assert_array_equal(read.stamps_ns, written.stamps_ns)
+    np.testing.assert_allclose(read.poses, written.poses, atol=1e-13)
+
+
+def test_a_pose_is_on_disk_as_soon_as_it_is_appended(tmp_path: Path) -> None:
+    path = tmp_path / "trajectory.txt"
+    with TumWriter(path) as writer:
+        writer.append(1_500_000_000, np.eye(4))
+        assert path.read_text().splitlines()[-1] == "1.500000000 0 0 0 0 0 0 1"
+
+
+def test_comments_commas_and_empty_lines_in_a_tum_file_are_no_poses(tmp_path: Path) -> None:
+    path = tmp_path / "trajectory.txt"
+    path.write_text("# stamp tx …\n\n1,0,0,0,0,0,0,2\n")
+    trajectory = read_tum(path)
+    np.testing.assert_array_equal(trajectory.poses, [np.eye(4)])
+
+
+@pytest.mark.parametrize(
+    ("line", "cause"),
+    [
+        ("1.5 0 0 nan 0 0 0 1", "not finite"),
+        ("1.5 0 0 inf 0 0 0 1", "not finite"),
+        ("1.5 0 0 0 0 0 0 0", "quaternion of zeros"),
+        ("1.5 0 0 0", "4 values where 8 belong"),
+        ("now 0 0 0 0 0 0 1", "not a number"),
+        ("nan 0 0 0 0 0 0 1", "NaN"),
+        ("inf 0 0 0 0 0 0 1", "not a number"),
+        ("1.5 0 0 zero 0 0 0 1", "'zero'"),
+    ],
+)
+def test_a_bad_line_is_refused_with_file_and_number(tmp_path: Path, line: str, cause: str) -> None:
+    path = tmp_path / "groundtruth.txt"
+    path.write_text(f"# comment\n1.0 0 0 0 0 0 0 1\n{line}\n")
+    with pytest.raises(InputError, match=cause) as error:
+        read_tum(path)
+    assert error.value.where == f"{path}:3"
+
+
+def test_a_missing_a_binary_and_an_empty_file_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "binary").write_bytes(b"\x89PNG\xff")
+    (tmp_path / "empty").write_text("# nothing\n")
+    for name, cause in (("none", "No such file"), ("binary", "no text"), ("empty", "no pose")):
+        with pytest.raises(InputError, match=cause):
+            read_tum(tmp_path / name)
+
+
+def test_poses_survive_a_kitti_file(tmp_path: Path) -> None:
+    poses = random_trajectory(0).poses
+    write_kitti(tmp_path / "poses.txt", poses)
+    np.testing.assert_allclose(read_kitti(tmp_path / "poses.txt"), poses, atol=1e-13)
+
+
+def random_edge(rng: np.random.Generator) -> PoseGraphEdge:
+    A = rng.normal(0, 0.01, (6, 6))
+    return PoseGraphEdge(0, 1, se3.exp(rng.normal(0, 1, 6)), A @ A.T + 1e-6 * np.eye(6))
+
+
+def test_a_pose_graph_survives_a_g2o_file(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    written = PoseGraph(random_trajectory(1, 2), (random_edge(rng),))
+    write_g2o(tmp_path / "keyframes.g2o", written)
+    read = read_g2o(tmp_path / "keyframes.g2o")
+    np.testing.assert_array_equal(read.keyframes.stamps_ns, written.keyframes.stamps_ns)
+    np.testing.assert_allclose(read.keyframes.poses, written.keyframes.poses, atol=1e-13)
+    (edge,), (expected,) = read.edges, written.edges
+    assert (edge.parent, edge.child) == (0, 1)
+    np.testing.assert_allclose(edge.T_parent_child, expected.T_parent_child, atol=1e-13)
+    np.testing.assert_allclose(edge.covariance, expected.covariance, rtol=1e-8, atol=1e-12)
+
+
+def test_the_information_in_a_g2o_file_is_that_of_g2os_residual(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    edge = random_edge(rng)
+    write_g2o(tmp_path / "keyframes.g2o", PoseGraph(random_trajectory(2, 2), (edge,)))
+    line = next(
+        line for line in (tmp_path / "keyframes.g2o").read_text().splitlines() if "EDGE" in line
+    )
+    upper = np.zeros((6, 6))
+    upper[np.triu_indices(6)] = [float(word) for word in line.split()[10:]]
+    information = upper + np.triu(upper, 1).T
+
+    def residual(X: Float64) -> Float64:
+        # Z^-1 X as g2o's toVectorMQT: translation, then the quaternion without w
+        E = se3.inverse(edge.T_parent_child) @ X
+        return np.concatenate([E[:3, 3], Rotation.from_matrix(E[:3, :3]).as_quat()[:3]])
+
+    step = 1e-6
+    J = np.stack(
+        [residual(se3.exp(step * axis) @ edge.T_parent_child) / step for axis in np.eye(6)], axis=1
+    )
+    np.testing.assert_allclose(information @ (J @ edge.covariance @ J.T), np.eye(6), atol=1e-3)
+
+
+def test_association_takes_the_nearest_pair_first_and_each_stamp_once() -> None:
+    first = np.array([0, 10, 20]) * 1_000_000
+    second = np.array([9, 11, 40, 3]) * 1_000_000
+    rows, other = associate(first, second, 0.02)
+    # 10 takes 9 before 11 (of equal distance the earlier row), and 20 what is left of them
+    assert list(zip(rows.tolist(), other.tolist(), strict=True)) == [(0, 3), (1, 0), (2, 1)]
+
+
+@given(
+    st.lists(st.integers(0, 200), max_size=12),
+    st.lists(st.integers(0, 200), max_size=12),
+    st.integers(0, 30),
+)
+def test_association_is_one_to_one_within_the_difference_and_leaves_no_pair_unmade(
+    a: list[int], b: list[int], milliseconds: int
+) -> None:
+    first, second = (np.array(x, np.int64) * 1_000_000 for x in (a, b))
+    rows, other = associate(first, second, milliseconds / 1000)
+    assert len(set(rows.tolist())) == len(rows) == len(set(other.tolist()))
+    assert (np.abs(first[rows] - second[other]) <= milliseconds * 1_000_000).all()
+    assert (np.diff(first[rows]) >= 0).all()
+    unpaired = np.delete(first, rows)[:, None] - np.delete(second, other)[None, :]
+    assert (np.abs(unpaired) > milliseconds * 1_000_000).all()

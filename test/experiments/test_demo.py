@@ -1,0 +1,130 @@
+"""The demonstration, whole."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.experiments.demo import demo as module
+from rgbd_glue_ros.experiments.demo.demo import Progress, bundled_bag, demo
+
+
+def ignore(_: Progress) -> None:
+    """Nobody watches."""
+
+
+@pytest.fixture
+def _ros() -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+
+
+@pytest.mark.usefixtures("_ros")
+def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
+    tmp_path: Path,
+) -> None:
+    seen: list[Progress] = []
+    result = demo(bundled_bag(), tmp_path, 1.0, seen.append)
+    names = {path.name for path in tmp_path.iterdir()}
+    replays = {"trajectory.txt", "metrics.json", "params.yaml", "report.html", "keyframes.g2o"}
+    assert names == replays | {"node.log"}
+    figures = json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8"))
+    assert figures == result.figures
+    assert figures["ape"]["rmse_m"] < 0.02
+    assert figures["tracked"] == len(read_tum(tmp_path / "trajectory.txt")) > 0
+    assert figures["frames"] + sum(figures["dropped"].values()) == result.frames
+    assert 50 < figures["peak_rss_mb"] < 2000
+    assert 0 < figures["node_latency_ms"]["p50"] < figures["latency_ms"]["p95"]
+    assert seen[-1].played == seen[-1].frames == result.frames
+
+
+@pytest.mark.usefixtures("_ros")
+def test_a_node_that_does_not_start_is_said_with_its_last_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_parameters", lambda _: {"glue.k": "many"})
+    with pytest.raises(RuntimeError, match=r"exit code 2, last line: .*glue.k: 'many'"):
+        demo(bundled_bag(), tmp_path, 1.0, ignore)
+
+
+def children(pid: int) -> list[int]:
+    words = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    return [int(word) for word in words]
+
+
+@pytest.mark.usefixtures("_ros")
+def test_a_node_that_dies_is_said_and_what_it_did_is_kept(tmp_path: Path) -> None:
+    # tests before this one may have left helpers of Python's own
+    others = set(children(os.getpid()))
+
+    def kill(progress: Progress) -> None:
+        if progress.poses >= 2:
+            (node,) = set(children(os.getpid())) - others
+            os.kill(node, signal.SIGKILL)
+
+    with pytest.raises(RuntimeError, match="the node ended: exit code -9"):
+        demo(bundled_bag(), tmp_path, 1.0, kill)
+    assert len(read_tum(tmp_path / "trajectory.txt")) >= 2
+    assert (tmp_path / "metrics.json").is_file()
+
+
+def thread_count(pid: int) -> int:
+    """Of a process; 0 after its end."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
+    return 0 if "State:\tZ" in status else int(status.partition("Threads:")[2].split()[0])
+
+
+@pytest.mark.usefixtures("_ros")
+@pytest.mark.parametrize(
+    ("how", "code"), [(signal.SIGTERM, 130), (signal.SIGINT, 130), (signal.SIGKILL, -9)]
+)
+def test_a_demonstration_that_is_ended_leaves_no_node_behind(
+    tmp_path: Path, how: signal.Signals, code: int
+) -> None:
+    program = "import sys; from rgbd_glue_ros.cli.main import main; sys.exit(main())"
+    command = [sys.executable, "-c", program, "demo", "-o", str(tmp_path)]
+    deadline = time.monotonic() + 60
+    # nothing tells of what a process does that is no child of this one: look now and then
+    with subprocess.Popen(command) as process:
+        nodes: list[int] = []
+        while not any(thread_count(node) > 4 for node in nodes):  # DDS has several
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+            nodes = children(process.pid)
+        process.send_signal(how)
+        assert process.wait() == code
+    while any(map(thread_count, nodes)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_without_ros_the_demonstration_names_the_extra_that_brings_it(tmp_path: Path) -> None:
+    program = f"""
+import sys
+
+class Absent:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == "rclpy":
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, Absent)
+from rgbd_glue_ros.cli.main import main
+sys.exit(main(["demo", "-o", {str(tmp_path)!r}]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "pip install 'rgbd_glue_ros[ros]'" in done.stderr
+    assert done.stderr.count("\n") == 1

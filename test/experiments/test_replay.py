@@ -1,0 +1,107 @@
+"""A replay leaves its results behind, however it ends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rigs.pan import Pan
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.trajectory import read_g2o, read_tum
+from rgbd_glue_ros.experiments.replay.replay import (
+    KEYFRAMES,
+    METRICS,
+    PARAMETERS,
+    REPORT,
+    TRAJECTORY,
+    replay,
+)
+from rgbd_glue_ros.parameters import Config, load_yaml, with_values
+from rgbd_glue_ros.types import (
+    OdometryEstimate,
+    Trajectory,
+)
+
+
+def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
+    tmp_path: Path,
+) -> None:
+    config = with_values(Config(), {"seed": 7})
+    replay(Pan(40), config, tmp_path / "out" / "pan")
+    folder = tmp_path / "out" / "pan"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(
+        [TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES]
+    )
+    figures = json.loads((folder / METRICS).read_text())
+    assert set(figures) == {
+        *("sequence", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
+        *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe"),
+    }
+    assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}
+    assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
+    assert set(figures["rpe"]) == {"delta_s", "trans_rmse_m", "rot_rmse_deg"}
+    assert figures["rpe"]["delta_s"] == 1.0
+    assert figures["frames"] == figures["tracked"] == 40
+    assert figures["ape"]["rmse_m"] < 0.02
+    assert len(read_tum(folder / TRAJECTORY)) == 40
+    graph = read_g2o(folder / KEYFRAMES)
+    assert len(graph.keyframes) == figures["keyframes"]
+    assert len(graph.edges) == figures["keyframes"] - 1
+    assert load_yaml(folder / PARAMETERS, Config()) == config
+
+
+def test_the_truth_may_be_given_and_the_frames_limited(tmp_path: Path) -> None:
+    sequence = Pan(10)
+    truth = sequence.ground_truth
+    moved = Trajectory(truth.stamps_ns, truth.poses.copy())
+    moved.poses[:, 0, 3] *= 2
+    run = replay(sequence, Config(), tmp_path, ground_truth=moved, limit=6)
+    figures = json.loads((tmp_path / METRICS).read_text())
+    assert figures["frames"] == len(run.frames) == 6
+    # the truth is twice as long: errors are half the distances to the middle, at the ends 3.75 cm
+    assert figures["ape"]["max_m"] == pytest.approx(0.0375, abs=0.005)
+    assert figures["rpe"] is None
+
+
+def test_truth_of_another_time_is_said_and_the_rest_is_written(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    elsewhen = Trajectory(np.array([10**18]), np.eye(4)[None])
+    replay(Pan(3), Config(), tmp_path, ground_truth=elsewhen)
+    assert "only 0 poses" in caplog.text
+    assert "ape" not in json.loads((tmp_path / METRICS).read_text())
+
+
+def test_an_interrupted_replay_keeps_what_was_done(tmp_path: Path) -> None:
+    done: list[OdometryEstimate] = []
+
+    def interrupt(estimate: OdometryEstimate) -> None:
+        done.append(estimate)
+        if len(done) == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(Pan(20), Config(), tmp_path, on_frame=interrupt)
+    assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
+    assert len(read_tum(tmp_path / TRAJECTORY)) == 5
+    assert (tmp_path / REPORT).stat().st_size > 1000
+
+
+def test_frames_before_a_damaged_one_are_replayed_and_that_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"rgb/7\.png: is damaged; .* 7 frames before"):
+        replay(Pan(20, breaks_after=7), Config(), tmp_path)
+    assert json.loads((tmp_path / METRICS).read_text())["frames"] == 7
+
+
+def test_a_sequence_without_frames_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no frame"):
+        replay(Pan(0), Config(), tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        replay(Pan(3), Config(), tmp_path / "file" / "out")

@@ -1,0 +1,99 @@
+"""Replays of many recordings: each has its folder, one that fails stops no other."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import make_bag
+import pytest
+from rigs.pan import Pan
+
+from rgbd_glue_ros.cli import main as cli
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.replay.batch import FIGURES, JOURNAL, TABLE, named, run_replays
+from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, TRAJECTORY
+from rgbd_glue_ros.parameters import Config
+
+
+def opened(**pans: Pan) -> Callable[[Path], Pan]:
+    return lambda path: pans[path.name]
+
+
+def replayed(folder: Path, on_replayed: Any = lambda _: None, **pans: Pan) -> dict[str, Any]:
+    paths = [folder.parent / "set" / name for name in pans]
+    return run_replays(paths, opened(**pans), Config(), folder, on_replayed=on_replayed)
+
+
+def test_recordings_are_named_by_their_paths_below_the_folder_of_all(tmp_path: Path) -> None:
+    heads, stairs = tmp_path / "heads" / "seq-01", tmp_path / "stairs" / "seq-01"
+    assert named([heads, stairs]) == {"heads/seq-01": heads, "stairs/seq-01": stairs}
+    assert named([heads, heads.with_name("seq-02")]) == {
+        "seq-01": heads,
+        "seq-02": heads.with_name("seq-02"),
+    }
+
+
+def test_one_that_fails_is_reported_and_the_others_go_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    out = tmp_path / "out"
+    figures = replayed(out, a=Pan(4), b=Pan(8, breaks_after=2), c=Pan(5))
+    assert {name: f["frames"] for name, f in figures["recordings"].items()} == {"a": 4, "c": 5}
+    assert "rgb/7.png: is damaged" in figures["problems"][0]
+    assert "rgb/7.png: is damaged" in caplog.text
+    assert json.loads((out / FIGURES).read_text()) == figures
+    table = (out / TABLE).read_text()
+    assert "| a | 4 |" in table
+    assert "- rgb/7.png: is damaged" in table
+    # what was done of it is there too
+    for name in "abc":
+        assert (out / name / REPORT).is_file()
+
+
+def test_a_run_that_broke_off_goes_on(tmp_path: Path) -> None:
+    def interrupt(_: str) -> None:
+        raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        replayed(out, interrupt, a=Pan(4), b=Pan(4))
+    assert list(json.loads((out / FIGURES).read_text())["recordings"]) == ["a"]
+    more: list[str] = []
+    figures = replayed(out, more.append, a=Pan(4), b=Pan(4))
+    assert more == ["b"]
+    assert list(figures["recordings"]) == ["a", "b"]
+    # finished: the next run starts anew
+    replayed(out, more.append, a=Pan(4), b=Pan(4))
+    assert more == ["b", "a", "b"]
+
+
+def test_when_none_can_be_replayed_the_first_cause_is_the_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no recording could be replayed .*is damaged"):
+        replayed(tmp_path / "out", a=Pan(4, breaks_after=0), b=Pan(4, breaks_after=0))
+
+
+def test_the_command_gives_the_same_trajectories_in_this_process_and_on_workers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed")
+    for name in ("one", "two"):
+        (tmp_path / "bags" / name).parent.mkdir(exist_ok=True)
+        (tmp_path / "bags" / name).symlink_to(make_bag.FOLDER)
+    for out, arguments in (("serial", []), ("parallel", ["--workers", "2"])):
+        command = ["replay", str(tmp_path / "bags"), "-o", str(tmp_path / out), "--limit", "8"]
+        assert cli.main([*command, *arguments]) == 0
+    assert "| recording |" in capsys.readouterr().out
+    for name in ("one", "two"):
+        texts = [(tmp_path / out / name / TRAJECTORY).read_text() for out in ("serial", "parallel")]
+        assert texts[0] == texts[1]
+        assert len(texts[0].splitlines()) == 9
+        assert json.loads((tmp_path / "parallel" / name / METRICS).read_text())["frames"] == 8
+    assert (tmp_path / "parallel" / JOURNAL).is_file()
+
+
+def test_a_given_truth_is_of_one_recording(tmp_path: Path) -> None:
+    arguments = ["replay", str(make_bag.FOLDER), str(tmp_path), "-o", str(tmp_path / "out")]
+    assert cli.main([*arguments, "--ground-truth", "truth.txt"]) == 2

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rigs.paths import ROOT
+
+from rgbd_glue_ros import parameters as config
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.live.camera_presets import camera_names, load_camera, remappings
+from rgbd_glue_ros.messages.images import is_rectified
+
+FOLDER = ROOT / "config" / "cameras"
+
+
+def test_the_common_cameras_have_presets() -> None:
+    assert camera_names() == [
+        "azure_kinect",
+        "kinect_v1",
+        "kinect_v2",
+        "oak_d",
+        "orbbec_astra",
+        "orbbec_femto",
+        "orbbec_gemini",
+        "realsense_d400",
+        "realsense_l515",
+    ]
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_a_preset_names_the_driver_and_all_that_the_node_subscribes_to(name: str) -> None:
+    camera = load_camera(name)
+    assert {"color", "depth", "camera_info"} <= set(camera.topics)
+    assert all(topic.startswith("/") for topic in camera.topics.values())
+    text = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
+    assert "#   ros2 " in text, "say how the driver is started"
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_colour_and_depth_of_a_preset_are_both_rectified_or_both_not(name: str) -> None:
+    topics = load_camera(name).topics
+    assert is_rectified(topics["color"]) == is_rectified(topics["depth"])
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_a_preset_is_in_the_documentation(name: str) -> None:
+    assert f"`{name}`" in (FOLDER.parents[1] / "docs" / "integration.md").read_text("utf-8")
+
+
+def test_an_unknown_camera_is_refused_with_the_names_of_those_that_are() -> None:
+    with pytest.raises(InputError, match=r"camera 'd435': is not known; take one of azure_kinect,"):
+        load_camera("d435")
+
+
+@pytest.mark.parametrize(
+    ("text", "cause"),
+    [
+        ("topics: {colour: /a}\nparameters: {}", "no such topics: {'colour'}"),
+        ("topics: {}\nparameters: {camera.depth_mix: 1}", "did you mean camera.depth_m"),
+        ("topics: {}\nparameters: {camera.depth_max: far}", "is no float"),
+    ],
+)
+def test_a_preset_with_a_misspelt_name_or_a_bad_value_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, cause: str
+) -> None:
+    (tmp_path / "config" / "cameras").mkdir(parents=True)
+    (tmp_path / "config" / "cameras" / "mine.yaml").write_text(text)
+    monkeypatch.setattr(config, "share_directory", lambda: tmp_path)
+    with pytest.raises(InputError, match=cause):
+        load_camera("mine")
+
+
+def test_topics_that_are_given_win_over_those_of_the_camera() -> None:
+    camera = load_camera("azure_kinect")
+    assert remappings(camera, {"color": "", "depth": "/mine"}) == [
+        ("rgb/image", "/rgb/image_raw"),
+        ("depth/image", "/mine"),
+        ("rgb/camera_info", "/rgb/camera_info"),
+    ]
+    assert remappings(None, {"color": "", "depth_camera_info": "/info"}) == [
+        ("depth/camera_info", "/info")
+    ]

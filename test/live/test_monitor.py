@@ -1,0 +1,80 @@
+"""What the node says of itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.live.monitor import MAX_FAULTS, Drop, Monitor, Summary
+from rgbd_glue_ros.types import OdometryEstimate, TrackingState
+
+MS = 1_000_000
+POSE = OdometryEstimate(0, TrackingState.TRACKING, T_odom_camera=np.eye(4))
+NO_POSE = OdometryEstimate(0, TrackingState.LOST)
+
+
+def test_latency_percentiles_and_rate_are_those_of_the_frames_counted() -> None:
+    monitor = Monitor()
+    for i in range(150):
+        done = (1000 + 40 * i) * MS  # 25 Hz
+        monitor.processed(POSE, done - (i + 1) * MS, done)
+    summary = monitor.summary((1000 + 40 * 149) * MS)
+    assert summary.frames == summary.tracked == 150
+    assert summary.latency_p50_ms == pytest.approx(75.5)
+    assert summary.latency_p95_ms == pytest.approx(np.percentile(np.arange(1, 151), 95))
+    assert summary.rate_hz == pytest.approx(25)
+
+
+def test_the_rate_falls_to_zero_when_no_frame_comes_any_more() -> None:
+    monitor = Monitor()
+    monitor.processed(POSE, 0, MS)
+    assert monitor.summary(3600_000 * MS).rate_hz == 0
+
+
+def test_frames_without_a_pose_and_dropped_frames_are_told_apart() -> None:
+    monitor = Monitor()
+    monitor.processed(NO_POSE, 0, MS)
+    monitor.dropped(Drop.SUPERSEDED)
+    monitor.dropped(Drop.SUPERSEDED)
+    monitor.dropped(Drop.UNUSABLE)
+    summary = monitor.summary(MS)
+    assert (summary.state, summary.frames, summary.tracked) == (TrackingState.LOST, 1, 0)
+    assert summary.drops == dict.fromkeys(Drop, 0) | {
+        Drop.SUPERSEDED: 2,
+        Drop.UNUSABLE: 1,
+        Drop.FAILED: 0,
+    }
+    assert "2 because a newer frame came" in str(summary)
+
+
+def test_a_summary_is_read_back_from_the_values_that_diagnostics_carry() -> None:
+    monitor = Monitor()
+    monitor.processed(POSE, 0, 12 * MS)
+    monitor.dropped(Drop.FAILED)
+    summary = monitor.summary(20 * MS)
+    assert Summary.parse({**summary.values(), "color: received": "7"}) == summary
+
+
+def test_a_summary_before_the_first_frame_can_be_printed() -> None:
+    assert str(Monitor().summary(0)) == "0 frames, 0 tracked; dropped none"
+
+
+def test_a_fault_is_news_once_and_the_memory_of_faults_is_bounded() -> None:
+    monitor = Monitor()
+    assert monitor.is_news("/rgb/image", "100 bytes instead of 900")
+    assert not monitor.is_news("/rgb/image", "120 bytes instead of 900")
+    news = [monitor.is_news("/rgb/image", "x" * i) for i in range(500)]
+    assert sum(news) == MAX_FAULTS - 1
+
+
+def test_the_time_without_a_pose_is_told_and_so_is_the_last_error() -> None:
+    monitor = Monitor()
+    monitor.processed(replace(POSE, stamp_ns=1000 * MS), 0, MS)
+    monitor.processed(replace(NO_POSE, stamp_ns=3500 * MS), 0, MS)
+    monitor.is_news("/depth", "cut off")
+    values = monitor.values(MS)
+    assert (values["without_pose_s"], values["last_error"]) == ("2.500", "/depth: cut off")
+    monitor.processed(replace(POSE, stamp_ns=3600 * MS), 0, MS)
+    assert monitor.values(MS)["without_pose_s"] == "0.000"

@@ -1,0 +1,292 @@
+from __future__ import annotations
+
+import random
+from itertools import chain
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS, Channel, Match, Synchronizer
+
+MS = 1_000_000
+PERIOD = 33 * MS
+Event = tuple[Channel, int]
+
+
+def synchronized(
+    events: list[Event], max_interval_ns: int = 20 * MS, queue_size: int = 1000
+) -> tuple[list[Match[int]], Synchronizer[int]]:
+    """Plays the events into a synchronizer; each item is its own stamp."""
+    sync: Synchronizer[int] = Synchronizer(max_interval_ns, queue_size)
+    matches = list(chain.from_iterable(sync.add(c, stamp, stamp) for c, stamp in events))
+    return matches + sync.flush(), sync
+
+
+def triples(stamps: list[int], depth_offset: int = 0) -> list[Event]:
+    return [
+        event
+        for t in stamps
+        for event in (
+            (Channel.COLOR, t),
+            (Channel.DEPTH, t + depth_offset),
+            (Channel.INFO, t),
+        )
+    ]
+
+
+def test_equal_stamps_match_as_soon_as_all_three_are_there() -> None:
+    sync: Synchronizer[str] = Synchronizer(0, 10)
+    assert sync.add(Channel.COLOR, 7, "color") == []
+    assert sync.add(Channel.INFO, 7, "info") == []
+    assert sync.add(Channel.DEPTH, 7, "depth") == [Match(7, 0, "color", "depth", "info", False)]
+
+
+@pytest.mark.parametrize("offset", [10 * MS, PERIOD // 2, 20 * MS])
+def test_near_stamps_match_without_waiting_for_the_next_image(offset: int) -> None:
+    """Once the period is known, nothing is to be expected that is so much nearer as to count."""
+    sync: Synchronizer[int] = Synchronizer(20 * MS, 10)
+    for channel, stamp in triples([0, PERIOD], depth_offset=offset):
+        sync.add(channel, stamp, stamp)
+    now = 2 * PERIOD
+    sync.add(Channel.INFO, now, now)
+    sync.add(Channel.COLOR, now, now)
+    (match,) = sync.add(Channel.DEPTH, now + offset, now + offset)
+    assert (match.color, match.interval_ns) == (now, offset)
+
+
+def test_each_image_goes_to_its_nearest_partner_not_to_the_first_within_reach() -> None:
+    """The first depth image is lost; a greedy pairing would be one image off for ever."""
+    period = 16 * MS
+    colors = [i * period for i in range(6)]
+    events = triples(colors)
+    events.remove((Channel.DEPTH, 0))
+    matches, sync = synchronized(events)
+    assert [(m.color, m.depth) for m in matches] == [(t, t) for t in colors[1:]]
+    assert sync.counts[Channel.COLOR].unmatched == 1
+
+
+def test_images_further_apart_than_allowed_are_dropped_counted_and_the_distance_told() -> None:
+    matches, sync = synchronized(triples([0, PERIOD, 2 * PERIOD], depth_offset=15 * MS), 10 * MS)
+    assert matches == []
+    assert sync.closest_miss_ns == 15 * MS
+    assert sync.counts[Channel.COLOR].unmatched + sync.counts[Channel.DEPTH].unmatched == 5
+
+
+@given(st.data())
+@settings(max_examples=200, deadline=None)
+def test_the_matches_do_not_depend_on_how_the_channels_interleave(data: st.DataObject) -> None:
+    gaps = st.lists(st.integers(1, 40 * MS), min_size=1, max_size=12)
+    streams = {}
+    for channel in Channel:
+        steps = data.draw(gaps)
+        streams[channel] = [(channel, sum(steps[: i + 1])) for i in range(len(steps))]
+    order = data.draw(st.permutations([e for events in streams.values() for e, _ in events]))
+    heads = {channel: iter(events) for channel, events in streams.items()}
+    interleaved = [next(heads[channel]) for channel in order]
+    one_after_the_other = list(chain.from_iterable(streams.values()))
+    assert synchronized(interleaved)[0] == synchronized(one_after_the_other)[0]
+
+
+@given(
+    st.lists(st.integers(0, 10**9), min_size=1, max_size=30, unique=True),
+    st.lists(st.integers(0, 10**9), min_size=1, max_size=30, unique=True),
+    st.integers(0, 10**8),
+)
+@settings(max_examples=200, deadline=None)
+def test_matches_are_one_to_one_in_order_and_within_the_interval(
+    colors: list[int], depths: list[int], max_interval: int
+) -> None:
+    events = [(Channel.COLOR, t) for t in sorted(colors)]
+    events += [(Channel.DEPTH, t) for t in sorted(depths)]
+    matches, sync = synchronized([(Channel.INFO, 0), *events], max_interval)
+    used_colors, used_depths = [m.color for m in matches], [m.depth for m in matches]
+    assert used_colors == sorted(set(used_colors))
+    assert used_depths == sorted(set(used_depths))
+    assert all(abs(m.interval_ns) <= max_interval for m in matches)
+    assert sync.matches == len(matches)
+
+
+@given(st.sets(st.integers(0, 59)), st.sets(st.integers(0, 59)), st.integers(-16, 16))
+@settings(max_examples=50, deadline=None)
+def test_what_loss_leaves_whole_is_matched(
+    lost_colors: set[int], lost_depths: set[int], offset_ms: int
+) -> None:
+    """Both images of a moment arrive: they match, whatever else was lost."""
+    events = [
+        (channel, i * PERIOD + offset)
+        for i in range(60)
+        for channel, offset, lost in (
+            (Channel.COLOR, 0, lost_colors),
+            (Channel.DEPTH, offset_ms * MS, lost_depths),
+            (Channel.INFO, 0, set()),
+        )
+        if i not in lost
+    ]
+    matches, _ = synchronized(events, 16 * MS)
+    whole = [i * PERIOD for i in range(60) if i not in lost_colors | lost_depths]
+    assert [m.color for m in matches] == whole
+    assert all(m.interval_ns == offset_ms * MS for m in matches)
+
+
+def test_a_duplicate_is_dropped_and_counted() -> None:
+    events = [event for event in triples([0, PERIOD, 2 * PERIOD]) for _ in range(2)]
+    matches, sync = synchronized(events)
+    assert len(matches) == 3
+    assert sync.counts[Channel.DEPTH].duplicates == 3
+
+
+def test_a_reordered_image_still_finds_its_partner_until_time_has_passed_it() -> None:
+    events = [
+        *triples([0]),
+        (Channel.COLOR, 2 * PERIOD),
+        (Channel.COLOR, PERIOD),
+        (Channel.INFO, PERIOD),
+        (Channel.INFO, 2 * PERIOD),
+        (Channel.DEPTH, PERIOD),
+        (Channel.DEPTH, 2 * PERIOD),
+        (Channel.COLOR, PERIOD // 2),
+    ]
+    matches, sync = synchronized(events)
+    assert [m.color for m in matches] == [0, PERIOD, 2 * PERIOD]
+    assert sync.counts[Channel.COLOR].late == 1
+
+
+def test_a_looping_bag_matches_in_every_round_and_says_so_once_a_round() -> None:
+    once = triples([i * PERIOD for i in range(90)])
+    matches, sync = synchronized(once * 3)
+    assert len(matches) == 270
+    assert [i for i, m in enumerate(matches) if m.restarted] == [90, 180]
+    assert {c.backward_jumps for c in sync.counts.values()} == {2}
+
+
+@pytest.mark.parametrize("glitch", [Channel.COLOR, Channel.DEPTH, Channel.INFO])
+def test_one_stamp_from_the_far_future_costs_a_few_frames_and_no_more(glitch: Channel) -> None:
+    """Were epochs counted per channel, a single wild stamp would stop everything for good."""
+    stamps = [i * PERIOD for i in range(30)]
+    before, after = triples(stamps[:10]), triples(stamps[10:])
+    matches, _ = synchronized([*before, (glitch, 10**18), *after])
+    assert len(matches) >= 28
+    assert [m.color for m in matches][-1] == stamps[-1]
+    assert not any(m.restarted for m in matches)
+
+
+def test_stragglers_of_the_old_time_after_a_jump_do_not_stop_the_pairing() -> None:
+    old = triples([BACKWARD_JUMP_NS * 4 + i * PERIOD for i in range(5)])
+    new = triples([i * PERIOD for i in range(10)])
+    straggler = old.pop(old.index((Channel.DEPTH, BACKWARD_JUMP_NS * 4 + 4 * PERIOD)))
+    matches, _ = synchronized([*old, new[0], straggler, *new[1:]])
+    assert [m.color for m in matches if m.color < BACKWARD_JUMP_NS][-8:] == [
+        i * PERIOD for i in range(2, 10)
+    ]
+    assert [m.restarted for m in matches].count(True) == 1
+
+
+def test_a_camera_info_sent_only_once_serves_all_images() -> None:
+    images = [e for e in triples([i * PERIOD for i in range(1, 41)]) if e[0] is not Channel.INFO]
+    matches, _ = synchronized([(Channel.INFO, 0), *images], queue_size=10)
+    assert len(matches) == 40
+    assert {m.info for m in matches} == {0}
+
+
+def test_a_rare_camera_info_is_waited_for_once_and_then_no_more() -> None:
+    sync: Synchronizer[int] = Synchronizer(0, 5)
+    sync.add(Channel.INFO, -1, -1)
+    arrivals = []
+    for i in range(20):
+        sync.add(Channel.COLOR, i * PERIOD, i)
+        arrivals.append(len(sync.add(Channel.DEPTH, i * PERIOD, i)))
+    assert arrivals == [0] * 5 + [6] + [1] * 14
+
+
+def test_an_image_gets_the_camera_info_of_its_own_stamp_although_it_comes_last() -> None:
+    stamps = [i * PERIOD for i in range(5)]
+    events = sorted(triples(stamps), key=lambda e: (e[0] is Channel.INFO, e[1]))
+    matches, _ = synchronized(events, queue_size=10)
+    assert [m.info for m in matches] == stamps
+
+
+def test_a_lost_camera_info_is_replaced_by_the_nearest() -> None:
+    events = triples([0, 10 * MS, 30 * MS])
+    events.remove((Channel.INFO, 10 * MS))
+    matches, _ = synchronized(events)
+    assert [m.info for m in matches] == [0, 0, 30 * MS]
+
+
+def test_without_camera_info_nothing_matches_and_memory_stays_bounded() -> None:
+    images = [e for e in triples([i * PERIOD for i in range(100)]) if e[0] is not Channel.INFO]
+    matches, sync = synchronized(images, queue_size=10)
+    assert matches == []
+    assert sync.counts[Channel.COLOR].overflowed == 90
+
+
+def test_without_depth_the_oldest_colour_images_are_dropped_and_counted() -> None:
+    matches, sync = synchronized([(Channel.COLOR, i * PERIOD) for i in range(100)], queue_size=10)
+    assert matches == []
+    assert sync.counts[Channel.COLOR].overflowed == 90
+
+
+def interleaved(streams: dict[Channel, list[int]], data: st.DataObject) -> list[Event]:
+    """The streams in one, none of them ahead of another by a whole frame."""
+    left = {channel: list(stamps) for channel, stamps in streams.items()}
+    events = []
+    while any(left.values()):
+        longest = max(map(len, left.values()))
+        channel = data.draw(st.sampled_from([c for c in Channel if len(left[c]) == longest]))
+        events.append((channel, left[channel].pop(0)))
+    return events
+
+
+def matched_at_once(events: list[Event]) -> list[Match[int]]:
+    """The matches without those that only the end of the stream gives."""
+    sync: Synchronizer[int] = Synchronizer(20 * MS, 10)
+    return [match for channel, stamp in events for match in sync.add(channel, stamp, stamp)]
+
+
+@pytest.mark.parametrize("wrong_ns", [0, 2**31 * 10**9])
+@given(data=st.data())
+def test_wrong_stamps_of_one_frame_cost_no_other_frame_however_the_channels_interleave(
+    wrong_ns: int, data: st.DataObject
+) -> None:
+    good = [1_700_000_000 * 10**9 + i * PERIOD for i in range(6)]
+    wrong = data.draw(st.sets(st.sampled_from(Channel), min_size=1))
+    streams = {c: [*good[:3], *([wrong_ns] if c in wrong else []), *good[3:]] for c in Channel}
+    matches = matched_at_once(interleaved(streams, data))
+    assert [(m.color, m.depth) for m in matches] == [(t, t) for t in good]
+    # infos of neighbours are as good
+    assert all(abs(m.info - m.color) <= PERIOD for m in matches)
+
+
+@pytest.mark.parametrize("jump_ns", [-(10**18), -20 * PERIOD, 10**18])
+@given(data=st.data())
+def test_a_jump_of_time_costs_no_frame_however_the_channels_interleave(
+    jump_ns: int, data: st.DataObject
+) -> None:
+    before = [2 * 10**18 + i * PERIOD for i in range(4)]
+    stamps = [*before, *(t + jump_ns for t in before)]
+    matches = matched_at_once(interleaved(dict.fromkeys(Channel, stamps), data))
+    assert [(m.color, m.depth) for m in matches] == [(t, t) for t in stamps]
+    assert [m.restarted for m in matches] == [i == 4 and jump_ns < 0 for i in range(8)]
+
+
+@given(st.sets(st.integers(12, 60), max_size=3), st.integers(0, 2**32 - 1))
+def test_messages_that_never_came_are_counted_by_the_gaps_in_the_stamps(
+    lost: set[int], seed: int
+) -> None:
+    jitter = random.Random(seed)
+    stamps = [i * PERIOD + jitter.randint(-4 * MS, 4 * MS) for i in range(64) if i not in lost]
+    _, sync = synchronized(triples(stamps))
+    assert sync.counts[Channel.COLOR].missing == len(lost)
+
+
+def test_a_message_out_of_order_is_not_missing_and_a_pause_of_the_camera_is_no_loss() -> None:
+    stamps = [i * PERIOD for i in range(20)]
+    stamps[12], stamps[13] = stamps[13], stamps[12]
+    later = [stamps[-1] + 10_000 * MS + i * PERIOD for i in range(5)]
+    _, sync = synchronized(triples([*stamps, *later]))
+    assert sync.counts[Channel.DEPTH].missing == 0
+
+
+def test_the_usual_interval_and_period_are_those_of_the_stamps() -> None:
+    _, sync = synchronized(triples([i * PERIOD for i in range(20)], depth_offset=7 * MS))
+    assert (sync.interval_ns, sync.period_ns) == (7 * MS, PERIOD)

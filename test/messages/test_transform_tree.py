@@ -1,0 +1,98 @@
+"""The tree of frames, against closed forms."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given
+from rigs.geometry import SEEDS, random_transform
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TransformTree
+from rgbd_glue_ros.types import NANOSECONDS, Float64
+
+SECOND = NANOSECONDS
+
+
+def found(tree: TransformTree, target: str, source: str, stamp_ns: int | None) -> Float64:
+    T = tree.lookup(target, source, stamp_ns, 0)
+    assert T is not None
+    return T
+
+
+@given(SEEDS)
+def test_frames_of_two_branches_are_related_through_what_both_hang_on(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    base_camera, camera_optical, base_laser = (random_transform(rng) for _ in range(3))
+    tree = TransformTree()
+    tree.add("base", "camera", base_camera, None)
+    tree.add("camera", "optical", camera_optical, None)
+    tree.add("base", "laser", base_laser, None)
+    expected = se3.inverse(base_laser) @ base_camera @ camera_optical
+    np.testing.assert_allclose(found(tree, "laser", "optical", None), expected, atol=1e-9)
+    np.testing.assert_allclose(found(tree, "base", "base", None), np.eye(4))
+
+
+def moved(seconds: float) -> Float64:
+    """A robot that drives a circle: v = 1 m/s, 0.5 rad/s."""
+    return se3.exp(np.array([1.0, 0, 0, 0, 0, 0.5]) * seconds)
+
+
+def test_between_known_poses_a_body_goes_on_at_constant_velocity() -> None:
+    tree = TransformTree()
+    for time_s in (0.3, 0.0, 1.0, 2.0):  # not quite in order
+        tree.add("odom", "base", moved(time_s), round(time_s * SECOND))
+    for time_s in (0.0, 0.1, 1.0, 1.75, 2.0):
+        T = found(tree, "odom", "base", round(time_s * SECOND))
+        np.testing.assert_allclose(T, moved(time_s), atol=1e-9)
+
+
+def test_nothing_is_extrapolated_and_the_newest_is_had_without_a_stamp() -> None:
+    tree = TransformTree()
+    tree.add("odom", "base", moved(1), 1 * SECOND)
+    assert tree.lookup("odom", "base", SECOND + 1, 0) is None
+    assert tree.lookup("odom", "base", SECOND - 1, 0) is None
+    np.testing.assert_array_equal(tree.lookup("odom", "base", None, 0), moved(1))
+
+
+@pytest.mark.parametrize(("target", "source"), [("base", "moon"), ("moon", "base"), ("a", "b")])
+def test_frames_that_nothing_relates_have_no_transform(target: str, source: str) -> None:
+    tree = TransformTree()
+    tree.add("odom", "base", np.eye(4), None)
+    tree.add("b", "c", np.eye(4), None)
+    assert tree.lookup(target, source, None, 0) is None
+
+
+def test_frames_that_hang_on_each_other_in_a_circle_do_no_harm() -> None:
+    tree = TransformTree()
+    tree.add("a", "b", moved(1), None)
+    tree.add("b", "a", moved(1), None)
+    assert tree.lookup("a", "b", None, 0) is not None
+    assert tree.lookup("c", "a", None, 0) is None
+
+
+def test_who_waits_gets_the_transform_when_it_comes() -> None:
+    tree = TransformTree()
+    timer = threading.Timer(0.05, tree.add, ["odom", "base", moved(1), None])
+    timer.start()
+    np.testing.assert_array_equal(tree.lookup("odom", "base", None, 10), moved(1))
+    timer.join()
+
+
+def test_when_time_starts_anew_the_old_poses_are_forgotten() -> None:
+    tree = TransformTree()
+    tree.add("odom", "base", moved(1), 3 * SECOND)
+    tree.add("odom", "base", moved(2), SECOND)
+    assert tree.lookup("odom", "base", 3 * SECOND, 0) is None
+    np.testing.assert_array_equal(tree.lookup("odom", "base", SECOND, 0), moved(2))
+
+
+def test_the_history_is_bounded() -> None:
+    tree = TransformTree()
+    period = HISTORY_NS // 50
+    for i in range(200):
+        tree.add("odom", "base", moved(i), i * period)
+    assert tree.lookup("odom", "base", 140 * period, 0) is None
+    assert tree.lookup("odom", "base", 150 * period, 0) is not None

@@ -1,0 +1,263 @@
+"""What the node does when the world around it goes wrong; docs/robustness.md lists it."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rigs.bag_frames import recorded_frames
+
+from rgbd_glue_ros.experiments.demo.demo import bundled_bag
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
+from rgbd_glue_ros.live.monitor import Drop, Summary
+from rgbd_glue_ros.messages.images import pose_from_message, stamp_ns
+from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.types import NANOSECONDS
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from rigs.faults import BREATH_MB, cpu_ms, node_in, rss_mb
+from rigs.paths import ROOT
+from rigs.ros import PATIENCE_S, Rig, corner_frame
+
+from rgbd_glue_ros.experiments.demo.player import PlayedBag, PlayedMessage, Player
+
+RIGS = ROOT / "test" / "rigs"
+START_NS = 1_700_000_000 * NANOSECONDS
+PERIOD_NS = NANOSECONDS // 30
+# A frame waits for the one in work and then for itself; a queue of frames would be far longer.
+BOUND = 5
+
+
+@contextmanager
+def process(program: str, *arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """A program of this folder; killed in the end."""
+    running = subprocess.Popen(
+        [sys.executable, RIGS / program, *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "test")])},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield running
+    finally:
+        running.kill()
+        running.communicate()
+
+
+def test_a_driver_that_is_killed_and_comes_back_with_another_reliability_is_heard_again(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain), Rig(ros_domain) as listener:
+        for publisher in (listener.color, listener.depth, listener.info):
+            listener.node.destroy_publisher(publisher)
+        for reliability in ("RELIABLE", "BEST_EFFORT", "RELIABLE"):
+            listener.poses.clear()
+            with process("camera_process.py", ros_domain, reliability):
+                listener.wait(lambda: len(listener.poses) > 3, f"poses of a {reliability} camera")
+
+
+def test_two_publishers_of_the_same_images_are_told_and_each_stamp_gets_one_pose(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        with Rig(ros_domain) as twin:
+            node.wait_for_line("/rgb/image has 2 publishers", PATIENCE_S)
+            twin.wait(twin.color.get_subscription_count, "the node's subscription")
+            stamps = [START_NS + i * PERIOD_NS for i in range(10)]
+            for stamp in stamps:
+                twin.publish(corner_frame(stamp))
+                rig.pose_of(corner_frame(stamp))
+        assert [stamp_ns(pose.header.stamp) for pose in rig.poses] == stamps
+
+
+@pytest.mark.parametrize("gap_s", [10, 3600])
+def test_after_a_gap_of_time_in_motion_the_pose_goes_on_where_the_camera_is(
+    ros_domain: int, gap_s: int
+) -> None:
+    frames = [
+        replace(f, stamp_ns=START_NS + i * PERIOD_NS) for i, f in enumerate(recorded_frames())
+    ]
+    moved = frames[:20]
+    with node_in(ros_domain, camera_axes="optical"), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        for frame in moved:
+            last = pose_from_message(rig.pose_of(frame), "pose")
+        resumed = [
+            replace(moved[-1], stamp_ns=moved[-1].stamp_ns + gap_s * NANOSECONDS + i * PERIOD_NS)
+            for i in range(5)
+        ]
+        for frame in resumed:
+            rig.publish(frame)
+        pose = pose_from_message(rig.pose_at(resumed[-1].stamp_ns), "pose")
+        np.testing.assert_allclose(pose, last, atol=0.02)
+
+
+def test_a_camera_that_is_unplugged_for_ten_seconds_is_missed_and_taken_up_again(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain) as node:
+        with Rig(ros_domain) as rig:
+            rig.wait_until_matched()
+            rig.pose_of(corner_frame(START_NS))
+        assert "has no publisher" in node.wait_for_line("No frame for 5 s", PATIENCE_S)
+        with Rig(ros_domain) as rig:
+            rig.wait_until_matched()
+            rig.publish(corner_frame(START_NS + 10 * NANOSECONDS))
+            rig.pose_of(corner_frame(START_NS + 10 * NANOSECONDS + PERIOD_NS))
+
+
+def test_without_a_clock_simulated_time_stops_neither_poses_nor_diagnostics(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain, use_sim_time=True), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.pose_of(corner_frame(START_NS))
+        rig.diagnostics.clear()
+        rig.wait(lambda: rig.diagnostics, "diagnostics")
+
+
+def there_and_back(recording: PlayedBag, passes: int) -> PlayedBag:
+    """The recording forward and backward in turn, its time going on."""
+    groups = [list(g) for _, g in itertools.groupby(recording.messages, lambda m: m.stamp_ns)]
+    turns = [groups if i % 2 == 0 else groups[::-1] for i in range(passes)]
+    messages = [
+        _at(message, START_NS + i * PERIOD_NS)
+        for i, group in enumerate(itertools.chain.from_iterable(turns))
+        for message in group
+    ]
+    return replace(recording, messages=tuple(messages))
+
+
+def _at(message: PlayedMessage, time_ns: int) -> PlayedMessage:
+    # the stamp follows the four bytes that say how the message is encoded
+    stamp = struct.pack("<iI", *divmod(time_ns, NANOSECONDS))
+    data = message.data[:4] + stamp + message.data[12:]
+    return replace(message, recorded_ns=time_ns, stamp_ns=time_ns, data=data)
+
+
+@contextmanager
+def playing(domain: int, recording: PlayedBag) -> Iterator[tuple[NodeProcess, Player]]:
+    transports = {
+        "image_transport": recording.transport(Channel.COLOR),
+        "depth_transport": recording.transport(Channel.DEPTH),
+    }
+    with node_in(domain, **transports) as node, Player(recording, domain) as player:
+        assert player.wait(player.is_matched, PATIENCE_S), node.lines
+        yield node, player
+
+
+def latencies_s(player: Player) -> list[float]:
+    """From the publication of a frame's last message to its pose's arrival."""
+    return [(t - player.published_ns[s]) / NANOSECONDS for s, t in player.arrived_ns.items()]
+
+
+def settled_latency_s(player: Player) -> float:
+    """The usual latency in the second half, when a queue would have grown long."""
+    waits = latencies_s(player)
+    return float(np.median(waits[len(waits) // 2 :]))
+
+
+def next_summary(player: Player) -> Summary:
+    before = player.summary
+    assert player.wait(lambda: player.summary is not before, PATIENCE_S)
+    assert player.summary is not None
+    return player.summary
+
+
+def pace_s(player: Player) -> float:
+    """The usual time between two poses."""
+    return float(np.median(np.diff(sorted(player.arrived_ns.values())))) / NANOSECONDS
+
+
+def play_to_the_end(
+    player: Player, recording: PlayedBag, rate: float, seen: Callable[[], None] = lambda: None
+) -> None:
+    """Plays the recording, ``seen`` after each message; waits for the pose of its last frame."""
+    for _ in player.play(rate):
+        seen()
+    last = recording.messages[-1].stamp_ns
+    assert player.wait(lambda: last in player.poses, PATIENCE_S), "the newest frame has no pose"
+
+
+def test_120_frames_a_second_are_thinned_to_the_newest_without_a_growing_latency(
+    ros_domain: int,
+) -> None:
+    recording = there_and_back(PlayedBag.load(bundled_bag()), 4)
+    with playing(ros_domain, recording) as (_, player):
+        play_to_the_end(player, recording, 4.0)
+        waits = latencies_s(player)
+        sys.stdout.write(f"latency of {len(waits)} frames: {np.percentile(waits, [50, 95, 100])} s")
+        assert settled_latency_s(player) < BOUND * pace_s(player)
+        assert len(player.poses) < recording.frame_count
+        assert next_summary(player).drops[Drop.SUPERSEDED] > 0
+
+
+def test_on_half_a_core_frames_are_left_out_and_the_latency_stays_bounded(ros_domain: int) -> None:
+    recording = there_and_back(PlayedBag.load(bundled_bag()), 1)
+    core = {min(os.sched_getaffinity(0))}
+    with (
+        playing(ros_domain, recording) as (node, player),
+        process("rival_process.py") as rival,
+    ):
+        os.sched_setaffinity(rival.pid, core)
+        for thread in Path(f"/proc/{node.pid}/task").iterdir():
+            os.sched_setaffinity(int(thread.name), core)
+        play_to_the_end(player, recording, 1.0)
+        assert settled_latency_s(player) < BOUND * pace_s(player)
+
+
+def test_a_subscriber_that_never_reads_holds_up_nothing(ros_domain: int) -> None:
+    recording = there_and_back(PlayedBag.load(bundled_bag()), 2)
+    with (
+        playing(ros_domain, recording) as (node, player),
+        process("deaf_process.py", ros_domain) as deaf,
+    ):
+        assert deaf.stdout
+        assert {deaf.stdout.readline(), deaf.stdout.readline()} == {"pose\n", "odom\n"}
+        deaf.send_signal(signal.SIGSTOP)
+        memory: list[float] = []
+        play_to_the_end(player, recording, 1.0, lambda: memory.append(rss_mb(node)))
+        assert settled_latency_s(player) < BOUND * pace_s(player)
+        half = len(memory) // 2
+        assert max(memory[half:]) - max(memory[:half]) < BREATH_MB
+
+
+@pytest.mark.parametrize("seconds", [12, pytest.param(600, marks=pytest.mark.slow)])
+def test_a_bag_in_a_loop_takes_no_more_memory_and_time_as_it_goes_on(
+    ros_domain: int, seconds: int
+) -> None:
+    recording = PlayedBag.load(bundled_bag())
+    messages = recording.messages
+    loop_s = (messages[-1].recorded_ns - messages[0].recorded_ns) / NANOSECONDS
+    loops = round(seconds / loop_s)
+    memory, latency, effort = [], [], []
+    with playing(ros_domain, recording) as (node, player):
+        for _ in range(loops):
+            player.arrived_ns.clear()
+            before_ms = cpu_ms(node)
+            for _ in player.play(1.0):
+                pass
+            player.wait(lambda: messages[-1].stamp_ns in player.poses, 1.0)
+            assert player.arrived_ns
+            memory.append(rss_mb(node))
+            latency.append(1e3 * float(np.median(latencies_s(player))))
+            effort.append((cpu_ms(node) - before_ms) / len(player.arrived_ns))
+            sys.stdout.write(
+                f"{memory[-1]:.1f} MB, {latency[-1]:.0f} ms, {effort[-1]:.0f} ms of CPU a pose\n"
+            )
+    third = max(1, loops // 3)
+    assert max(memory[-third:]) - max(memory[: 2 * third]) < BREATH_MB
+    # the time that a pose takes of the processor: latency itself is what the machine leaves of it
+    assert np.median(effort[-third:]) < 1.5 * np.median(effort[:third])

@@ -1,0 +1,50 @@
+"""The launch file, loaded by the real launch system where there is one."""
+
+from __future__ import annotations
+
+import runpy
+from typing import Any
+
+import pytest
+from rigs.paths import ROOT
+
+from rgbd_glue_ros.live.camera_presets import TOPIC_ARGUMENTS, camera_names
+from rgbd_glue_ros.parameters import NodeConfig, parameters
+
+pytest.importorskip(
+    "launch_ros", reason="launch_ros is not installed (it comes with apt's ROS, not from PyPI)"
+)
+
+FILE = ROOT / "launch" / "odometry.launch.py"
+
+
+def started(**arguments: str) -> list[Any]:
+    """The actions of the launch file with these arguments."""
+    from launch import LaunchContext
+
+    module = runpy.run_path(str(FILE))
+    context = LaunchContext()
+    for argument in module["generate_launch_description"]().get_launch_arguments():
+        context.launch_configurations[argument.name] = ""
+    context.launch_configurations.update(arguments)
+    actions: list[Any] = module["actions"](context)
+    return actions
+
+
+def test_every_parameter_of_the_node_is_an_argument_of_the_launch_file() -> None:
+    description = runpy.run_path(str(FILE))["generate_launch_description"]()
+    names = {argument.name for argument in description.get_launch_arguments()}
+    own = {"camera", "namespace", "params_file", "compressed", "use_sim_time", "bag", "rviz"}
+    assert names == {p.name for p in parameters(NodeConfig())} | own | set(TOPIC_ARGUMENTS)
+
+
+@pytest.mark.parametrize("camera", ["", *camera_names()])
+def test_the_odometry_alone_is_started_beside_a_camera(camera: str) -> None:
+    (node,) = started(camera=camera, frame_id="base_link", compressed="true")
+    assert node.node_package == "rgbd_glue_ros"
+    assert node.node_executable == "odometry"
+
+
+def test_a_bag_and_rviz_are_started_where_asked_for() -> None:
+    assert len(started(bag="drive")) == 2
+    assert len(started(bag="drive", rviz="true")) == 3

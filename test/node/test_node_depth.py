@@ -1,0 +1,119 @@
+"""Depth of another camera, through the node over real DDS."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live.topics import DEPTH_INFO
+from rgbd_glue_ros.messages.fields import camera_info, color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.messages.images import pose_from_message
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float32
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from rclpy.publisher import Publisher
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
+from sensor_msgs.msg import CameraInfo, Image
+
+PERIOD_NS = NANOSECONDS // 30
+DEPTH_CAMERA = CameraIntrinsics(424, 240, 212.0, 212.0, 211.5, 119.5)
+DEPTH_FRAME = "camera_depth_optical_frame"
+PLACE = np.array([0.05, 0.0, -0.2])  # of the depth camera in the colour camera, metres
+
+
+def corner_depth() -> Float32:
+    """The corner of ``corner_frame`` as the depth camera sees it, as planes n · p = d."""
+    v, u = np.mgrid[: DEPTH_CAMERA.height, : DEPTH_CAMERA.width]
+    K = DEPTH_CAMERA
+    rays = np.stack([(u - K.cx) / K.fx, (v - K.cy) / K.fy, np.ones(u.shape)], axis=-1)
+    distances = []
+    for normal, d in (((1, 0, 1), 3), ((-1, 0, 1), 3), ((0, 1, 0.5), 1.5)):
+        along = rays @ np.array(normal, float)
+        with np.errstate(divide="ignore"):
+            distances.append(np.where(along > 0, (d - PLACE @ normal) / along, np.inf))
+    return np.asarray(np.min(distances, axis=0), np.float32)
+
+
+def publish(rig: Rig, stamp_ns: int, info: Publisher | None = None) -> None:
+    frame = corner_frame(stamp_ns)
+    head, depth_head = header(stamp_ns, frame.frame_id), header(stamp_ns, DEPTH_FRAME)
+    rig.color.publish(copy_fields(color_image(frame.color, head), Image()))
+    rig.depth.publish(copy_fields(depth_image(corner_depth(), depth_head), Image()))
+    rig.info.publish(copy_fields(camera_info(frame.intrinsics, head), CameraInfo()))
+    if info is not None:
+        info.publish(copy_fields(camera_info(DEPTH_CAMERA, depth_head), CameraInfo()))
+
+
+@contextmanager
+def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
+    with NodeProcess(parameters, ros_environment(domain)) as node:
+        try:
+            yield node
+        finally:
+            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
+
+
+def test_unregistered_depth_is_refused_with_what_to_switch_on_in_the_driver(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        publish(rig, 0)
+        line = node.wait_for_line("is not registered to colour", PATIENCE_S)
+        assert "align_depth.enable" in line
+        assert DEPTH_INFO in line
+        assert not rig.poses
+
+
+def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_known(
+    ros_domain: int,
+) -> None:
+    x, y, z = PLACE
+    given = {"depth_camera_pose": f"'{x} {y} {z} 0 0 0'", "camera_axes": "optical"}
+    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+        info = rig.publisher(CameraInfo, DEPTH_INFO)
+        rig.wait_until_matched()
+        rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
+        publish(rig, 0, info)
+        rig.pose_at(0)
+        # the next comes registered, from where the camera was: it fits only what is in its place
+
+        pose = rig.pose_of(corner_frame(PERIOD_NS))
+        np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
+
+
+def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
+    from rigs.tf import Robot, transform
+
+    with Robot(ros_domain) as rig:
+        T = se3.from_rotation_translation(np.eye(3), PLACE)
+        rig.tell(transform(OPTICAL_FRAME, DEPTH_FRAME, T))
+        with node_in(ros_domain, camera_axes="optical", wait_for_transform=5):
+            info = rig.publisher(CameraInfo, DEPTH_INFO)
+            rig.wait_until_matched()
+            rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
+            publish(rig, 0, info)
+            rig.pose_at(0)
+            pose = rig.pose_of(corner_frame(PERIOD_NS))
+            np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
+
+
+def test_depth_that_is_registered_in_spite_of_its_frame_is_taken_as_it_is(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain, depth_is_registered=True), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        frame = corner_frame(0)
+        head = header(0, frame.frame_id)
+        rig.color.publish(copy_fields(color_image(frame.color, head), Image()))
+        rig.depth.publish(copy_fields(depth_image(frame.depth, header(0, DEPTH_FRAME)), Image()))
+        rig.info.publish(copy_fields(camera_info(frame.intrinsics, head), CameraInfo()))
+        rig.pose_at(0)

@@ -1,0 +1,76 @@
+"""What runs the node, in this process."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+import rclpy
+from rclpy.node import Node
+
+from rgbd_glue_ros.node.runtime import NodeExecutor
+
+PATIENCE_S = 10.0
+
+
+@pytest.fixture
+def node(ros_domain: int) -> Iterator[Node]:
+    rclpy.init(domain_id=ros_domain)
+    node = Node("worked")
+    yield node
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def run(node: Node, faults: list[str], until: Callable[[], bool]) -> None:
+    """Spins on another thread until a condition holds, which this thread notices."""
+
+    def is_news(where: str, cause: str) -> bool:
+        faults.append(cause)
+        return True
+
+    over = threading.Event()
+    executor = NodeExecutor(node, is_news)
+    spinning = threading.Thread(target=executor.spin_until, args=[over.is_set], daemon=True)
+    spinning.start()
+    while not until():
+        executor.wake()
+    over.set()
+    executor.wake()
+    spinning.join(PATIENCE_S)
+    assert not spinning.is_alive()
+    executor.shutdown()
+
+
+def test_the_executor_ends_without_a_fault_however_busy_it_is(node: Node) -> None:
+    calls: list[None] = []
+    node.create_timer(1e-4, lambda: calls.append(None))
+    faults: list[str] = []
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # so that threads meet at every place
+    try:
+        for _ in range(50):
+            calls.clear()
+            run(node, faults, lambda: bool(calls))
+    finally:
+        sys.setswitchinterval(interval)
+    assert not faults
+
+
+def test_the_executor_goes_on_after_a_callback_that_fails(node: Node) -> None:
+    calls: list[None] = []
+
+    def fail() -> None:
+        calls.append(None)
+        raise ValueError("as a callback may")
+
+    node.create_timer(1e-3, fail)
+    faults: list[str] = []
+    run(node, faults, lambda: len(calls) > 3)
+    assert set(faults) == {"ValueError('as a callback may')"}
+    assert len(faults) == len(calls) > 3

@@ -1,0 +1,110 @@
+"""The node and the frames of a robot, over real DDS and real /tf."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.live.extrinsics import parse_pose
+from rgbd_glue_ros.messages.images import pose_from_message, stamp_ns
+from rgbd_glue_ros.types import NANOSECONDS
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
+
+from geometry_msgs.msg import TransformStamped
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, corner_frame
+from rigs.tf import Robot, transform
+from tf2_msgs.msg import TFMessage
+
+from rgbd_glue_ros.node.tf import TF
+
+PERIOD_NS = NANOSECONDS // 30
+
+
+@contextmanager
+def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
+    with NodeProcess(parameters, ros_environment(domain)) as node:
+        try:
+            yield node
+        finally:
+            sys.stdout.write("\n".join(node.lines))
+
+
+def test_the_cameras_place_comes_from_tf_once_it_is_there_and_is_never_assumed(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
+        robot.wait_until_matched()
+        robot.publish(corner_frame(0))
+        line = node.wait_for_line("there is no transform", PATIENCE_S)
+        assert f"from {OPTICAL_FRAME} to base_link" in line
+        robot.tell_where_the_camera_is()
+        line = node.wait_for_line("Where the camera is in base_link is to come from TF", PATIENCE_S)
+        stamps = iter(range(PERIOD_NS, NANOSECONDS, PERIOD_NS))
+        robot.publish_until_posed(map(corner_frame, stamps))
+        pose = robot.poses[0]
+        np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=1e-9)
+        line = node.wait_for_line("TF: found", PATIENCE_S)
+        assert "the camera is at (0.200 0.000 0.500) in odom" in line
+        robot.wait(lambda: robot.heard, "/tf")
+        heard = robot.heard[0]
+        assert (heard.header, heard.child_frame_id) == (pose.header, "base_link")
+        np.testing.assert_array_equal(pose_from_message(heard, TF), pose_from_message(pose, "pose"))
+
+
+def test_a_static_transform_that_was_told_before_the_node_started_is_known(
+    ros_domain: int,
+) -> None:
+    with Robot(ros_domain) as robot:
+        robot.tell_where_the_camera_is()
+        with node_in(ros_domain, frame_id="base_link"):
+            robot.wait_until_matched()
+            robot.publish_until_posed(map(corner_frame, iter(range(0, NANOSECONDS, PERIOD_NS))))
+            T = pose_from_message(robot.poses[0], "pose")
+            np.testing.assert_allclose(T, np.eye(4), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"frame_id": "base_link", "camera_pose": "'0 0 0 0 0 0'", "publish_tf": False}]
+)
+def test_no_tf_is_published_for_an_optical_frame_or_if_it_is_not_wanted(
+    ros_domain: int, given: dict[str, object]
+) -> None:
+    with node_in(ros_domain, **given), Robot(ros_domain) as robot:
+        robot.wait_until_matched()
+        robot.pose_of(corner_frame(0))
+        assert robot.node.count_publishers(TF) == 1  # the robot's own
+
+
+def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
+    ros_domain: int,
+) -> None:
+    given = {"frame_id": "base_link", "guess_frame_id": "wheels", "wait_for_transform": 5}
+    with node_in(ros_domain, **given), Robot(ros_domain) as robot:
+        robot.tell_where_the_camera_is()
+        robot.wait_until_matched()
+        T_wheels_base = parse_pose("", "4 2 0 0 0 1")
+        for at_ns in (0, PERIOD_NS):
+            frame = corner_frame(at_ns)
+            robot.publish(frame)
+            wheels = transform("wheels", "base_link", T_wheels_base, at_ns)
+            robot.moving.publish(TFMessage(transforms=[wheels]))
+            pose = robot.pose_at(at_ns)
+
+        def ours() -> list[TransformStamped]:
+            return [t for t in robot.heard if t.child_frame_id == "wheels"]
+
+        robot.wait(lambda: len(ours()) == 2, "/tf")
+        assert {t.header.frame_id for t in ours()} == {"odom"}
+        assert stamp_ns(ours()[-1].header.stamp) == at_ns
+        np.testing.assert_allclose(
+            pose_from_message(ours()[-1], TF) @ T_wheels_base,
+            pose_from_message(pose, "pose"),
+            atol=1e-9,
+        )

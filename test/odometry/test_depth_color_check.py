@@ -1,0 +1,119 @@
+"""Depth that is not registered to its colour is noticed, and nothing else is."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from rigs.bag_frames import errors, recorded_frames, true_poses
+
+from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.odometry.depth_color_check import Alignment
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import Config, with_values
+from rgbd_glue_ros.types import Float32, RgbdFrame, View
+
+ENOUGH = 8
+
+
+def view(frame: RgbdFrame) -> View:
+    return View(camera.grey(frame.color), frame.depth, frame.intrinsics)
+
+
+def laid(depth: Float32, scale: float, right: float, down: float) -> Float32:
+    """A depth image as it is magnified about its centre and then shifted, in pixels."""
+    height, width = depth.shape
+    cx, cy = (width - 1) / 2, (height - 1) / 2
+    M = np.array([[scale, 0, cx * (1 - scale) + right], [0, scale, cy * (1 - scale) + down]])
+    unknown = (float("nan"),) * 4
+    moved = cv2.warpAffine(depth, M, (width, height), flags=cv2.INTER_NEAREST, borderValue=unknown)
+    return np.asarray(moved, np.float32)
+
+
+def unregistered(scale: float, right: float, down: float) -> list[RgbdFrame]:
+    return [replace(f, depth=laid(f.depth, scale, right, down)) for f in recorded_frames()]
+
+
+def seen(frames: list[RgbdFrame]) -> Alignment:
+    alignment = Alignment.start()
+    for frame in frames:
+        alignment = alignment.seen(view(frame), np.eye(4))
+    return alignment
+
+
+def test_registered_depth_is_found_to_be(caplog: pytest.LogCaptureFixture) -> None:
+    alignment = seen(list(recorded_frames()[: 12 * ENOUGH : 12]))
+    assert alignment.views == ENOUGH
+    assert alignment.offset_px is None
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("scale", "right", "down", "offset_px"),
+    [(1.0, 12.0, 0.0, 12.0), (1.0, -6.0, 9.0, 10.8), (1.1, 0.0, 0.0, 14.0), (1.1, 6.0, 0.0, 15.5)],
+)
+def test_depth_that_lies_elsewhere_is_noticed_and_said_once(
+    scale: float, right: float, down: float, offset_px: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = unregistered(scale, right, down)[: 12 * ENOUGH : 12]
+    assert seen(frames[:-1]).offset_px is None
+    found = seen(frames).offset_px
+    assert found is not None
+    # the steps tried are 3 pixels and 3 %
+    assert abs(found - offset_px) < 5
+    (record,) = caplog.records
+    assert record.levelno == logging.WARNING
+    assert "not registered" in record.message
+
+
+def test_images_of_different_rooms_fit_nowhere() -> None:
+    frames = list(recorded_frames())
+    upside_down = [replace(f, color=f.color[::-1, ::-1].copy()) for f in frames]
+    mirrored = [replace(f, color=f.color[:, ::-1].copy()) for f in frames]
+    for wrong in (upside_down, mirrored):
+        alignment = seen(wrong[: 12 * ENOUGH : 12])
+        assert alignment.views == ENOUGH
+        assert alignment.offset_px is None
+
+
+def test_a_view_with_few_edges_says_nothing() -> None:
+    frame = recorded_frames()[0]
+    wall = replace(frame, depth=np.full_like(frame.depth, 2.0))
+    unknown = replace(frame, depth=np.full_like(frame.depth, np.nan))
+    alignment = seen([wall, unknown])
+    assert alignment.views == 0
+    assert alignment.offset_px is None
+
+
+def test_only_views_from_elsewhere_count_until_enough_were_seen() -> None:
+    frame, here = recorded_frames()[0], np.eye(4)
+    alignment = Alignment.start()
+    assert alignment.asks_for(here)
+    alignment = alignment.seen(view(frame), here)
+    assert not alignment.asks_for(here)
+    assert alignment.asks_for(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
+    for _ in range(ENOUGH - 1):
+        alignment = alignment.seen(view(frame), here)
+    assert not alignment.asks_for(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
+
+
+def test_the_odometry_trusts_colour_less_once_it_knows(caplog: pytest.LogCaptureFixture) -> None:
+    frames = unregistered(1.1, 6.0, 0.0)
+    # depth that is magnified was taken by a camera that magnifies
+    K = frames[0].intrinsics
+    K = replace(K, fx=1.1 * K.fx, fy=1.1 * K.fy, cx=K.cx + 6.0)
+
+    def error(weight: float) -> float:
+        config = with_values(Config(), {"refine.unregistered_weight": weight})
+        odometry = Odometry(config)
+        metres, _ = errors(
+            [odometry.process(replace(f, intrinsics=K)) for f in frames], true_poses()
+        )
+        assert np.isfinite(metres).all()
+        return float(np.mean(metres[-40:]))
+
+    assert error(1.0) < error(100.0)
+    assert len([r for r in caplog.records if "not registered" in r.message]) == 2

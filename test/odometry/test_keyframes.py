@@ -1,0 +1,148 @@
+"""Keyframes: the window of the latest, numbered for good, and anchors that know the room."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rigs.geometry import random_transform, transforms
+from rigs.room import CAMERA
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
+from rgbd_glue_ros.parameters import OdometryConfig
+from rgbd_glue_ros.refinement.model import LEVELS, Model, Pixels, Planes
+from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.types import Float64, View
+
+VIEW = View(np.zeros((2, 2), np.uint8), np.ones((2, 2), np.float32), CAMERA)
+FEATURES = FrameFeatures(VIEW, None, None, {})
+POINTS = np.array([[0.0, 0, 2], [1, 0, 3]])
+NORMALS = np.array([[0.0, 0, -1], [-0.6, 0, -0.8]])
+STILL, MIDDLE_ROW = np.zeros((2, 3)), np.zeros(2)
+MODEL = Model(
+    Planes(POINTS, NORMALS, STILL, MIDDLE_ROW),
+    (Pixels(POINTS, np.array([10.0, 20.0]), STILL, MIDDLE_ROW),) * LEVELS,
+)
+
+
+def kept(capacity: int, window: int = 5, spacing: float = 0.0) -> Keyframes:
+    return Keyframes(OdometryConfig(keyframes=capacity, window=window, keyframe_spacing=spacing))
+
+
+def add(
+    keyframes: Keyframes, T: Float64, stamp_ns: int = 0, correction: Float64 | None = None
+) -> Keyframe:
+    correction = np.eye(4) if correction is None else correction
+    return keyframes.add(stamp_ns, T, np.eye(6), FEATURES, MODEL, correction)
+
+
+def moved(metres: float, radians: float = 0.0) -> Float64:
+    return se3.exp(np.array([metres, 0, 0, 0, radians, 0]))
+
+
+@given(st.integers(1, 5), st.integers(0, 12))
+def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int, n: int) -> None:
+    keyframes = kept(capacity)
+    for i in range(n):
+        assert add(keyframes, np.eye(4), stamp_ns=i).number == i
+    assert len(keyframes) == min(n, capacity)
+    assert [k.stamp_ns for k in keyframes] == list(range(n))[-capacity:]
+
+
+def test_numbers_go_on_after_all_are_forgotten() -> None:
+    keyframes = kept(3)
+    for _ in range(2):
+        add(keyframes, np.eye(4))
+    keyframes.forget()
+    assert len(keyframes) == 0
+    assert keyframes.nearest(np.eye(4)) == []
+    assert add(keyframes, np.eye(4)).number == 2
+
+
+@given(transforms())
+def test_a_keyframe_has_its_model_in_the_odom_frame(T: Float64) -> None:
+    model = add(kept(1), T).model
+    np.testing.assert_allclose(
+        se3.transform(se3.inverse(T), model.planes.points), POINTS, atol=1e-9
+    )
+    np.testing.assert_allclose(model.planes.normals @ T[:3, :3], NORMALS, atol=1e-9)
+    for pixels in model.pixels:
+        np.testing.assert_allclose(pixels.points, model.planes.points)
+        np.testing.assert_array_equal(pixels.brightness, [10, 20])
+
+
+@pytest.mark.parametrize(
+    ("poses", "order"),
+    [
+        ([moved(0.5), moved(0.1), moved(-0.3)], [1, 2, 0]),
+        # turned by half a radian is as different as half a metre aside
+        ([moved(0.0, 0.5), moved(0.4), moved(0.6)], [1, 0, 2]),
+        # of equals the newer, which has drifted less since
+        ([moved(1.0), moved(1.0)], [1, 0]),
+    ],
+    ids=["aside", "turned", "equal"],
+)
+def test_those_come_first_that_saw_the_room_from_most_nearly_the_same_pose(
+    poses: list[Float64], order: list[int]
+) -> None:
+    T = random_transform(np.random.default_rng(0))
+    keyframes = kept(5)
+    for pose in poses:
+        add(keyframes, T @ pose)
+    assert [k.number for k in keyframes.nearest(T)] == order
+
+
+def test_keyframes_older_than_the_window_are_not_stepped_back_to() -> None:
+    keyframes = kept(5, window=2)
+    for way in (0.0, 0.5, 1.0):
+        add(keyframes, moved(way))
+    assert [k.number for k in keyframes.nearest(np.eye(4))] == [1, 2]
+    assert [k.number for k in keyframes.latest(2)] == [2, 1]
+
+
+@given(n=st.integers(0, 9), count=st.integers(0, 4))
+def test_in_turn_the_newest_come_first_and_all_have_their_turn(n: int, count: int) -> None:
+    keyframes = kept(9)
+    for _ in range(n):
+        add(keyframes, np.eye(4))
+    assert [k.number for k in keyframes.in_turn(count, 0)] == list(range(n))[::-1][:count]
+    turns = [k.number for turn in range(9) for k in keyframes.in_turn(count, turn)]
+    assert set(turns) == (set(range(n)) if count else set())
+
+
+def test_a_keyframe_that_leaves_the_window_becomes_an_anchor_at_its_place_without_drift() -> None:
+    keyframes = kept(5, window=1)
+    first = add(keyframes, moved(0.0), correction=moved(9.0))
+    assert keyframes.anchor(moved(0.2), radius=1.0) is None
+    add(keyframes, moved(0.5), correction=moved(0.2))
+    anchor = keyframes.anchor(moved(0.2), radius=0.01)
+    assert isinstance(anchor, Anchor)
+    assert anchor.number == first.number
+    np.testing.assert_array_equal(anchor.T_odom_camera, first.T_odom_camera)
+    np.testing.assert_allclose(anchor.corrected_pose, moved(0.2))
+
+
+def test_the_earliest_anchor_near_enough_is_taken() -> None:
+    keyframes = kept(9, window=1)
+    for way in (0.0, 0.4, 0.8, 1.2):
+        add(keyframes, moved(way))
+    for where, radius, number in ((0.8, 0.1, 2), (0.8, 0.5, 1), (0.8, 0.9, 0), (-1.0, 0.9, None)):
+        anchor = keyframes.anchor(moved(where), radius)
+        assert (anchor and anchor.number) == number
+
+
+def test_of_keyframes_that_saw_the_same_the_first_stays_as_an_anchor() -> None:
+    keyframes = kept(9, window=1, spacing=0.5)
+    for way in (0.0, 0.4, 0.8, 0.1, 1.5):
+        add(keyframes, moved(way))
+    assert [k.number for k in keyframes] == [0, 2, 4]
+
+
+def test_where_room_is_short_the_oldest_anchor_goes_and_the_window_stays() -> None:
+    keyframes = kept(4, window=3)
+    for i in range(8):
+        add(keyframes, moved(float(i)))
+    assert [k.number for k in keyframes] == [4, 5, 6, 7]
+    assert [k.number for k in keyframes.nearest(moved(9.0))] == [7, 6, 5]

@@ -1,0 +1,242 @@
+"""The filter of pose and velocity: Kalman's, consistent with its own model, and not stubborn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rigs.geometry import SEEDS, transforms
+from scipy.stats import chi2
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.parameters import MotionConfig
+from rgbd_glue_ros.types import NANOSECONDS, Float64
+
+PERIOD_NS = NANOSECONDS // 30
+PERIOD_S = PERIOD_NS / NANOSECONDS
+CONFIG = MotionConfig()
+ACCELERATION = np.repeat([CONFIG.acceleration, CONFIG.angular_acceleration], 3)
+
+
+def moving(velocity: Float64, T: Float64 | None = None) -> Motion:
+    covariance = np.diag([1e-4] * 6 + [1e-2] * 6)
+    return Motion(0, np.eye(4) if T is None else T, velocity, covariance)
+
+
+def at(position: Float64) -> Float64:
+    return se3.from_rotation_translation(np.eye(3), position)
+
+
+@given(transforms())
+def test_a_start_is_a_known_pose_and_an_unknown_velocity(T: Float64) -> None:
+    motion = Motion.start(5, T)
+    np.testing.assert_array_equal(motion.T_odom_camera, T)
+    np.testing.assert_array_equal(motion.velocity, np.zeros(6))
+    assert (np.diag(motion.covariance)[:6] == 0).all()
+    assert (np.diag(motion.covariance)[6:] > 0.1).all()
+
+
+def test_a_moving_camera_is_expected_to_go_on_in_its_own_direction() -> None:
+    # a quarter turn to the left: forward is then along the odom frame's -x
+    left = se3.exp(np.array([0, 0, 0, 0, -np.pi / 2, 0]))
+    predicted = moving(np.array([0, 0, 0.6, 0, 0, 0]), left).predicted(PERIOD_NS, CONFIG)
+    np.testing.assert_allclose(predicted.T_odom_camera[:3, 3], [-0.02, 0, 0], atol=1e-9)
+    assert predicted.stamp_ns == PERIOD_NS
+
+
+def test_a_camera_that_was_not_seen_for_long_is_not_expected_to_have_gone_on_for_ever() -> None:
+    predicted = moving(np.array([0, 0, 1.0, 0, 0, 0])).predicted(60 * NANOSECONDS, CONFIG)
+    assert np.linalg.norm(predicted.T_odom_camera[:3, 3]) < 1.0
+    assert np.linalg.norm(predicted.velocity) < 0.1
+    assert np.sqrt(predicted.covariance[0, 0]) > 1.0
+
+
+def test_the_predicted_covariance_is_that_of_sampled_predictions() -> None:
+    rng = np.random.default_rng(0)
+    start = moving(np.array([0.3, -0.2, 0.4, 0.5, -0.3, 0.2]))
+    expected = start.predicted(PERIOD_NS, CONFIG)
+    samples = []
+    for _ in range(4000):
+        error = rng.multivariate_normal(np.zeros(12), start.covariance)
+        velocity = start.velocity + error[6:] + rng.normal(0, ACCELERATION) * PERIOD_S
+        T = start.T_odom_camera @ se3.exp(error[:6]) @ se3.exp(velocity * PERIOD_S)
+        off = se3.log(se3.inverse(expected.T_odom_camera) @ T)
+        velocity = velocity + rng.normal(0, ACCELERATION) * PERIOD_S / 2
+        samples.append(np.concatenate([off, velocity - start.velocity]))
+    sampled = np.cov(np.array(samples).T)
+    scale = np.sqrt(np.diag(expected.covariance))
+    # a correlation of 4000 samples has a standard error of 0.016 at most, and a variance of 0.022
+    difference = (sampled - expected.covariance) / np.outer(scale, scale)
+    assert np.abs(difference).max() < 5 * 0.022
+
+
+@given(SEEDS)
+def test_without_rotation_it_is_the_kalman_filter(seed: int) -> None:
+    """Written out for positions and velocities, where everything is linear."""
+    rng = np.random.default_rng(seed)
+    start = moving(np.concatenate([rng.normal(0, 0.5, 3), np.zeros(3)]))
+    # a doubtful rotation would make the position doubtful too
+    covariance = np.diag([1e-4] * 3 + [0.0] * 3 + [1e-2] * 3 + [0.0] * 3)
+    start = replace(start, T_odom_camera=at(rng.normal(0, 1, 3)), covariance=covariance)
+    x = np.concatenate([start.T_odom_camera[:3, 3], start.velocity[:3]])
+    rows = np.r_[0:3, 6:9]
+    P = start.covariance[np.ix_(rows, rows)]
+    F = np.block([[np.eye(3), PERIOD_S * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
+    G = np.concatenate([PERIOD_S**2 * np.eye(3), PERIOD_S * np.eye(3)]) * CONFIG.acceleration
+    x, P = F @ x, F @ P @ F.T + G @ G.T
+    P[3:, 3:] += np.eye(3) * (CONFIG.acceleration * PERIOD_S / 2) ** 2
+    R = np.diag(rng.uniform(1e-6, 1e-3, 3))
+    measured = x[:3] + rng.multivariate_normal(np.zeros(3), (P[:3, :3] + R) / 4)
+    K = P[:, :3] @ np.linalg.inv(P[:3, :3] + R)
+    x, P = x + K @ (measured - x[:3]), P - K @ P[:3]
+
+    noise = np.diag([*np.diag(R), 1e-4, 1e-4, 1e-4])
+    corrected = start.predicted(PERIOD_NS, CONFIG).corrected(at(measured), noise)
+    np.testing.assert_allclose(corrected.T_odom_camera[:3, 3], x[:3], atol=1e-9)
+    np.testing.assert_allclose(corrected.velocity[:3], x[3:], atol=1e-9)
+    np.testing.assert_allclose(corrected.covariance[np.ix_(rows, rows)], P, atol=1e-12)
+
+
+@given(transforms())
+def test_a_precise_measurement_is_taken_as_it_is(T: Float64) -> None:
+    near = T @ se3.exp(np.array([0.003, -0.002, 0.001, 0.002, 0.001, -0.003]))
+    corrected = moving(np.zeros(6), T).corrected(near, 1e-12 * np.eye(6))
+    np.testing.assert_allclose(corrected.T_odom_camera, near, atol=1e-6)
+
+
+@given(transforms())
+def test_a_vague_measurement_changes_hardly_anything(T: Float64) -> None:
+    far = T @ se3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.1, -0.3]))
+    motion = moving(np.zeros(6), T)
+    corrected = motion.corrected(far, 1e4 * np.eye(6))
+    np.testing.assert_allclose(corrected.T_odom_camera, T, atol=1e-6)
+    np.testing.assert_allclose(corrected.covariance, motion.covariance, rtol=1e-3, atol=1e-9)
+
+
+def test_a_camera_that_was_pushed_is_where_it_is_seen() -> None:
+    motion = moving(np.zeros(6))
+    pushed = se3.exp(np.array([0.8, 0, 0.3, 0, 0.5, 0]))
+    corrected = motion.corrected(pushed, 1e-5 * np.eye(6))
+    off = se3.inverse(pushed) @ corrected.T_odom_camera
+    assert np.linalg.norm(off[:3, 3]) < 0.01
+    assert se3.rotation_angle(off) < 0.01
+
+
+@given(st.sampled_from([PERIOD_S, 1.0, 60.0, 3600.0]), st.sampled_from([1e-4, 1e-3, 1e-2]))
+def test_found_again_after_any_time_its_covariance_is_that_of_the_measurement(
+    seconds: float, sigma: float
+) -> None:
+    motion = Motion.start(0, np.eye(4)).predicted(round(seconds * NANOSECONDS), CONFIG)
+    corrected = motion.corrected(se3.exp(np.full(6, 0.01)), sigma**2 * np.eye(6))
+    pose = np.linalg.eigvalsh(corrected.covariance[:6, :6])
+    assert 0.5 * sigma**2 < pose.min() <= pose.max() < 1.001 * sigma**2
+    assert np.linalg.eigvalsh(corrected.covariance[6:, 6:]).min() > 0
+    np.testing.assert_allclose(corrected.covariance, corrected.covariance.T, rtol=1e-6)
+
+
+@given(SEEDS)
+@settings(max_examples=10)
+def test_errors_are_as_great_as_the_covariance_says_where_the_model_holds(seed: int) -> None:
+    """Poses with noise, of a camera whose velocity changes at random as the filter assumes."""
+    rng = np.random.default_rng(seed)
+    sigma, steps = 0.005, 150
+    velocity = rng.normal(0, 0.5, 6)
+    T = np.eye(4)
+    motion = Motion.start(0, T)
+    squares = []
+    for i in range(1, steps + 1):
+        velocity = velocity + rng.normal(0, ACCELERATION) * PERIOD_S
+        T = T @ se3.exp(velocity * PERIOD_S)
+        velocity = velocity + rng.normal(0, ACCELERATION) * PERIOD_S / 2
+        measured = T @ se3.exp(rng.normal(0, sigma, 6))
+        predicted = motion.predicted(i * PERIOD_NS, CONFIG)
+        motion = predicted.corrected(measured, sigma**2 * np.eye(6))
+        off = se3.log(se3.inverse(motion.T_odom_camera) @ T)
+        error = np.concatenate([off, velocity - motion.velocity])
+        squares.append(error @ np.linalg.solve(motion.covariance, error))
+    # chi-square of 12 degrees of freedom a step; steps share their errors over a tenth of them
+    low, high = chi2.ppf([1e-6, 1 - 1e-6], 12 * steps / 10) / (12 * steps / 10)
+    assert low < np.mean(squares[10:]) / 12 < high
+
+
+@given(SEEDS)
+def test_a_velocity_that_is_seen_counts_as_in_the_kalman_filter(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    predicted = moving(rng.normal(0, 0.5, 6)).predicted(PERIOD_NS, CONFIG)
+    R = np.diag(rng.uniform(1e-3, 1.0, 6))
+    expected = predicted.covariance[6:, 6:] + R
+    seen = predicted.velocity + 0.5 * rng.multivariate_normal(np.zeros(6), expected)
+    gain = predicted.covariance[:, 6:] @ np.linalg.inv(expected)
+    change = gain @ (seen - predicted.velocity)
+    corrected = predicted.corrected_velocity(seen, R)
+    np.testing.assert_allclose(corrected.velocity, predicted.velocity + change[6:], atol=1e-12)
+    off = se3.log(se3.inverse(predicted.T_odom_camera) @ corrected.T_odom_camera)
+    np.testing.assert_allclose(off, change[:6], atol=1e-9)
+    left = predicted.covariance - gain @ predicted.covariance[6:]
+    np.testing.assert_allclose(corrected.covariance, left, atol=1e-12)
+
+
+@pytest.mark.parametrize("forward", [5.0, np.nan])
+def test_a_velocity_that_cannot_be_is_not_believed(forward: float) -> None:
+    predicted = moving(np.zeros(6)).predicted(PERIOD_NS, CONFIG)
+    seen = np.array([0, 0, forward, 0, 0, 0])
+    assert predicted.corrected_velocity(seen, np.eye(6) * 1e-2) is predicted
+
+
+def test_noisy_poses_of_a_smooth_motion_come_out_smoother() -> None:
+    rng = np.random.default_rng(0)
+    sigma = 0.01
+    config = MotionConfig(acceleration=0.5, angular_acceleration=0.5)
+    motion = Motion.start(0, np.eye(4))
+    noise, left = [], []
+    for i in range(1, 120):
+        T = se3.exp(np.array([0.3, 0, 0.2, 0, 0.3, 0]) * i * PERIOD_S)
+        measured = T @ se3.exp(rng.normal(0, sigma, 6))
+        predicted = motion.predicted(i * PERIOD_NS, config)
+        motion = predicted.corrected(measured, sigma**2 * np.eye(6))
+        noise.append(np.linalg.norm((measured - T)[:3, 3]))
+        left.append(np.linalg.norm((motion.T_odom_camera - T)[:3, 3]))
+    assert np.mean(left[30:]) < 0.6 * np.mean(noise[30:])
+    assert motion.velocity == pytest.approx([0.3, 0, 0.2, 0, 0.3, 0], abs=0.1)
+
+
+def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
+    """Half a turn in a thirtieth of a second is no motion."""
+    motion = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, MotionConfig())
+    elsewhere = se3.exp(np.array([0.0, 0, 0, 0, 0, np.pi]))
+    covariance = np.eye(6) * 1e-6
+    found = motion.corrected(elsewhere, covariance)
+    np.testing.assert_allclose(found.T_odom_camera, elsewhere, atol=1e-3)
+    np.testing.assert_array_equal(found.velocity, 0.0)
+    assert (np.diag(found.covariance)[6:] >= 1.0).all()
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+
+
+@pytest.mark.parametrize(
+    ("way", "frames", "reached"),
+    [
+        ([0.1, 0, 0, 0, 0, 0], 1, True),  # pushed
+        ([0, 0, 0, 0.1, 0, 0], 1, True),
+        ([0.5, 0, 0, 0, 0, 0], 1, False),  # farther than anybody goes in a thirtieth of a second
+        ([0, 0, 0, 1.0, 0, 0], 1, False),
+        ([0.5, 0, 0, 0, 0, 0], 10, True),  # not seen for a third of a second
+        ([0, 0, 0, 3.0, 0, 0], 60, True),
+        ([0, 0, 100.0, 0, 0, 0], 60, False),
+    ],
+)
+def test_a_camera_gets_so_far_and_no_farther(way: list[float], frames: int, reached: bool) -> None:
+    last = moving(np.array([0.2, 0, 0, 0, 0.3, 0]))
+    predicted = last.predicted(frames * PERIOD_NS, CONFIG)
+    there = predicted.T_odom_camera @ se3.exp(np.array(way))
+    assert last.reaches(there, predicted) == reached
+
+
+def test_the_prediction_is_always_within_reach() -> None:
+    last = moving(np.array([0.2, -1.0, 0, 0, 0.3, 2.0]))
+    for frames in (1, 5, 100):
+        predicted = last.predicted(frames * PERIOD_NS, CONFIG)
+        assert last.reaches(predicted.T_odom_camera, predicted)

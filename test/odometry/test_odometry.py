@@ -1,0 +1,552 @@
+"""Odometry: exact on what it sees, silent on what it does not, back where it was when found again.
+
+The recording is real in all that matters here: noise, holes, blur, and the truth beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import lru_cache
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rigs.bag_frames import errors, recorded_frames, true_poses
+from rigs.room import panned_frame, room_frame, true_pose
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import Config, load_preset, with_values
+from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    CameraIntrinsics,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+    Trajectory,
+)
+
+PERIOD_NS = NANOSECONDS // 30
+LOST, TRACKING = TrackingState.LOST, TrackingState.TRACKING
+# waits for ever, so that what is lost stays lost until it is found
+PATIENT = with_values(Config(), {"odometry.reset_countdown": 0})
+
+
+def track(
+    frames: Iterable[RgbdFrame], config: Config = PATIENT, odometry: Odometry | None = None
+) -> list[OdometryEstimate]:
+    odometry = odometry or Odometry(config)
+    return [odometry.process(frame) for frame in frames]
+
+
+@lru_cache(maxsize=1)
+def tracked() -> tuple[OdometryEstimate, ...]:
+    """What the whole recording gives."""
+    return tuple(track(recorded_frames()))
+
+
+def without_depth(frame: RgbdFrame) -> RgbdFrame:
+    return replace(frame, depth=np.full_like(frame.depth, np.nan))
+
+
+def blacked_out(frame: RgbdFrame) -> RgbdFrame:
+    return replace(frame, color=np.zeros_like(frame.color))
+
+
+def covered(frame: RgbdFrame) -> RgbdFrame:
+    """A hand before the lens: dark, and too near for depth."""
+    return without_depth(blacked_out(frame))
+
+
+def another_room(count: int) -> list[RgbdFrame]:
+    """A wavy wall with a poster, which a camera passes at 3 pixels a frame."""
+    K = recorded_frames()[0].intrinsics
+    rng = np.random.default_rng(0)
+    poster = np.kron(rng.integers(0, 256, (K.height // 8, K.width, 3)), np.ones((8, 8, 1)))
+    v, u = np.mgrid[: K.height, : 8 * K.width]
+    wall = 1.2 + 0.1 * np.sin(u / 40) * np.cos(v / 30)
+    frames = []
+    for i in range(count):
+        window = np.s_[:, 3 * i : 3 * i + K.width]
+        color, depth = poster[window].astype(np.uint8), wall[window].astype(np.float32)
+        frames.append(RgbdFrame(0, color, depth, K))
+    return frames
+
+
+def turned_over(frame: RgbdFrame) -> RgbdFrame:
+    """What the camera sees when it is held upside down."""
+    K = frame.intrinsics
+    camera = replace(K, cx=K.width - 1 - K.cx, cy=K.height - 1 - K.cy)
+    return replace(
+        frame,
+        color=np.ascontiguousarray(frame.color[::-1, ::-1]),
+        depth=np.ascontiguousarray(frame.depth[::-1, ::-1]),
+        intrinsics=camera,
+    )
+
+
+def numbered(frames: Iterable[RgbdFrame]) -> list[RgbdFrame]:
+    """The frames at 30 Hz, whenever they were taken."""
+    return [replace(frame, stamp_ns=(1 + i) * PERIOD_NS) for i, frame in enumerate(frames)]
+
+
+def assert_no_pose(estimate: OdometryEstimate) -> None:
+    assert estimate.T_odom_camera is None
+    assert estimate.covariance is None
+    assert estimate.twist is None
+    assert estimate.twist_covariance is None
+    assert not estimate.is_keyframe
+
+
+# what is seen well
+
+
+def test_the_first_frame_is_the_origin() -> None:
+    first = tracked()[0]
+    assert first.state is TRACKING
+    np.testing.assert_array_equal(first.T_odom_camera, np.eye(4))
+    assert first.is_keyframe
+    assert first.keyframe_id == 0
+    assert first.twist is None
+    assert first.registration is None
+
+
+def test_hand_held_motion_is_tracked_to_a_centimetre() -> None:
+    assert {estimate.state for estimate in tracked()} == {TRACKING}
+    metres, radians = errors(tracked(), true_poses())
+    # quantised depth at 2.5 m has a noise of 10 mm
+    assert np.sqrt(np.mean(metres**2)) < 0.01
+    assert metres.max() < 0.02
+    assert radians.max() < 0.01
+
+
+def test_every_estimate_carries_the_stamp_of_its_frame_and_the_times_of_its_stages() -> None:
+    for frame, estimate in zip(recorded_frames(), tracked(), strict=True):
+        assert estimate.stamp_ns == frame.stamp_ns
+        assert min(estimate.stages_ms.values()) >= 0
+    assert {"preparation", "ransac", "refinement", "keyframe"} <= {*tracked()[-1].stages_ms}
+
+
+def test_the_same_frames_give_the_same_bits() -> None:
+    for one, two in zip(tracked(), track(recorded_frames()[:45]), strict=False):
+        np.testing.assert_array_equal(one.T_odom_camera, two.T_odom_camera)
+        np.testing.assert_array_equal(one.covariance, two.covariance)
+        np.testing.assert_array_equal(one.twist_covariance, two.twist_covariance)
+        assert (one.is_keyframe, one.keyframe_id) == (two.is_keyframe, two.keyframe_id)
+
+
+def test_whenever_the_map_is_updated_before_the_next_frame_the_poses_are_the_same() -> None:
+    odometry = Odometry(PATIENT)
+    for i, frame in enumerate(recorded_frames()[:45]):
+        estimate, expected = odometry.track(frame), tracked()[i]
+        np.testing.assert_array_equal(estimate.T_odom_camera, expected.T_odom_camera)
+        if i % 2:  # else the next frame has to do it
+            assert (odometry.update_map() or estimate.is_keyframe) == expected.is_keyframe
+            assert not odometry.update_map()
+
+
+def test_a_reset_forgets_the_frame_that_the_map_waits_for() -> None:
+    odometry = Odometry(PATIENT)
+    first, *others = (i for i, estimate in enumerate(tracked()) if estimate.is_keyframe)
+    for frame in recorded_frames()[first : others[0] + 1]:
+        odometry.track(frame)
+    odometry.reset()
+    assert not odometry.update_map()
+
+
+def test_the_twist_is_the_velocity_in_the_cameras_frame() -> None:
+    poses = true_poses()
+    stamps = [frame.stamp_ns for frame in recorded_frames()]
+    differences = []
+    for i in range(2, len(poses) - 1):
+        seconds = (stamps[i + 1] - stamps[i - 1]) / NANOSECONDS
+        true = se3.log(se3.inverse(poses[i - 1]) @ poses[i + 1]) / seconds
+        twist = tracked()[i].twist
+        assert twist is not None
+        differences.append(twist - true)
+    linear, angular = np.abs(differences).reshape(-1, 2, 3).transpose(1, 0, 2)
+    # the hand moves at 0.4 m/s and turns at 0.4 rad/s
+    assert np.median(linear) < 0.08
+    assert np.median(angular) < 0.08
+
+
+def test_covariances_are_positive_definite_and_grow_from_keyframe_to_keyframe() -> None:
+    keyframes = {e.stamp_ns: e for e in tracked() if e.is_keyframe}
+    rotation = [
+        np.trace(e.covariance[3:, 3:]) for e in keyframes.values() if e.covariance is not None
+    ]
+    assert len(rotation) >= 3
+    assert rotation == sorted(rotation)
+    for estimate in tracked():
+        assert estimate.covariance is not None
+        np.testing.assert_allclose(estimate.covariance, estimate.covariance.T, rtol=1e-9)
+        assert np.linalg.eigvalsh(estimate.covariance).min() > 0
+    for estimate in tracked()[1:]:
+        assert estimate.twist_covariance is not None
+        assert np.linalg.eigvalsh(estimate.twist_covariance).min() > 0
+
+
+def test_errors_are_within_what_the_covariance_claims() -> None:
+    squares = []
+    for estimate, T in zip(tracked()[1:], true_poses()[1:], strict=True):
+        assert estimate.T_odom_camera is not None
+        assert estimate.covariance is not None
+        moved = estimate.T_odom_camera[:3, 3] - T[:3, 3]
+        turned = se3.log(estimate.T_odom_camera @ se3.inverse(T))[3:]
+        error = np.concatenate([moved, turned])
+        squares.append(error @ np.linalg.solve(estimate.covariance, error))
+    # chi-square with six degrees of freedom, whose mean is 6, were there nothing but noise
+    assert np.mean(squares) < 3 * 6
+
+
+@pytest.mark.parametrize(
+    ("visual", "geometric"), [("none", "fpfh_grid"), ("orb", "none"), ("none", "none")]
+)
+def test_either_feature_may_be_left_out(visual: str, geometric: str) -> None:
+    config = with_values(PATIENT, {"features.visual": visual, "features.geometric": geometric})
+    estimates = track(recorded_frames()[:30], config)
+    metres, _ = errors(estimates, true_poses()[:30])
+    assert metres.max() < 0.02
+
+
+def test_the_method_of_the_paper_alone_registers_frame_to_keyframe() -> None:
+    frames = recorded_frames()[:12:4]
+    metres, radians = errors(track(frames, load_preset("paper")), true_poses()[:12:4])
+    assert metres.max() < 0.05
+    assert radians.max() < 0.03
+
+
+def test_grey_images_are_tracked_too() -> None:
+    frames = [replace(f, color=f.color[..., 1].copy()) for f in recorded_frames()[:20]]
+    metres, _ = errors(track(frames), true_poses()[:20])
+    assert metres.max() < 0.02
+
+
+def test_images_may_change_their_size_on_the_way() -> None:
+    small = [_quartered(frame) for frame in recorded_frames()[10:20]]
+    metres, _ = errors(track([*recorded_frames()[:10], *small]), true_poses()[:20])
+    assert metres.max() < 0.03
+
+
+def _quartered(frame: RgbdFrame) -> RgbdFrame:
+    K = frame.intrinsics
+    camera = CameraIntrinsics(K.width // 2, K.height // 2, K.fx / 2, K.fy / 2, K.cx / 2, K.cy / 2)
+    color, depth = frame.color[::2, ::2].copy(), frame.depth[::2, ::2].copy()
+    return replace(frame, color=color, depth=depth, intrinsics=camera)
+
+
+def test_depth_that_is_said_to_be_late_is_moved_to_the_time_of_its_colour() -> None:
+    """In every other frame by 33 ms, in which the camera moves by 13 mm and turns by 0.8 degrees.
+
+    A delay that is always the same shifts a keyframe and the frames after it alike; what hurts is
+    one that changes.
+    """
+    frames = recorded_frames()[:46]
+    late = [
+        replace(frame, depth=after.depth) if i % 2 else frame
+        for i, (frame, after) in enumerate(pairwise(frames))
+    ]
+    said = [replace(f, depth_delay_ns=PERIOD_NS) if i % 2 else f for i, f in enumerate(late)]
+    truth = true_poses()[:45]
+    told, untold = (np.mean(errors(track(f), truth)[0]) for f in (said, late))
+    assert told < untold
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "icl_nuim_office_kt0",
+        "rgbd_dataset_freiburg1_desk",
+        "rgbd_dataset_freiburg3_structure_notexture_far",
+    ],
+)
+def test_the_first_second_of_a_real_sequence_is_tracked(name: str, shared_data: Path) -> None:
+    folder = shared_data / name
+    if not folder.is_dir():
+        pytest.skip(f"{name} is not there")
+    with open_recording(folder) as sequence:
+        estimates = track(islice(sequence, 30))
+        truth = sequence.ground_truth
+    assert truth is not None
+    poses = [e.T_odom_camera for e in estimates if e.T_odom_camera is not None]
+    assert len(poses) == 30
+    stamps = np.array([estimate.stamp_ns for estimate in estimates])
+    assert evaluate(Trajectory(stamps, np.array(poses)), truth).ape.rmse_m < 0.02
+
+
+# keyframes
+
+
+def test_a_camera_that_stands_still_does_not_drift_and_needs_one_keyframe() -> None:
+    rng = np.random.default_rng(0)
+    frame = recorded_frames()[0]
+    still = numbered(_noisy(frame, rng) for _ in range(60))
+    estimates = track(still)
+    metres, radians = errors(estimates, np.tile(np.eye(4), (60, 1, 1)))
+    assert metres.max() < 0.005
+    assert radians.max() < 0.003
+    # no later than at first
+    assert metres[30:].mean() < metres[1:30].mean() + 0.001
+    assert sum(estimate.is_keyframe for estimate in estimates) == 1
+
+
+def _noisy(frame: RgbdFrame, rng: np.random.Generator) -> RgbdFrame:
+    color = frame.color + rng.normal(0, 2, frame.color.shape)
+    # in disparity, as the sensor errs: 2 mm at 1 m, 18 mm at 3 m
+    depth = 1 / (1 / frame.depth.astype(np.float64) + rng.normal(0, 0.002, frame.depth.shape))
+    return replace(
+        frame,
+        color=np.clip(color, 0, 255).astype(np.uint8),
+        depth=depth.astype(np.float32),
+    )
+
+
+def test_keyframes_are_numbered_and_frames_name_the_one_they_are_registered_against() -> None:
+    made = 0
+    for estimate in tracked():
+        assert 0 <= estimate.keyframe_id <= max(0, made - 1)
+        made += estimate.is_keyframe
+    assert 2 <= made <= 20
+
+
+def test_old_keyframes_are_forgotten() -> None:
+    config = with_values(PATIENT, {"odometry.keyframes": 2, "odometry.keyframe_translation": 0.02})
+    odometry = Odometry(config)
+    estimates = track(recorded_frames()[:40], odometry=odometry)
+    assert sum(estimate.is_keyframe for estimate in estimates) > 4
+    assert len(odometry._keyframes) == 2
+    metres, _ = errors(estimates, true_poses()[:40])
+    assert metres.max() < 0.03
+
+
+def test_at_the_least_threshold_every_frame_becomes_a_keyframe() -> None:
+    least = {"odometry.keyframe_translation": 0.001, "odometry.keyframe_rotation": 0.001}
+    estimates = track(recorded_frames()[:4], with_values(PATIENT, least))
+    assert [estimate.is_keyframe for estimate in estimates] == [True] * 4
+
+
+# what is not seen
+
+
+def assert_tracked_through(disturbed: list[RgbdFrame], metres_at_most: float) -> None:
+    estimates = track(disturbed)
+    metres, _ = errors(estimates, true_poses())
+    for estimate in estimates:
+        assert (estimate.T_odom_camera is None) == (estimate.state is LOST)
+    assert np.nanmax(metres) < metres_at_most
+    assert {estimate.state for estimate in estimates[-10:]} == {TRACKING}
+    assert np.nanmax(metres[-10:]) < 0.02
+
+
+def test_a_second_in_the_dark_is_bridged_by_geometry() -> None:
+    frames = recorded_frames()
+    assert_tracked_through([*frames[:30], *map(blacked_out, frames[30:60]), *frames[60:]], 0.05)
+
+
+def test_a_second_without_depth_is_bridged_by_texture() -> None:
+    frames = recorded_frames()
+    assert_tracked_through([*frames[:30], *map(without_depth, frames[30:60]), *frames[60:]], 0.05)
+
+
+def test_a_covered_camera_is_lost_and_found_where_it_was() -> None:
+    """For two seconds, after which it sees again what it saw before."""
+    frames = recorded_frames()
+    hidden = [covered(frames[30])] * 60
+    estimates = track(numbered([*frames[:30], *hidden, *frames[30:45]]))
+    for estimate in estimates[30:90]:
+        assert estimate.state is LOST
+        assert_no_pose(estimate)
+    found = estimates[90:]
+    assert {estimate.state for estimate in found[2:]} == {TRACKING}
+    metres, _ = errors(found, true_poses()[30:45])
+    assert np.nanmax(metres) < 0.03
+
+
+def test_a_camera_that_was_carried_elsewhere_in_the_dark_is_found_there() -> None:
+    frames = recorded_frames()
+    hidden = [covered(frames[30])] * 20
+    estimates = track(numbered([*frames[:30], *hidden, *frames[95:105]]))
+    found = estimates[50:]
+    assert {estimate.state for estimate in found[3:]} == {TRACKING}
+    metres, _ = errors(found, true_poses()[95:105])
+    assert np.nanmax(metres) < 0.03
+
+
+def test_a_camera_that_was_turned_over_is_found_upside_down() -> None:
+    frames = recorded_frames()
+    estimates = track(numbered([*frames[:20], *map(turned_over, frames[20:30])]))
+    metres, radians = errors(estimates[20:], true_poses()[20:30] @ np.diag([-1, -1, 1, 1]))
+    assert {estimate.state for estimate in estimates[23:]} == {TRACKING}
+    assert np.nanmax(metres) < 0.03
+    assert np.nanmax(radians) < 0.02
+
+
+def test_frames_too_far_apart_for_their_stamps_are_tracked() -> None:
+    """As recordings whose frames are numbered and not stamped, with most of them left out."""
+    step = 10
+    truth = true_poses()[::step]
+    way = np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1)
+    assert way.max() > 0.1  # 3 m/s from standing still
+    estimates = track(numbered(recorded_frames()[::step]))
+    assert {estimate.state for estimate in estimates} == {TRACKING}
+    metres, _ = errors(estimates, truth)
+    assert metres.max() < 0.02
+
+
+@pytest.mark.parametrize("somebody", [PasserBy(period=3.5), PasserBy(distance=1.0, period=2.5)])
+def test_somebody_who_walks_by_is_not_followed(somebody: PasserBy) -> None:
+    frames = recorded_frames()
+    crossed = [somebody.before(frame, frames[0].stamp_ns) for frame in frames]
+    hidden = [(a.depth != b.depth).mean() for a, b in zip(frames, crossed, strict=True)]
+    assert max(hidden) > 0.3
+    estimates = track(crossed)
+    assert {estimate.state for estimate in estimates} == {TRACKING}
+    metres, radians = errors(estimates, true_poses())
+    assert metres.max() < 0.02
+    assert radians.max() < 0.02
+
+
+def test_in_another_room_no_pose_is_made_up() -> None:
+    frames = recorded_frames()
+    estimates = track(numbered([*frames[:20], *another_room(20)]))
+    for estimate in estimates[20:]:
+        assert estimate.state is LOST
+        assert_no_pose(estimate)
+
+
+def test_after_the_countdown_a_new_start_is_made_at_the_last_pose_and_its_doubt_said() -> None:
+    config = with_values(Config(), {"odometry.reset_countdown": 5})
+    frames = recorded_frames()
+    estimates = track(numbered([*frames[:20], *another_room(20)]), config)
+    assert [estimate.state for estimate in estimates[20:24]] == [LOST] * 4
+    last, again = estimates[19], estimates[24]
+    assert again.state is TRACKING
+    assert again.is_keyframe
+    assert again.keyframe_id == 1 + max(e.keyframe_id for e in estimates[:20])
+    np.testing.assert_array_equal(again.T_odom_camera, last.T_odom_camera)
+    assert last.covariance is not None
+    assert again.covariance is not None
+    assert np.linalg.eigvalsh(again.covariance - last.covariance).min() > 0
+    # a sixth of a second, at a metre a second
+    assert np.sqrt(again.covariance[0, 0]) > 0.1
+    # and goes on from there: the motion in the other room is that of the camera
+    assert {estimate.state for estimate in estimates[24:]} == {TRACKING}
+
+
+def test_while_nothing_is_seen_the_new_start_waits() -> None:
+    config = with_values(Config(), {"odometry.reset_countdown": 5})
+    frames = recorded_frames()
+    hidden = [covered(frames[20])] * 20
+    estimates = track(numbered([*frames[:20], *hidden, *another_room(5)]), config)
+    assert {estimate.state for estimate in estimates[20:44]} == {LOST}
+    assert estimates[44].state is TRACKING
+    assert estimates[44].is_keyframe
+
+
+def test_a_lost_camera_is_found_at_a_place_that_it_left_many_keyframes_ago() -> None:
+    config = with_values(PATIENT, {"odometry.recovery_attempts": 2})
+    way = [panned_frame(radians) for radians in np.arange(0, 1.5, 0.1)]
+    estimates = track(numbered([*way, covered(way[-1]), *[panned_frame(0.02)] * 6]), config)
+    assert sum(e.is_keyframe for e in estimates[:15]) >= 5
+    found = [e for e in estimates[16:] if e.state is TRACKING]
+    assert found
+    assert estimates[16].state is LOST  # the latest keyframes do not show that place
+    for estimate in found:
+        T = estimate.T_odom_camera
+        assert T is not None
+        error = se3.inverse(se3.exp(np.array([0, 0, 0, 0, 0.02, 0]))) @ T
+        assert np.linalg.norm(error[:3, 3]) < 0.02
+        assert se3.rotation_angle(error) < 0.01
+
+
+def test_it_starts_with_the_first_frame_that_has_depth() -> None:
+    frames = recorded_frames()[:8]
+    estimates = track([*map(without_depth, frames[:3]), *frames[3:]])
+    for estimate in estimates[:3]:
+        assert estimate.state is TrackingState.INITIALIZING
+        assert_no_pose(estimate)
+    np.testing.assert_array_equal(estimates[3].T_odom_camera, np.eye(4))
+    assert estimates[3].keyframe_id == 0
+
+
+def test_after_a_reset_the_next_frame_is_the_origin() -> None:
+    odometry = Odometry(PATIENT)
+    track(recorded_frames()[:10], odometry=odometry)
+    odometry.reset()
+    assert odometry.state is TrackingState.INITIALIZING
+    again = track(recorded_frames()[5:8], odometry=odometry)
+    np.testing.assert_array_equal(again[0].T_odom_camera, np.eye(4))
+    fresh = track(recorded_frames()[5:8])
+    np.testing.assert_array_equal(again[2].T_odom_camera, fresh[2].T_odom_camera)
+
+
+# what is no frame of this time
+
+
+@pytest.mark.parametrize("earlier_ns", [0, 1, PERIOD_NS, 10 * NANOSECONDS])
+def test_a_frame_that_is_not_later_is_refused_and_changes_nothing(earlier_ns: int) -> None:
+    frames = recorded_frames()[:6]
+    odometry = Odometry(PATIENT)
+    track(frames[:5], odometry=odometry)
+    late = replace(frames[4], stamp_ns=frames[4].stamp_ns - earlier_ns)
+    with pytest.raises(InputError, match="not later than the frame before"):
+        odometry.process(late)
+    np.testing.assert_array_equal(
+        odometry.process(frames[5]).T_odom_camera, tracked()[5].T_odom_camera
+    )
+
+
+def test_time_goes_on_while_lost_too() -> None:
+    frames = recorded_frames()[:6]
+    odometry = Odometry(PATIENT)
+    track([*frames[:5], covered(frames[5])], odometry=odometry)
+    with pytest.raises(InputError, match="not later than the frame before"):
+        odometry.process(frames[5])
+
+
+@given(
+    height=st.integers(1, 40),
+    width=st.integers(1, 40),
+    depths=st.sampled_from([0.0, -1.0, 0.5, 2.0, 7.9, 1e30, np.inf, -np.inf, np.nan]),
+    seed=st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=40)
+def test_no_image_stops_it(height: int, width: int, depths: float, seed: int) -> None:
+    """Of any size and with any content."""
+    rng = np.random.default_rng(seed)
+    config = with_values(Config(), {"odometry.min_planes": 1, "odometry.reset_countdown": 2})
+    camera = CameraIntrinsics(width, height, 30.0, 30.0, width / 2, height / 2)
+    frames = []
+    for i in range(4):
+        color = rng.integers(0, 256, (height, width, 3), np.uint8)
+        depth = np.where(rng.random((height, width)) < 0.2, depths, rng.uniform(1, 1.2)).astype(
+            np.float32
+        )
+        frames.append(RgbdFrame(i * PERIOD_NS, color, depth, camera))
+    for estimate in track(frames, config):
+        if estimate.T_odom_camera is not None:
+            assert estimate.covariance is not None
+            assert np.isfinite(estimate.T_odom_camera).all()
+            assert np.isfinite(estimate.covariance).all()
+
+
+def test_the_motion_by_another_odometry_leads_where_the_images_alone_do_not() -> None:
+    # walls without a pattern, and a third of a metre between the frames
+    first, second = (blacked_out(room_frame(time_s)) for time_s in (0.0, 1.6))
+    alone, led = Odometry(PATIENT), Odometry(PATIENT)
+    alone.process(first)
+    assert alone.process(second).state is LOST
+    elsewhere = se3.exp(np.array([5.0, -3.0, 1.0, 0.2, -0.4, 2.0]))  # in a frame of its own
+    led.process(first, elsewhere @ true_pose(0.0))
+    T = led.process(second, elsewhere @ true_pose(1.6)).T_odom_camera
+    assert T is not None
+    error = se3.inverse(T) @ se3.inverse(true_pose(0.0)) @ true_pose(1.6)
+    assert np.linalg.norm(error[:3, 3]) < 0.01

@@ -1,0 +1,67 @@
+"""After the warm-up no real frame waits for a compiler."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from rigs.paths import ROOT
+
+# In a process of its own, as other tests compile too.
+PROGRAM = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from numba.core.dispatcher import Dispatcher
+
+from rgbd_glue_ros.geometry.camera import grey
+from rgbd_glue_ros.parameters import load_preset
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.types import RgbdFrame
+from rgbd_glue_ros.odometry.warm_up import warm_up
+
+
+def compiled():
+    functions = {
+        f"{name}.{f.py_func.__name__}": f
+        for name, module in [*sys.modules.items()] if name.startswith("rgbd_glue_ros.")
+        for f in vars(module).values() if isinstance(f, Dispatcher)
+    }
+    return {name: len(f.signatures) for name, f in functions.items()}
+
+
+def as_grey(frame):
+    # a message's own memory cannot be written
+    image = grey(frame.color)
+    image.flags.writeable = False
+    return replace(frame, color=image)
+
+
+config = load_preset("live")
+warm_up(config)
+before = compiled()
+assert sum(before.values()) > 5, before
+with open_recording(Path(sys.argv[1])) as sequence:
+    frames = [frame for frame, _ in zip(sequence, range(8))]
+delay = frames[1].stamp_ns - frames[0].stamp_ns
+for kind in (frames, [as_grey(f) for f in frames]):
+    odometry = Odometry(config)
+    for frame in kind:
+        odometry.process(replace(frame, depth_delay_ns=delay))
+changed = {name: count for name, count in compiled().items() if count != before[name]}
+print(*changed)
+"""
+
+
+def test_after_the_warm_up_nothing_is_compiled_for_the_frames_of_a_bag() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, ROOT / "bags" / "living_room"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []

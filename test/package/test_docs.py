@@ -1,0 +1,42 @@
+"""What the documentation repeats of the code is what the code says."""
+
+from __future__ import annotations
+
+import re
+
+from rigs.paths import ROOT
+
+from rgbd_glue_ros.parameters import NodeConfig, to_markdown
+
+DOCS = ROOT / "docs"
+
+
+def test_the_nodes_parameters_are_documented_as_they_are_declared() -> None:
+    text = (DOCS / "node.md").read_text(encoding="utf-8")
+    assert to_markdown(NodeConfig()) in text
+
+
+def test_every_fault_in_the_documentation_names_tests_that_exist() -> None:
+    rows = [
+        line.split("|")
+        for line in (DOCS / "robustness.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith("|") and not line.startswith(("|---", "| fault |"))
+    ]
+    exist = {
+        name
+        for path in (ROOT / "test").rglob("test_*.py")
+        for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    for _, fault, behaviour, tests, _ in rows:
+        assert fault.strip()
+        assert behaviour.strip()
+        named = set(re.findall(r"`(\w+)`", tests))
+        assert named, f"no test for {fault}"
+        assert named <= exist, f"no such tests: {named - exist}"
+
+
+def test_every_test_of_faults_is_in_the_documentation() -> None:
+    text = (DOCS / "robustness.md").read_text(encoding="utf-8")
+    for path in (ROOT / "test").rglob("test_faults*.py"):
+        for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE):
+            assert f"`{name}`" in text

@@ -1,0 +1,249 @@
+"""Parameters: declared once, strict about names, types and ranges, the same in every file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters import (
+    FIXED,
+    NODE_CHANGEABLE,
+    USUAL_NAMES,
+    Config,
+    NodeConfig,
+    Parameter,
+    Value,
+    fixed_because,
+    load_preset,
+    load_yaml,
+    parameters,
+    parse_assignment,
+    share_directory,
+    to_markdown,
+    to_yaml,
+    values,
+    with_values,
+)
+
+ALL = [*parameters(Config), *parameters(NodeConfig)]
+NUMBERS = [p for p in ALL if p.type in {int, float}]
+PRESETS = sorted((share_directory() / "config").glob("*.yaml"))
+
+
+def allowed_values(parameter: Parameter) -> st.SearchStrategy[Value]:
+    """All values that a parameter takes."""
+    if parameter.type is bool:
+        return st.booleans()
+    if parameter.choices:
+        return st.sampled_from(parameter.choices)
+    low, high = parameter.minimum, parameter.maximum
+    if parameter.type is int:
+        return st.integers(*(None if limit is None else round(limit) for limit in (low, high)))
+    if parameter.type is float:
+        return st.floats(low, high, allow_nan=False)
+    return st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]))
+
+
+def allowed_changes(config: Config | NodeConfig) -> st.SearchStrategy[dict[str, Value]]:
+    """Allowed values of some parameters."""
+    strategies = {p.name: allowed_values(p) for p in parameters(config)}
+    return st.fixed_dictionaries({}, optional=strategies)
+
+
+@pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
+def test_a_preset_is_what_the_declarations_render_comments_included(preset: Path) -> None:
+    """Render it anew with ``rgbd-glue params --preset <name>``."""
+    assert preset.read_text(encoding="utf-8") == to_yaml(load_preset(preset.stem))
+
+
+def test_the_presets_are_those_that_the_node_offers() -> None:
+    (choices,) = (p.choices for p in parameters(NodeConfig) if p.name == "preset")
+    assert {path.stem for path in PRESETS} == {*choices}
+
+
+@pytest.mark.parametrize("parameter", ALL, ids=lambda p: p.name)
+def test_a_parameter_is_described_and_its_default_allowed(parameter: Parameter) -> None:
+    assert parameter.description.endswith(".")
+    assert parameter.convert(parameter.default) == parameter.default
+    assert parameter.name in to_markdown(Config()) + to_markdown(NodeConfig())
+
+
+@pytest.mark.parametrize("config", [Config(), NodeConfig()], ids=["registration", "node"])
+@given(data=st.data())
+@settings(
+    max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_every_configuration_survives_its_file(
+    config: Config | NodeConfig, data: st.DataObject, tmp_path: Path
+) -> None:
+    changes = data.draw(allowed_changes(config))
+    changed = with_values(config, changes)
+    assert values(changed) == {**values(config), **changes}
+    path = tmp_path / "params.yaml"
+    path.write_text(to_yaml(changed), encoding="utf-8")
+    assert load_yaml(path, config) == changed
+
+
+@given(st.from_regex(r"[a-z_.]{1,30}", fullmatch=True))
+def test_an_unknown_name_is_refused(name: str) -> None:
+    declared = {p.name for p in parameters(Config)}
+    if name not in declared:
+        with pytest.raises(InputError, match="no such parameter"):
+            with_values(Config(), {name: 1})
+
+
+@pytest.mark.parametrize(
+    ("misspelt", "meant"),
+    [
+        ("glue.K", "glue.k"),
+        ("feature.visual", "features.visual"),
+        ("odometry.keyframe_translations", "odometry.keyframe_translation"),
+    ],
+)
+def test_a_misspelt_name_is_told_how_it_is_spelt(misspelt: str, meant: str) -> None:
+    with pytest.raises(InputError, match=rf"did you mean {meant}\?$"):
+        with_values(Config(), {misspelt: 1})
+
+
+def test_a_section_is_no_parameter() -> None:
+    with pytest.raises(InputError, match=r"^glue: no such parameter"):
+        with_values(Config(), {"glue": {"k": 3}})
+
+
+@pytest.mark.parametrize("parameter", NUMBERS, ids=lambda p: p.name)
+def test_a_number_out_of_range_is_refused_with_the_range(parameter: Parameter) -> None:
+    outside = [
+        *([] if parameter.minimum is None else [parameter.type(parameter.minimum - 1)]),
+        *([] if parameter.maximum is None else [parameter.type(parameter.maximum + 1)]),
+        *([math.nan] if parameter.type is float else []),
+    ]
+    assert outside
+    for value in outside:
+        with pytest.raises(InputError, match="out of range; give a") as refused:
+            parameter.convert(value)
+        assert refused.value.where == parameter.name
+        assert refused.value.remedy == f"give {parameter.allowed}"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("glue.filter", 1),
+        ("glue.filter", "true"),
+        ("seed", True),
+        ("seed", 3.0),
+        ("seed", "3"),
+        ("glue.k", True),
+        ("glue.k", "three"),
+        ("glue.k", None),
+        ("glue.k", [3.0]),
+        ("features.visual", 3),
+        ("features.visual", False),  # what YAML reads "no" and "off" as
+        ("features.visual", "surf"),
+    ],
+)
+def test_a_value_of_another_type_is_refused_with_what_is_allowed(name: str, value: object) -> None:
+    with pytest.raises(InputError) as refused:
+        with_values(Config(), {name: value})
+    (declared,) = (p for p in parameters(Config) if p.name == name)
+    assert refused.value.where == name
+    assert declared.allowed in refused.value.remedy
+    assert "\n" not in str(refused.value)
+
+
+def test_a_whole_number_is_a_number() -> None:
+    config = with_values(Config(), {"glue.k": 3})
+    assert isinstance(config.glue.k, float)
+
+
+def test_a_configuration_is_changed_into_a_new_one() -> None:
+    config = Config()
+    changed = with_values(config, {"glue.k": 7.0, "seed": 5})
+    assert (config, changed.glue.k, changed.seed) == (Config(), 7.0, 5)
+    assert changed.ransac is config.ransac
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "value"),
+    [
+        ("glue.k=3", "glue.k", 3),
+        ("glue.k=3.5", "glue.k", 3.5),
+        ("glue.filter=false", "glue.filter", False),
+        ("features.visual=none", "features.visual", "none"),
+        ("frame_id=", "frame_id", ""),
+        ("camera_pose=0 0 1 = 2", "camera_pose", "0 0 1 = 2"),
+    ],
+)
+def test_an_assignment_is_a_name_and_a_yaml_value(text: str, name: str, value: object) -> None:
+    assert parse_assignment(text) == (name, value)
+
+
+@given(st.floats(1.0, 100.0))
+@example(1e1)
+def test_a_number_may_be_assigned_in_any_notation(k: float) -> None:
+    for text in (repr(k), f"{k:e}", f"{k:.0e}"):
+        config = with_values(Config(), dict([parse_assignment(f"glue.k={text}")]))
+        assert config.glue.k == float(text)
+
+
+@pytest.mark.parametrize("text", ["glue.k", "=3", "", "glue.k={", "glue.k='"])
+def test_what_is_no_assignment_is_refused_with_an_example_or_advice(text: str) -> None:
+    with pytest.raises(InputError, match=r"^--set ") as refused:
+        parse_assignment(text)
+    assert refused.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("content", "cause"),
+    [
+        ("", "is no ROS parameter file"),
+        ("- 1", "is no ROS parameter file"),
+        ("glue: {k: 3}", "is no ROS parameter file"),
+        ("/**: {ros__parameters: 5}", "is no ROS parameter file"),
+        ("/**: {ros__parameters: {5: 5}}", "is no ROS parameter file"),
+        ("a: {ros__parameters: {}}\nb: {ros__parameters: {}}", "is no ROS parameter file"),
+        ("/**: {", "cannot be read"),
+        ("/**: {ros__parameters: {glue: {k: -1}}}", "glue.k: -1.0 is out of range"),
+        ("/**: {ros__parameters: {glue: {q: 1}}}", "glue.q: no such parameter"),
+    ],
+)
+def test_a_bad_file_is_refused_by_its_name_and_fault(
+    content: str, cause: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(content)
+    with pytest.raises(InputError) as refused:
+        load_yaml(path, Config())
+    assert str(path) in str(refused.value)
+    assert cause in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_is_missing_or_no_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "params.yaml"
+    with pytest.raises(InputError, match=r"params\.yaml: cannot be read"):
+        load_yaml(path, Config())
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"params\.yaml: cannot be read"):
+        load_yaml(path, Config())
+
+
+def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
+    with pytest.raises(InputError, match="preset 'fast': does not exist; take one of live, paper"):
+        load_preset("fast")
+
+
+def test_what_is_named_as_fixed_or_changeable_exists() -> None:
+    names = {p.name for p in ALL}
+    sections = {name.partition(".")[0] for name in names}
+    assert {*FIXED} <= names | sections
+    assert {*NODE_CHANGEABLE} <= names
+    assert {*USUAL_NAMES.values()} <= names
+    assert fixed_because("glue.k") is None
+    assert fixed_because("features.visual")
+    assert fixed_because("frame_id")

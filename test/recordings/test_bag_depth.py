@@ -1,0 +1,97 @@
+"""Bags whose depth was taken by another camera than colour."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rigs.bags import CAMERA, COLOR, INFO, Recorded, write_rosbag2
+from rosbags.typesys import Stores, get_typestore
+
+from rgbd_glue_ros.messages.fields import (
+    camera_info,
+    color_image,
+    depth_image,
+    header,
+    pose_stamped,
+)
+from rgbd_glue_ros.recordings.bag.recording import BagRecording
+from rgbd_glue_ros.types import CameraIntrinsics, Float64
+
+TYPES: Any = get_typestore(Stores.ROS2_JAZZY).types
+DEPTH, DEPTH_INFO = "/camera/depth/image", "/camera/depth/camera_info"
+DEPTH_CAMERA = CameraIntrinsics(80, 60, 70.0, 70.0, 39.5, 29.5)
+STAMP_NS = 1_300_000_000_000_000_001
+# the depth camera is half a metre behind the colour camera, two steps down the tree
+T_LINK_COLOR, T_LINK_DEPTH = np.eye(4), np.eye(4)
+T_LINK_COLOR[2, 3], T_LINK_DEPTH[2, 3] = 0.3, -0.2
+
+
+def static_transform(child: str, T_link_child: Float64) -> Recorded:
+    pose = pose_stamped(T_link_child, header(0, "camera_link"))
+    position, orientation = pose.pose.position, pose.pose.orientation
+    vector = TYPES["geometry_msgs/msg/Vector3"](position.x, position.y, position.z)
+    quaternion = TYPES["geometry_msgs/msg/Quaternion"](
+        orientation.x, orientation.y, orientation.z, orientation.w
+    )
+    transform = TYPES["geometry_msgs/msg/Transform"](vector, quaternion)
+    stamped = TYPES["geometry_msgs/msg/TransformStamped"](pose.header, child, transform)
+    message = TYPES["tf2_msgs/msg/TFMessage"]([stamped])
+    return Recorded("/tf_static", "tf2_msgs/msg/TFMessage", STAMP_NS, message)
+
+
+def recorded(depth_frame: str) -> list[Recorded]:
+    """A wall at 2 m from the depth camera, seen by both."""
+    head, depth_head = header(STAMP_NS, "color_optical"), header(STAMP_NS, depth_frame)
+    color = color_image(np.zeros((48, 64), np.uint8), head)
+    depth = depth_image(np.full((60, 80), 2.0, np.float32), depth_head)
+    return [
+        Recorded(COLOR, "sensor_msgs/msg/Image", STAMP_NS, color),
+        Recorded(DEPTH, "sensor_msgs/msg/Image", STAMP_NS, depth),
+        Recorded(INFO, "sensor_msgs/msg/CameraInfo", STAMP_NS, camera_info(CAMERA, head)),
+        Recorded(
+            DEPTH_INFO,
+            "sensor_msgs/msg/CameraInfo",
+            STAMP_NS,
+            camera_info(DEPTH_CAMERA, depth_head),
+        ),
+    ]
+
+
+PLACES = [
+    static_transform("color_optical", T_LINK_COLOR),
+    static_transform("depth_optical", T_LINK_DEPTH),
+]
+
+
+def test_depth_of_another_camera_is_registered_by_its_info_and_the_static_transforms(
+    tmp_path: Path,
+) -> None:
+    bag = write_rosbag2(tmp_path / "bag", [*PLACES, *recorded("depth_optical")])
+    with BagRecording(bag) as sequence:
+        (frame,) = sequence
+    assert frame.depth.shape == frame.color.shape == (48, 64)
+    np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
+
+
+def test_without_its_place_depth_of_another_camera_is_taken_as_registered_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bag = write_rosbag2(tmp_path / "bag", recorded("depth_optical"))
+    with caplog.at_level(logging.WARNING), BagRecording(bag) as sequence:
+        (frame,) = sequence
+    np.testing.assert_array_equal(frame.depth, 2.0)
+    assert "if depth is not registered to colour" in caplog.text
+
+
+def test_depth_that_is_registered_stays_as_it_is(tmp_path: Path) -> None:
+    messages = recorded("color_optical")
+    info = camera_info(CAMERA.scaled(80, 60), header(STAMP_NS, "color_optical"))
+    bag = write_rosbag2(tmp_path / "bag", [*messages[:3], replace(messages[3], message=info)])
+    with BagRecording(bag) as sequence:
+        (frame,) = sequence
+    np.testing.assert_array_equal(frame.depth, 2.0)

@@ -1,0 +1,165 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.recordings.bag.file import RecordedTopic
+from rgbd_glue_ros.recordings.bag.topics import (
+    find_color,
+    find_depth,
+    find_ground_truth,
+    find_info,
+)
+
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+INFO, POSE, TF = (
+    "sensor_msgs/msg/CameraInfo",
+    "geometry_msgs/msg/PoseStamped",
+    "tf2_msgs/msg/TFMessage",
+)
+BAG = Path("some.bag")
+
+# What drivers and simulators publish; the last three are what should be found.
+LAYOUTS = {
+    "TUM": (
+        {
+            "/camera/depth/camera_info": INFO,
+            "/camera/depth/image": IMAGE,
+            "/camera/rgb/camera_info": INFO,
+            "/camera/rgb/image_color": IMAGE,
+            "/cortex_marker_array": "visualization_msgs/msg/MarkerArray",
+            "/tf": TF,
+        },
+        ("/camera/rgb/image_color", "/camera/depth/image", "/camera/rgb/camera_info"),
+    ),
+    "RealSense": (
+        {
+            "/camera/camera/color/image_raw": IMAGE,
+            "/camera/camera/color/image_raw/compressed": COMPRESSED,
+            "/camera/camera/color/camera_info": INFO,
+            "/camera/camera/depth/image_rect_raw": IMAGE,
+            "/camera/camera/depth/camera_info": INFO,
+            "/camera/camera/aligned_depth_to_color/image_raw": IMAGE,
+            "/camera/camera/aligned_depth_to_color/image_raw/compressedDepth": COMPRESSED,
+            "/camera/camera/aligned_depth_to_color/camera_info": INFO,
+            "/camera/camera/infra1/image_rect_raw": IMAGE,
+            "/camera/camera/infra1/camera_info": INFO,
+        },
+        (
+            "/camera/camera/color/image_raw",
+            "/camera/camera/aligned_depth_to_color/image_raw",
+            "/camera/camera/color/camera_info",
+        ),
+    ),
+    "Azure Kinect": (
+        {
+            "/rgb/image_raw/compressed": COMPRESSED,
+            "/rgb/camera_info": INFO,
+            "/depth/image_raw/compressedDepth": COMPRESSED,
+            "/depth/camera_info": INFO,
+            "/depth_to_rgb/image_raw/compressedDepth": COMPRESSED,
+            "/depth_to_rgb/camera_info": INFO,
+            "/ir/image_raw/compressed": COMPRESSED,
+        },
+        (
+            "/rgb/image_raw/compressed",
+            "/depth_to_rgb/image_raw/compressedDepth",
+            "/rgb/camera_info",
+        ),
+    ),
+    "ZED": (
+        {
+            "/zed/zed_node/rgb/image_rect_color": IMAGE,
+            "/zed/zed_node/rgb/camera_info": INFO,
+            "/zed/zed_node/depth/depth_registered": IMAGE,
+            "/zed/zed_node/depth/camera_info": INFO,
+        },
+        (
+            "/zed/zed_node/rgb/image_rect_color",
+            "/zed/zed_node/depth/depth_registered",
+            "/zed/zed_node/rgb/camera_info",
+        ),
+    ),
+    "OpenNI": (
+        {
+            "/camera/rgb/image_raw": IMAGE,
+            "/camera/rgb/image_rect_color": IMAGE,
+            "/camera/rgb/camera_info": INFO,
+            "/camera/depth/image_raw": IMAGE,
+            "/camera/depth_registered/image_raw": IMAGE,
+            "/camera/depth_registered/camera_info": INFO,
+        },
+        (
+            "/camera/rgb/image_raw",
+            "/camera/depth_registered/image_raw",
+            "/camera/rgb/camera_info",
+        ),
+    ),
+    "Gazebo": (
+        {
+            "/rgbd_camera/image": IMAGE,
+            "/rgbd_camera/depth_image": IMAGE,
+            "/rgbd_camera/camera_info": INFO,
+        },
+        ("/rgbd_camera/image", "/rgbd_camera/depth_image", "/rgbd_camera/camera_info"),
+    ),
+}
+
+
+def topics_of(types: dict[str, str]) -> dict[str, RecordedTopic]:
+    return {name: RecordedTopic(name, kind, 7) for name, kind in types.items()}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_topics_of_common_drivers_are_found(layout: str) -> None:
+    types, expected = LAYOUTS[layout]
+    topics = topics_of(types)
+    color = find_color(topics, None, BAG)
+    depth = find_depth(topics, None, BAG)
+    assert (color, depth, find_info(topics, None, color, BAG)) == expected
+
+
+def test_a_given_topic_is_taken_even_if_another_looks_better() -> None:
+    topics = topics_of(LAYOUTS["RealSense"][0])
+    plain = "/camera/camera/depth/image_rect_raw"
+    assert find_depth(topics, plain, BAG) == plain
+    compressed = "/camera/camera/color/image_raw/compressed"
+    assert find_color(topics, compressed, BAG) == compressed
+
+
+def test_a_topic_given_without_its_transport_is_found() -> None:
+    topics = topics_of(LAYOUTS["Azure Kinect"][0])
+    assert find_color(topics, "/rgb/image_raw", BAG) == "/rgb/image_raw/compressed"
+    assert find_depth(topics, "depth/image_raw", BAG) == "/depth/image_raw/compressedDepth"
+
+
+def test_a_missing_topic_is_refused_with_a_list_of_what_there_is() -> None:
+    topics = topics_of({"/scan": "sensor_msgs/msg/LaserScan", "/rgb/image": IMAGE})
+    with pytest.raises(InputError) as caught:
+        find_depth(topics, None, BAG)
+    assert str(caught.value) == (
+        "some.bag: no topic of depth found; give one of its topics, which are "
+        "/scan (sensor_msgs/msg/LaserScan, 7), /rgb/image (sensor_msgs/msg/Image, 7)"
+    )
+    with pytest.raises(InputError, match="there is no topic /scan of colour"):
+        find_color(topics, "/scan", BAG)
+    with pytest.raises(InputError, match="no topic of camera info found"):
+        find_info(topics, None, "/rgb/image", BAG)
+
+
+def test_two_cameras_are_refused_with_their_names() -> None:
+    names = ["/front/color/image_raw", "/rear/color/image_raw"]
+    with pytest.raises(InputError, match=f"2 topics may be colour: {', '.join(names)}"):
+        find_color(topics_of(dict.fromkeys(names, IMAGE)), None, BAG)
+
+
+def test_only_what_is_named_so_is_ground_truth() -> None:
+    topics = topics_of({"/odom": "nav_msgs/msg/Odometry", "/slam/pose": POSE})
+    assert find_ground_truth(topics, None, BAG) is None
+    assert find_ground_truth(topics, "/slam/pose", BAG) == "/slam/pose"
+    for name in ("/ground_truth/pose", "/groundtruth", "/gt", "/mocap/camera", "/vrpn/body/pose"):
+        assert find_ground_truth({**topics, **topics_of({name: POSE})}, None, BAG) == name
+    with pytest.raises(InputError, match="there is no topic /tf of ground truth"):
+        find_ground_truth(topics, "/tf", BAG)

@@ -1,0 +1,293 @@
+"""Every kind of data set is found out and read; what is wrong with one is said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.recordings import load_calibration, open_recording
+from rgbd_glue_ros.types import CameraIntrinsics, UInt8
+
+CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
+RED, BLUE = (255, 0, 0), (0, 0, 255)
+
+
+def write_color(path: Path, rgb: tuple[int, int, int]) -> None:
+    image: UInt8 = np.full((48, 64, 3), rgb[::-1], np.uint8)
+    assert cv2.imwrite(str(path), image)
+
+
+def write_depth(path: Path, units: int) -> None:
+    depth = np.full((48, 64), units, np.uint16)
+    depth[0, :2] = (0, 65535)
+    assert cv2.imwrite(str(path), depth)
+
+
+def write_tum_folder(folder: Path, frames: int = 3) -> Path:
+    """Frames 0.1 s apart, depth 5 ms after colour, a metre more each."""
+    (folder / "rgb").mkdir(parents=True)
+    (folder / "depth").mkdir()
+    color, depth = ["# color images"], ["# depth maps"]
+    for i in range(frames):
+        write_color(folder / f"rgb/{i}.png", RED)
+        write_depth(folder / f"depth/{i}.png", 5000 * (i % 10 + 1))
+        color.append(f"{1305031453 + i / 10:.6f} rgb/{i}.png")
+        depth.append(f"{1305031453 + i / 10 + 0.005:.6f} depth/{i}.png")
+    (folder / "rgb.txt").write_text("\n".join(color) + "\n")
+    (folder / "depth.txt").write_text("\n".join(depth) + "\n")
+    (folder / "groundtruth.txt").write_text("1305031453.0 1 2 3 0 0 0 1\n")
+    return folder
+
+
+def write_seven_scenes_folder(folder: Path, numbers: tuple[int, ...] = (0, 1, 3)) -> Path:
+    folder.mkdir(parents=True)
+    for i in numbers:
+        write_color(folder / f"frame-{i:06d}.color.png", BLUE)
+        write_depth(folder / f"frame-{i:06d}.depth.png", 1500)
+        np.savetxt(folder / f"frame-{i:06d}.pose.txt", np.diag([1.0, 1, 1, 1]))
+    return folder
+
+
+def test_a_tum_folder_gives_rgb_metres_and_the_stamps_of_its_colour_images(tmp_path: Path) -> None:
+    with open_recording(write_tum_folder(tmp_path / "desk"), calibration=CAMERA) as sequence:
+        frames = list(sequence)
+        assert sequence.name == "desk"
+        assert sequence.frame_count == 3
+        assert sequence.ground_truth is not None
+        np.testing.assert_array_equal(sequence.ground_truth.poses[0][:3, 3], [1, 2, 3])
+    stamps = [1305031453_000000000 + i * 100_000_000 for i in range(3)]
+    assert [frame.stamp_ns for frame in frames] == stamps
+    assert (frames[0].color == RED).all()
+    assert [frame.depth[1, 1] for frame in frames] == [1.0, 2.0, 3.0]
+    assert np.isnan(frames[0].depth[0, 0])
+    assert frames[0].depth[0, 1] == np.float32(13.107)
+    assert frames[0].intrinsics == CAMERA
+
+
+def test_a_sequence_can_be_iterated_again_and_left_in_the_middle(tmp_path: Path) -> None:
+    with open_recording(write_tum_folder(tmp_path, 20), calibration=CAMERA) as sequence:
+        next(iter(sequence))
+        assert len(list(sequence)) == 20
+
+
+def test_colour_and_depth_are_paired_one_to_one(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "desk")
+    # two colour images 10 ms apart, and only one depth image near both
+    (folder / "rgb.txt").write_text("1.000 rgb/0.png\n1.010 rgb/1.png\n2.0 rgb/2.png\n")
+    (folder / "depth.txt").write_text("1.008 depth/0.png\n2.021 depth/1.png\n")
+    frames = list(open_recording(folder, calibration=CAMERA))
+    assert [frame.stamp_ns for frame in frames] == [1_010_000_000]
+
+
+@pytest.mark.parametrize(
+    ("name", "fx"),
+    [
+        ("rgbd_dataset_freiburg1_desk", 525.0),
+        ("rgbd_dataset_freiburg3_structure_notexture_far", 535.4),
+        ("icl_nuim_office_kt0", 481.2),
+        ("living_room_traj2_frei_png", 481.2),
+    ],
+)
+def test_a_tum_folders_name_tells_its_camera(tmp_path: Path, name: str, fx: float) -> None:
+    sequence = open_recording(write_tum_folder(tmp_path / name))
+    with pytest.raises(InputError, match="is 64x48, but the camera is 640x480"):
+        next(iter(sequence))
+    camera = CameraIntrinsics(640, 480, fx, 0, 0, 0)
+    for file in (tmp_path / name).glob("*/*.png"):
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(file), cv2.resize(image, (640, 480), interpolation=cv2.INTER_NEAREST))
+    assert next(iter(sequence)).intrinsics.fx == camera.fx
+
+
+def test_a_tum_folder_of_an_unknown_camera_wants_a_calibration(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--calibration"):
+        open_recording(write_tum_folder(tmp_path / "kitchen"))
+
+
+def test_lists_without_a_pair_and_with_a_bad_line_are_refused(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "desk")
+    (folder / "depth.txt").write_text("5.0 depth/0.png\n")
+    with pytest.raises(InputError, match="no colour and depth image lie within"):
+        open_recording(folder, calibration=CAMERA)
+    (folder / "depth.txt").write_text("5.0 depth/0.png\ndepth/1.png\n")
+    with pytest.raises(InputError, match=r"depth\.txt:2"):
+        open_recording(folder, calibration=CAMERA)
+
+
+def test_frames_before_a_damaged_image_are_given_and_the_image_is_named(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "desk", 12)
+    damaged = folder / "depth/7.png"
+    damaged.write_bytes(damaged.read_bytes()[:-40])
+    frames = iter(open_recording(folder, calibration=CAMERA))
+    assert len([next(frames) for _ in range(7)]) == 7
+    with pytest.raises(InputError, match=r"7\.png: damaged image"):
+        next(frames)
+
+
+def test_an_image_that_is_missing_or_of_the_wrong_kind_is_named(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "desk")
+    write_color(folder / "depth/0.png", RED)
+    with pytest.raises(InputError, match=r"0\.png: is uint8 .*, not a depth image"):
+        next(iter(open_recording(folder, calibration=CAMERA)))
+    (folder / "rgb/0.png").unlink()
+    with pytest.raises(InputError, match=r"0\.png: cannot be read"):
+        next(iter(open_recording(folder, calibration=CAMERA)))
+
+
+def test_a_grey_colour_image_stays_grey_and_transparency_is_dropped(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "desk", 2)
+    cv2.imwrite(str(folder / "rgb/0.png"), np.full((48, 64), 7, np.uint8))
+    cv2.imwrite(str(folder / "rgb/1.png"), np.full((48, 64, 4), (255, 0, 0, 9), np.uint8))
+    grey, blue = open_recording(folder, calibration=CAMERA)
+    assert grey.color.shape == (48, 64)
+    assert (blue.color == BLUE).all()
+
+
+def test_seven_scenes_has_millimetres_two_invalid_values_and_thirty_frames_a_second(
+    tmp_path: Path,
+) -> None:
+    folder = write_seven_scenes_folder(tmp_path / "seq-01")
+    with open_recording(folder, calibration=CAMERA) as sequence:
+        frames = list(sequence)
+        assert sequence.ground_truth is not None
+        assert len(sequence.ground_truth) == 3
+    # a missing frame leaves its time free
+    assert [frame.stamp_ns for frame in frames] == [33333333, 66666666, 133333333]
+    assert (frames[0].color == BLUE).all()
+    assert frames[0].depth[1, 1] == 1.5
+    assert np.isnan(frames[0].depth[0, :2]).all()
+
+
+def test_seven_scenes_camera_is_beside_the_frames_or_above_or_that_of_the_scene(
+    tmp_path: Path,
+) -> None:
+    folder = write_seven_scenes_folder(tmp_path / "heads" / "seq-01")
+    expected = "is 64x48, but the camera is 640x480"
+    with pytest.raises(InputError, match=expected):
+        next(iter(open_recording(folder)))
+    write_seven_scenes_folder(tmp_path / "kitchen" / "seq-01")
+    with pytest.raises(InputError, match=r"camera-intrinsics\.txt"):
+        open_recording(tmp_path / "kitchen" / "seq-01")
+    np.savetxt(tmp_path / "kitchen" / "camera-intrinsics.txt", np.diag([585.0, 585, 1]))
+    with pytest.raises(InputError, match=expected):
+        next(iter(open_recording(tmp_path / "kitchen" / "seq-01")))
+
+
+def test_a_pose_that_is_not_finite_is_not_known_and_one_of_other_size_is_refused(
+    tmp_path: Path,
+) -> None:
+    folder = write_seven_scenes_folder(tmp_path / "seq-01")
+    (folder / "frame-000001.pose.txt").write_text(" ".join(["-inf"] * 16))
+    truth = open_recording(folder, calibration=CAMERA).ground_truth
+    assert truth is not None
+    assert list(truth.stamps_ns) == [33333333, 133333333]
+    (folder / "frame-000001.pose.txt").write_text("1 2 3")
+    with pytest.raises(InputError, match=r"frame-000001\.pose\.txt: is no 4x4 matrix"):
+        open_recording(folder, calibration=CAMERA)
+
+
+def test_seven_scenes_without_depth_is_refused(tmp_path: Path) -> None:
+    folder = write_seven_scenes_folder(tmp_path / "seq-01")
+    (folder / "frame-000000.depth.png").unlink()
+    with pytest.raises(InputError, match=r"frame-000000\.depth\.png: is missing"):
+        open_recording(folder, calibration=CAMERA)
+
+
+def test_a_sequence_of_a_scene_is_named_with_it(tmp_path: Path) -> None:
+    folder = write_seven_scenes_folder(tmp_path / "heads" / "seq-01")
+    assert open_recording(folder, calibration=CAMERA).name == "heads/seq-01"
+
+
+def test_chosen_frames_are_those_of_their_numbers_and_no_other_file_is_opened(
+    tmp_path: Path,
+) -> None:
+    folder = write_tum_folder(tmp_path / "desk", 8)
+    (folder / "depth/3.png").write_bytes(b"damaged")
+    with open_recording(folder, calibration=CAMERA) as sequence:
+        frames = list(sequence.select([1, 4, 7, 20]))
+    assert [frame.depth[1, 1] for frame in frames] == [2.0, 5.0, 8.0]
+
+
+def test_a_folder_that_is_no_data_set_is_refused_with_what_was_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"rgb\.txt and depth\.txt .*frame-.*\.mcap") as error:
+        open_recording(tmp_path)
+    assert error.value.where == str(tmp_path)
+    with pytest.raises(InputError, match="does not exist"):
+        open_recording(tmp_path / "none")
+
+
+CALIBRATION = {
+    "image_width": 640,
+    "image_height": 480,
+    "camera_matrix": {"rows": 3, "cols": 3, "data": [600, 0, 320, 0, 601, 240, 0, 0, 1]},
+    "distortion_model": "plumb_bob",
+    "distortion_coefficients": {"rows": 1, "cols": 5, "data": [0.1, 0, 0, 0, 0]},
+}
+
+
+def test_a_calibration_is_read_as_camera_calibration_and_as_ros2_topic_echo_write_it(
+    tmp_path: Path,
+) -> None:
+    expected = CameraIntrinsics(640, 480, 600, 601, 320, 240, (0.1, 0, 0, 0, 0))
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(CALIBRATION))
+    assert load_calibration(path) == expected
+    path.write_text(
+        "width: 640\nheight: 480\ndistortion_model: plumb_bob\nd: [0.1, 0, 0, 0, 0]\n"
+        "k: [600, 0, 320, 0, 601, 240, 0, 0, 1]\n---\n"
+    )
+    assert load_calibration(path) == expected
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({"camera_matrix": {"data": [0] * 9}}, "not calibrated"),
+        ({"camera_matrix": {"data": [1, 2]}}, "no camera calibration"),
+        ({"distortion_model": "equidistant"}, "equidistant"),
+        ({"image_width": None}, "no camera calibration"),
+    ],
+)
+def test_a_calibration_that_is_no_pinhole_camera_is_refused(
+    tmp_path: Path, changes: dict[str, object], cause: str
+) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(json.dumps({**CALIBRATION, **changes}))
+    with pytest.raises(InputError, match=cause) as error:
+        load_calibration(path)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize("content", ["", "text", "{", "[1, 2]", "a: 1"])
+def test_a_file_that_is_no_calibration_is_refused(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(content)
+    with pytest.raises(InputError):
+        load_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "frames", "true_poses", "fx"),
+    [
+        ("rgbd_dataset_freiburg1_desk", 573, 2335, 525.0),
+        ("rgbd_dataset_freiburg3_structure_notexture_far", 250, 2729, 535.4),
+        ("icl_nuim_office_kt0", 101, 100, 481.2),
+        ("7scenes_sample", 200, 200, 585.0),
+    ],
+)
+def test_real_sequences_are_read(
+    shared_data: Path, name: str, frames: int, true_poses: int, fx: float
+) -> None:
+    with open_recording(shared_data / name) as sequence:
+        assert sequence.frame_count == frames
+        assert sequence.ground_truth is not None
+        assert len(sequence.ground_truth) == true_poses
+        frame = next(iter(sequence))
+    assert frame.intrinsics.fx == fx
+    assert frame.color.shape == (480, 640, 3)
+    assert 0.3 < np.nanmedian(frame.depth) < 4.0

@@ -1,0 +1,272 @@
+"""ScanNet's sensor streams and exported folders give the same frames; a broken one says so."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.image_codecs import encode_jpeg
+from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.types import CameraIntrinsics, UInt8
+
+# colour about twice as large as depth, and not quite of its shape, as in ScanNet
+COLOR, DEPTH = (130, 97), (64, 48)
+K_COLOR = np.diag([117.0, 117.0, 1, 1])
+K_DEPTH = np.array([[57.8, 0, 31.5, 0], [0, 57.9, 23.5, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What a .sens file says; the fields in the order of the file, as ScanNet publishes it."""
+
+    frames: int = 5
+    version: int = 4
+    sensor: bytes = b"StructureSensor"
+    color_compression: int = 2
+    depth_compression: int = 1
+    color_size: tuple[int, int] = COLOR
+    depth_size: tuple[int, int] = DEPTH
+    depth_shift: float = 1000.0
+    announced: int | None = None
+    lost: tuple[int, ...] = ()
+    depth_data: dict[int, bytes] = field(default_factory=dict)
+
+    def header(self) -> bytes:
+        matrices = np.stack([K_COLOR, np.eye(4), K_DEPTH, np.eye(4)]).astype("<f4")
+        announced = self.frames if self.announced is None else self.announced
+        return b"".join(
+            [
+                struct.pack("<I", self.version),
+                struct.pack("<Q", len(self.sensor)) + self.sensor,
+                matrices.tobytes(),
+                struct.pack("<ii", self.color_compression, self.depth_compression),
+                struct.pack("<IIII", *self.color_size, *self.depth_size),
+                struct.pack("<f", self.depth_shift),
+                struct.pack("<Q", announced),
+            ]
+        )
+
+    def pose(self, i: int) -> NDArray[np.float32]:
+        pose = np.eye(4, dtype="<f4")
+        pose[0, 3] = i / 8
+        return np.full((4, 4), -np.inf, "<f4") if i in self.lost else pose
+
+    def color(self, i: int) -> bytes:
+        width, height = COLOR
+        image: UInt8 = np.full((height, width, 3), (0, 40 * i, 200), np.uint8)
+        return encode_jpeg(image)
+
+    def depth(self, i: int) -> NDArray[np.uint16]:
+        width, height = DEPTH
+        image = np.full((height, width), 1500 + i, "<u2")
+        image[0, 0] = 0
+        return image
+
+    def frame(self, i: int) -> bytes:
+        color = self.color(i)
+        plain = self.depth(i).tobytes()
+        depth = plain if self.depth_compression == 0 else zlib.compress(plain)
+        depth = self.depth_data.get(i, depth)
+        stamps_and_sizes = struct.pack("<QQQQ", 0, 0, len(color), len(depth))
+        return self.pose(i).tobytes() + stamps_and_sizes + color + depth
+
+    def write(self, path: Path) -> Path:
+        path.write_bytes(self.header() + b"".join(self.frame(i) for i in range(self.frames)))
+        return path
+
+    def export(self, folder: Path) -> Path:
+        """The folder that ScanNet's own reader makes of the file."""
+        for part in ("color", "depth", "pose", "intrinsic"):
+            (folder / part).mkdir(parents=True)
+        for i in range(self.frames):
+            (folder / f"color/{i}.jpg").write_bytes(self.color(i))
+            cv2.imwrite(str(folder / f"depth/{i}.png"), self.depth(i))
+            np.savetxt(folder / f"pose/{i}.txt", self.pose(i), fmt="%f")
+        np.savetxt(folder / "intrinsic/intrinsic_color.txt", K_COLOR, fmt="%f")
+        np.savetxt(folder / "intrinsic/intrinsic_depth.txt", K_DEPTH, fmt="%f")
+        return folder
+
+
+def summary(sequence: Any) -> Iterator[tuple[Any, ...]]:
+    for frame in sequence:
+        yield frame.stamp_ns, frame.color.tobytes(), frame.depth.tobytes()
+
+
+def test_a_stream_gives_aligned_frames_of_the_size_of_depth_in_metres(tmp_path: Path) -> None:
+    with open_recording(Scan().write(tmp_path / "scene0707_00.sens")) as sequence:
+        assert sequence.name == "scene0707_00"
+        assert sequence.frame_count == 5
+        frames = list(sequence)
+    assert [frame.stamp_ns for frame in frames] == [
+        33333333,
+        66666666,
+        100000000,
+        133333333,
+        166666666,
+    ]
+    frame = frames[2]
+    assert (frame.intrinsics.width, frame.intrinsics.height) == DEPTH
+    assert frame.intrinsics.fy == pytest.approx(57.9)
+    assert frame.color.shape == (48, 64, 3)
+    np.testing.assert_allclose(frame.color[20, 30], (200, 80, 0), atol=3)
+    assert frame.depth[1, 1] == np.float32(1.502)
+    assert np.isnan(frame.depth[0, 0])
+
+
+def test_frames_without_a_pose_are_given_and_have_no_ground_truth(tmp_path: Path) -> None:
+    scan = Scan(lost=(1, 3))
+    for path in (scan.write(tmp_path / "a.sens"), scan.export(tmp_path / "a")):
+        with open_recording(path) as sequence:
+            assert len(list(sequence)) == 5
+            truth = sequence.ground_truth
+            assert truth is not None
+            assert list(truth.stamps_ns) == [33333333, 100000000, 166666666]
+            np.testing.assert_array_equal(truth.poses[:, 0, 3], [0, 0.25, 0.5])
+
+
+def test_a_stream_a_folder_with_one_and_its_export_are_the_same_recording(tmp_path: Path) -> None:
+    scan = Scan()
+    folder = tmp_path / "scene0707_00"
+    folder.mkdir()
+    stream = scan.write(folder / "scene0707_00.sens")
+    exported = scan.export(tmp_path / "exported" / "scene0707_00")
+    with open_recording(stream) as a, open_recording(folder) as b, open_recording(exported) as c:
+        assert a.name == b.name == c.name
+        assert list(summary(a)) == list(summary(b)) == list(summary(c))
+        assert next(iter(c)).intrinsics == replace(next(iter(a)).intrinsics, fx=57.8, fy=57.9), (
+            "but for the four decimals of an exported matrix"
+        )
+
+
+def test_colour_is_averaged_and_not_sampled(tmp_path: Path) -> None:
+    stripes = np.zeros((96, 128), np.uint8)
+    stripes[:, ::2] = 255
+    scan = Scan(frames=1).export(tmp_path / "scan")
+    cv2.imwrite(str(scan / "color/0.jpg"), stripes, [cv2.IMWRITE_JPEG_QUALITY, 100])
+    (frame,) = open_recording(scan)
+    np.testing.assert_allclose(frame.color, 127.5, atol=3)
+
+
+@pytest.mark.parametrize("kind", ["stream", "export"])
+def test_chosen_frames_alone_are_read(tmp_path: Path, kind: str) -> None:
+    damaged = Scan(depth_data={2: b"damaged"})
+    if kind == "stream":
+        path = damaged.write(tmp_path / "a.sens")
+    else:
+        path = damaged.export(tmp_path / "a")
+        (path / "depth/2.png").write_bytes(b"damaged")
+    with open_recording(path) as sequence:
+        frames = list(sequence.select([1, 3, 4, 9]))
+        assert [frame.depth[1, 1] for frame in frames] == [
+            np.float32(1.501),
+            np.float32(1.503),
+            np.float32(1.504),
+        ]
+
+
+def test_depth_that_is_not_compressed_is_read_too(tmp_path: Path) -> None:
+    with open_recording(Scan(depth_compression=0).write(tmp_path / "a.sens")) as sequence:
+        assert next(iter(sequence)).depth[1, 1] == 1.5
+
+
+# what goes wrong
+
+
+def test_a_stream_that_is_cut_off_gives_its_whole_frames_first(tmp_path: Path) -> None:
+    path = Scan().write(tmp_path / "a.sens")
+    path.write_bytes(path.read_bytes()[:-20])
+    frames = iter(open_recording(path))
+    assert len([next(frames) for _ in range(4)]) == 4
+    with pytest.raises(InputError, match=r"a\.sens: is cut off after 4 of 5 frames"):
+        next(frames)
+
+
+@pytest.mark.parametrize(
+    ("scan", "cause"),
+    [
+        (Scan(version=3), "is of version 3, not 4"),
+        (Scan(version=0x53414E52), "is of version"),
+        (Scan(frames=0), "holds no whole frame"),
+        (Scan(frames=0, announced=2**60), "holds no whole frame"),
+        (Scan(sensor=b"x" * 5000), "names its sensor in 5000 bytes"),
+        (Scan(color_compression=0), "kinds 0 and 1"),
+        (Scan(depth_compression=2), "kinds 2 and 2"),
+        (Scan(depth_size=(2**31, 2**31)), "pixels"),
+        (Scan(color_size=(0, 968)), "pixels"),
+        (Scan(depth_shift=0.0), "no calibration"),
+        (Scan(depth_shift=float("nan")), "no calibration"),
+    ],
+)
+def test_a_header_that_cannot_be_is_refused(tmp_path: Path, scan: Scan, cause: str) -> None:
+    with pytest.raises(InputError, match=cause) as error:
+        open_recording(scan.write(tmp_path / "a.sens"))
+    assert len(str(error.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("data", "cause"),
+    [
+        (b"nonsense", "damaged depth image"),
+        (zlib.compress(bytes(100)), "damaged depth image"),
+        (zlib.compress(bytes(10_000_000)), "damaged depth image"),
+    ],
+)
+def test_depth_that_is_damaged_or_unpacks_to_too_much_is_refused(
+    tmp_path: Path, data: bytes, cause: str
+) -> None:
+    frames = iter(open_recording(Scan(depth_data={1: data}).write(tmp_path / "a.sens")))
+    next(frames)
+    with pytest.raises(InputError, match=f"frame 1: {cause}"):
+        next(frames)
+
+
+def test_colour_of_another_size_than_announced_is_refused(tmp_path: Path) -> None:
+    path = Scan(color_size=(1296, 968)).write(tmp_path / "a.sens")
+    with pytest.raises(InputError, match="its colour is 130x97"):
+        next(iter(open_recording(path)))
+
+
+WHOLE = Scan(frames=2)
+
+
+@given(st.integers(0, 2**31), st.integers(0, 255))
+def test_a_stream_with_a_wrong_byte_is_read_or_refused_and_nothing_else(
+    tmp_path_factory: pytest.TempPathFactory, position: int, value: int
+) -> None:
+    path = WHOLE.write(tmp_path_factory.getbasetemp() / "wrong.sens")
+    content = bytearray(path.read_bytes())
+    content[position % len(content)] = value
+    path.write_bytes(content)
+    try:
+        with open_recording(path) as sequence:
+            list(sequence)
+    except InputError:
+        pass
+
+
+def test_an_export_without_depth_numbers_or_camera_is_refused(tmp_path: Path) -> None:
+    folder = Scan().export(tmp_path / "scan")
+    (folder / "depth/1.png").unlink()
+    with pytest.raises(InputError, match=r"depth/1\.png: is missing"):
+        open_recording(folder)
+    (folder / "color/1.jpg").rename(folder / "color/one.jpg")
+    with pytest.raises(InputError, match="has no number"):
+        open_recording(folder)
+    (folder / "color/one.jpg").unlink()
+    (folder / "intrinsic/intrinsic_depth.txt").unlink()
+    with pytest.raises(InputError, match=r"intrinsic_depth\.txt: cannot be read"):
+        open_recording(folder)
+    camera = CameraIntrinsics(*DEPTH, 60, 60, 32, 24)
+    assert len(list(open_recording(folder, calibration=camera))) == 4

@@ -1,0 +1,92 @@
+"""Pictures of the ray-cast room, without noise or blur, a quarter as large as the bundled ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from raycast_room.living_room import living_room
+from raycast_room.motion import hand_held
+from raycast_room.raycaster import Tables
+from raycast_room.render import measure, render
+
+from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
+
+CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
+
+
+@lru_cache(maxsize=1)
+def _scene() -> Tables:
+    return living_room()
+
+
+def true_pose(time_s: float) -> Float64:
+    """T_world_camera at a time of the hand-held motion, which comes back after 3.5 s."""
+    return hand_held(time_s).matrix
+
+
+def true_depth(T_world_camera: Float64) -> Float32:
+    """Exact depth from any pose."""
+    return measure(_scene(), T_world_camera, 0.0, CAMERA)[0].astype(np.float32)
+
+
+@lru_cache(maxsize=64)
+def _picture(time_s: float) -> tuple[UInt8, Float32]:
+    return render(_scene(), true_pose(time_s), CAMERA)
+
+
+def room_frame(time_s: float) -> RgbdFrame:
+    """What the camera sees at a time; each is rendered once."""
+    color, depth = _picture(time_s)
+    return RgbdFrame(round(time_s * 1e9), color.copy(), depth.copy(), CAMERA)
+
+
+@lru_cache(maxsize=64)
+def panned_frame(radians: float) -> RgbdFrame:
+    """What the camera sees after turning to the right from where its motion starts."""
+    T = true_pose(0.0) @ se3.exp(np.array([0, 0, 0, 0, radians, 0]))
+    color, depth = render(_scene(), T, CAMERA)
+    return RgbdFrame(0, color, depth, CAMERA)
+
+
+def room_view(time_s: float) -> View:
+    """The same, prepared for registration."""
+    frame = room_frame(time_s)
+    return View(camera.grey(frame.color), frame.depth, CAMERA)
+
+
+_BAND = 4
+
+
+def rolling_frame(time_s: float, readout: float, depth_latency: float) -> RgbdFrame:
+    """A frame whose rows are read one after the other, and whose depth is older than its colour."""
+    bands = [
+        _band(top, time_s + readout * ((top + _BAND / 2) / CAMERA.height - 0.5), depth_latency)
+        for top in range(0, CAMERA.height, _BAND)
+    ]
+    color = np.concatenate([color for color, _ in bands])
+    depth = np.concatenate([depth for _, depth in bands])
+    return RgbdFrame(round(time_s * 1e9), color, depth, CAMERA)
+
+
+def _band(top: int, time_s: float, depth_latency: float) -> tuple[UInt8, Float32]:
+    """Colour and depth of a few rows."""
+    rows = replace(CAMERA, height=_BAND, cy=CAMERA.cy - top)
+    color, _ = render(_scene(), true_pose(time_s), rows)
+    return color, render(_scene(), true_pose(time_s - depth_latency), rows)[1]
+
+
+def true_twist(time_s: float) -> Float64:
+    """Velocity of the camera (linear, angular) in its optical frame, m/s and rad/s."""
+    half = 1e-3
+    T = se3.inverse(true_pose(time_s - half)) @ true_pose(time_s + half)
+    return se3.log(T) / (2 * half)
+
+
+def turned_frame(yaw: float, stamp_ns: int) -> RgbdFrame:
+    """What the camera sees from where it began, turned to the right by an angle (rad)."""
+    turn = se3.exp(np.array([0, 0, 0, 0, yaw, 0]))
+    color, depth = render(_scene(), true_pose(0.0) @ turn, CAMERA)
+    return RgbdFrame(stamp_ns, color, depth, CAMERA)
