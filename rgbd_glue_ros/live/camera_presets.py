@@ -57,7 +57,7 @@ def load_camera(name: str) -> Camera:
         raise InputError(path, f"no such topics: {unknown}", f"take {', '.join(TOPIC_ARGUMENTS)}")
     declared = {p.name: p for part in (cfg.NodeConfig, cfg.Config) for p in cfg.parameters(part())}
     parameters = {}
-    for parameter, value in content["parameters"].items():
+    for parameter, value in cfg.by_current_names(content["parameters"]).items():
         if parameter not in declared:
             raise cfg.unknown_parameter(parameter, declared)
         parameters[parameter] = declared[parameter].convert(value)

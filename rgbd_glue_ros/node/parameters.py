@@ -30,7 +30,7 @@ def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
     """
     # rclpy has no other way to them
     overrides = node._parameter_overrides  # noqa: SLF001
-    given = {cfg.USUAL_NAMES.get(name, name): item.value for name, item in overrides.items()}
+    given = cfg.by_current_names({name: item.value for name, item in overrides.items()})
     own = {p.name: p for p in cfg.parameters(cfg.NodeConfig())}
     method = {p.name: p for p in cfg.parameters(cfg.Config())}
     node_config = cfg.with_values(

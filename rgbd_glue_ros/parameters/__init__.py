@@ -6,6 +6,7 @@ generated from these declarations or checked against them.
 
 from __future__ import annotations
 
+from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES, by_current_names
 from rgbd_glue_ros.parameters.files import (
     PACKAGE,
     load_preset,
@@ -32,7 +33,7 @@ from rgbd_glue_ros.parameters.method import (
     RefineConfig,
     TimingConfig,
 )
-from rgbd_glue_ros.parameters.node import NODE_CHANGEABLE, USUAL_NAMES, NodeConfig, fixed_because
+from rgbd_glue_ros.parameters.node import NODE_CHANGEABLE, NodeConfig, fixed_because
 from rgbd_glue_ros.parameters.parameter import (
     Parameter,
     Value,
@@ -48,6 +49,7 @@ __all__ = [
     "FIXED",
     "GEOMETRIC_FEATURES",
     "NODE_CHANGEABLE",
+    "OLD_NAMES",
     "PACKAGE",
     "USUAL_NAMES",
     "VISUAL_FEATURES",
@@ -64,6 +66,7 @@ __all__ = [
     "RefineConfig",
     "TimingConfig",
     "Value",
+    "by_current_names",
     "fixed_because",
     "load_preset",
     "load_yaml",

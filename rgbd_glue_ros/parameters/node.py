@@ -119,9 +119,6 @@ class NodeConfig:
     )
 
 
-USUAL_NAMES = {"reset_countdown": "odometry.reset_countdown"}
-"""Names that users of rtabmap_odom know, and the parameters of the method that they stand for."""
-
 NODE_CHANGEABLE = ("max_update_rate", "publish_null_when_lost", "path_period", "initial_pose")
 """Parameters of the node that can change while it runs; ``initial_pose`` counts at a reset."""
 

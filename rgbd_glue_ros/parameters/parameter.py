@@ -13,6 +13,7 @@ from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar, cast
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters.aliases import by_current_names
 
 Value = bool | int | float | str
 C = TypeVar("C")
@@ -133,14 +134,14 @@ def values(config: object) -> dict[str, Value]:
 
 
 def with_values(config: C, changes: Mapping[str, object]) -> C:
-    """The configuration with the parameters in ``changes`` (dotted names) set.
+    """The configuration with the parameters in ``changes`` (dotted names or aliases) set.
 
     Raises:
         InputError: an unknown name, or a value of the wrong type or out of range.
     """
     declared = {p.name: p for p in parameters(config)}
     converted = {}
-    for name, value in changes.items():
+    for name, value in by_current_names(changes).items():
         if name not in declared:
             raise unknown_parameter(name, declared)
         converted[name] = declared[name].convert(value)

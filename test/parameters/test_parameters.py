@@ -13,6 +13,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters import (
     FIXED,
     NODE_CHANGEABLE,
+    OLD_NAMES,
     USUAL_NAMES,
     Config,
     NodeConfig,
@@ -243,7 +244,35 @@ def test_what_is_named_as_fixed_or_changeable_exists() -> None:
     sections = {name.partition(".")[0] for name in names}
     assert {*FIXED} <= names | sections
     assert {*NODE_CHANGEABLE} <= names
-    assert {*USUAL_NAMES.values()} <= names
     assert fixed_because("glue.k") is None
     assert fixed_because("features.visual")
     assert fixed_because("frame_id")
+
+
+def test_an_alias_stands_for_a_parameter_and_is_none_itself() -> None:
+    names = {p.name for p in ALL}
+    assert {*OLD_NAMES.values(), *USUAL_NAMES.values()} <= names
+    assert not {*OLD_NAMES, *USUAL_NAMES} & names
+
+
+def test_an_old_name_is_taken_with_a_line_that_names_the_new_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(OLD_NAMES, "paper.k", "glue.k")
+    path = tmp_path / "old.yaml"
+    path.write_text("/**: {ros__parameters: {paper: {k: 7}}}")
+    assert load_yaml(path, Config()).glue.k == 7.0
+    assert caplog.messages == ["The parameter paper.k is now called glue.k"]
+
+
+def test_a_name_of_rtabmap_is_taken_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
+    config = with_values(Config(), {"reset_countdown": 3})
+    assert config.odometry.reset_countdown == 3
+    assert not caplog.messages
+
+
+@pytest.mark.parametrize("is_alias_first", [False, True])
+def test_a_parameter_set_by_both_its_names_is_refused(is_alias_first: bool) -> None:
+    names = sorted(["odometry.reset_countdown", "reset_countdown"], reverse=is_alias_first)
+    with pytest.raises(InputError, match=r"reset_countdown, which is set too"):
+        with_values(Config(), dict.fromkeys(names, 3))

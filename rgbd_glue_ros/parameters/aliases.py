@@ -1,0 +1,36 @@
+"""Other names of parameters, in one place: old ones, and those that users of rtabmap_odom know.
+
+They are taken wherever a parameter is set: in YAML, by ``--set`` and as ROS parameters.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+from rgbd_glue_ros.errors import InputError
+
+logger = logging.getLogger(__name__)
+
+OLD_NAMES: dict[str, str] = {}
+"""The names that parameters once had, and those that they have now. Each use logs a line."""
+
+USUAL_NAMES = {"reset_countdown": "odometry.reset_countdown"}
+"""Names that rtabmap_odom has, and the parameters that they stand for here."""
+
+
+def by_current_names(changes: Mapping[str, object]) -> dict[str, object]:
+    """``changes`` with every alias replaced by the parameter's name; other names stay.
+
+    Raises:
+        InputError: a parameter is given by both of its names.
+    """
+    current: dict[str, object] = {}
+    for name, value in changes.items():
+        meant = OLD_NAMES.get(name) or USUAL_NAMES.get(name) or name
+        if meant in current or (meant != name and meant in changes):
+            raise InputError(name, f"is another name of {meant}, which is set too", "set one")
+        if name in OLD_NAMES:
+            logger.warning("The parameter %s is now called %s", name, meant)
+        current[meant] = value
+    return current
