@@ -80,9 +80,19 @@ setup(
             "ros-jazzy-rclpy[fastrtps]>=7.1.6,<7.2",
         ],
         "open3d": OPEN3D,
+        # loops closed, and the optimum of the pose graph
+        "slam": [
+            "gtsam>=4.2",
+            "pyHBST>=0.2",
+        ],
+        # recordings to look at
+        "viz": [
+            "rerun-sdk>=0.23",
+        ],
         # methods of others, measured beside ours
         "bench": [
             *OPEN3D,
+            "g2opy>=2.1",
             "networkx>=3.2",
             "small_gicp>=1.0",
         ],

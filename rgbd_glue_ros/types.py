@@ -208,6 +208,35 @@ class TrackingState(Enum):
     LOST = "lost"
 
 
+class EdgeOrigin(Enum):
+    """What measured the transform between two keyframes."""
+
+    TRACKING = "the child was tracked from the parent"
+    ASSUMED = "the camera was lost in between, and hardly moved as far as the covariance says"
+    REVISIT = "the child saw again what the parent, an anchor of long ago, had seen"
+    LOOP = "recognised by appearance and verified by registration"
+
+
+@dataclass(frozen=True)
+class PoseGraphEdge:
+    """A measured transform between two keyframes.
+
+    Attributes:
+        parent: number of the keyframe whose frame the transform maps to.
+        child: number of the keyframe whose frame it maps from.
+        T_parent_child: float64 [4, 4].
+        covariance: float64 [6, 6] of T_parent_child (x y z rx ry rz; m, rad; perturbation on the
+            left, in the parent's frame), positive definite.
+        origin: what measured it.
+    """
+
+    parent: int
+    child: int
+    T_parent_child: Float64
+    covariance: Float64
+    origin: EdgeOrigin = EdgeOrigin.TRACKING
+
+
 @dataclass(frozen=True)
 class OdometryEstimate:
     """What the odometry knows after one frame.
@@ -227,6 +256,7 @@ class OdometryEstimate:
             number if it became the first); -1 when there is none.
         registration: against that keyframe, or the one that failed when LOST; None for a frame
             that starts anew.
+        edges: measured between keyframes since the estimate before, this frame's included.
         stages_ms: wall time of each stage, milliseconds, registration included.
     """
 
@@ -239,6 +269,7 @@ class OdometryEstimate:
     is_keyframe: bool = False
     keyframe_id: int = -1
     registration: RegistrationResult | None = None
+    edges: tuple[PoseGraphEdge, ...] = ()
     stages_ms: dict[str, float] = field(default_factory=dict)
 
 

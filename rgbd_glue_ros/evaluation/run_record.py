@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.trajectory import PoseGraph, PoseGraphEdge
+from rgbd_glue_ros.evaluation.graph_errors import edge_errors
+from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, path_length
-from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.types import Float64, OdometryEstimate, TrackingState, Trajectory
+from rgbd_glue_ros.types import Float64, OdometryEstimate, PoseGraphEdge, TrackingState, Trajectory
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,7 @@ class FrameRecord:
         T_odom_camera: float64 [4, 4], None without a pose.
         latency_ms: wall time until the pose was known.
         is_keyframe: whether it became a keyframe.
-        parent: of a keyframe, the number of the keyframe that it was registered against; None if
-            there is none.
-        covariance: float64 [6, 6] of that registration; None where ``parent`` is.
+        edges: measured between keyframes since the frame before.
         visual_inliers: |C_vis^in|, None where nothing was registered.
         credible: |C_geo^in|, None where nothing was registered.
         stages_ms: wall time of each stage.
@@ -40,8 +38,7 @@ class FrameRecord:
     T_odom_camera: Float64 | None
     latency_ms: float
     is_keyframe: bool = False
-    parent: int | None = None
-    covariance: Float64 | None = None
+    edges: tuple[PoseGraphEdge, ...] = ()
     visual_inliers: int | None = None
     credible: int | None = None
     stages_ms: dict[str, float] = field(default_factory=dict)
@@ -50,15 +47,13 @@ class FrameRecord:
     def of(estimate: OdometryEstimate, latency_ms: float) -> FrameRecord:
         """What is kept of an estimate: numbers, and no correspondences."""
         result = estimate.registration
-        is_linked = estimate.is_keyframe and result is not None and result.covariance is not None
         return FrameRecord(
             stamp_ns=estimate.stamp_ns,
             state=estimate.state,
             T_odom_camera=estimate.T_odom_camera,
             latency_ms=latency_ms,
             is_keyframe=estimate.is_keyframe,
-            parent=estimate.keyframe_id if is_linked else None,
-            covariance=result.covariance if result and is_linked else None,
+            edges=estimate.edges,
             visual_inliers=len(result.visual_inliers) if result else None,
             credible=len(result.credible) if result else None,
             stages_ms=estimate.stages_ms,
@@ -94,21 +89,10 @@ class Run:
 
     @property
     def pose_graph(self) -> PoseGraph:
-        """The keyframes, and the registrations between them."""
+        """The keyframes, and what was measured between them."""
         keyframes = [frame for frame in self.frames if frame.is_keyframe]
-        vertices = _trajectory(keyframes)
-        # by the poses and not by the registration, which knows nothing of what refined them
-        edges = tuple(
-            PoseGraphEdge(
-                frame.parent,
-                row,
-                se3.inverse(vertices.poses[frame.parent]) @ vertices.poses[row],
-                frame.covariance,
-            )
-            for row, frame in enumerate(keyframes)
-            if frame.parent is not None and frame.covariance is not None
-        )
-        return PoseGraph(vertices, edges)
+        edges = tuple(edge for frame in self.frames for edge in frame.edges)
+        return PoseGraph(_trajectory(keyframes), edges)
 
 
 def _trajectory(frames: list[FrameRecord]) -> Trajectory:
@@ -129,12 +113,13 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     states = [frame.state for frame in run.frames]
     latencies = [frame.latency_ms for frame in run.frames]
     p50, p95, p99 = np.percentile(latencies, [50, 95, 99])
+    graph = run.pose_graph
     content: dict[str, Any] = {
         "sequence": run.sequence,
         "frames": len(run.frames),
         "tracked": states.count(TrackingState.TRACKING),
         "lost": states.count(TrackingState.LOST),
-        "keyframes": len(run.pose_graph.keyframes),
+        "keyframes": len(graph.keyframes),
         "fps": len(run.frames) / run.wall_s,
         "latency_ms": {
             "p50": float(p50),
@@ -150,6 +135,9 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     if evaluation is not None:
         content["ape"] = asdict(evaluation.ape)
         content["rpe"] = asdict(evaluation.rpe) if evaluation.rpe else None
+    if run.ground_truth is not None and graph.edges:
+        errors = edge_errors(graph, run.ground_truth)
+        content["edges"] = {origin.name.lower(): asdict(e) for origin, e in errors.items()}
     return content
 
 

@@ -8,17 +8,18 @@ anyway, so that it is as smooth as before (REP-105) and stands still where the c
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import certain
+from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 # The finest level costs half of the time and adds a digit that the anchor's own pose has not.
 _LEVELS = COARSE_TO_FINE[:-1]
@@ -31,10 +32,12 @@ class Drift:
     Attributes:
         correction: that of now, float64 [4, 4].
         wanted: where it goes.
+        edge: what the comparison that has just been made measured; None if none was.
     """
 
     correction: Float64
     wanted: Float64
+    edge: PoseGraphEdge | None = None
 
     @staticmethod
     def corrected_by(correction: Float64) -> Drift:
@@ -57,7 +60,7 @@ class Drift:
         if length <= allowed:
             return Drift.corrected_by(self.wanted)
         moved = corrected @ se3.exp(left * (allowed / length))
-        return replace(self, correction=moved @ se3.inverse(T_now))
+        return Drift(moved @ se3.inverse(T_now), self.wanted)
 
     def seen(self, keyframe: Keyframe, anchor: Anchor, config: Config) -> Drift:
         """The drift after a keyframe was compared with one of long ago.
@@ -78,4 +81,5 @@ class Drift:
         # drift that the covariance finds less likely is a place that looks like another
         if not mahalanobis_squared(off, keyframe.covariance) <= SURPRISE:
             return self
-        return replace(self, wanted=T_seen @ se3.inverse(T))
+        edge = revisit_edge(anchor, keyframe, found, config)
+        return Drift(self.correction, T_seen @ se3.inverse(T), edge)

@@ -17,6 +17,7 @@ from rgbd_glue_ros.odometry.acceptance import believable, certain, support
 from rgbd_glue_ros.odometry.depth_color_check import Alignment
 from rgbd_glue_ros.odometry.drift_correction import Drift
 from rgbd_glue_ros.odometry.dynamic_objects import still
+from rgbd_glue_ros.odometry.keyframe_edges import edge_from, unseen_covariance
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.parameters import Config, RefineConfig
@@ -34,8 +35,10 @@ from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
     NANOSECONDS,
+    EdgeOrigin,
     Float64,
     OdometryEstimate,
+    PoseGraphEdge,
     RegistrationResult,
     RegistrationStatus,
     RgbdFrame,
@@ -170,18 +173,20 @@ class Odometry:
         self._last_stamp_ns: int | None = None
         self._missed = 0
         self._T_guess_last: Float64 | None = None
+        self._edges: list[PoseGraphEdge] = []
 
     def process(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
         """``track`` and ``update_map`` in one, for whom the pose alone is in no hurry.
 
         Returns:
-            What ``track`` does, and what came of the frame in ``update_map``.
+            What ``track`` does, and what came of the frame in ``update_map`` and ``new_edges``.
         """
         estimate = self.track(frame, T_guess_camera)
         became_one, ms = timed(self.update_map)
         stages = {**estimate.stages_ms, "keyframe": ms}
         is_keyframe = became_one or estimate.is_keyframe
-        return replace(estimate, is_keyframe=is_keyframe, stages_ms=stages)
+        edges = self.new_edges()
+        return replace(estimate, is_keyframe=is_keyframe, edges=edges, stages_ms=stages)
 
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
         """Registers a frame and returns what is known after it.
@@ -230,12 +235,23 @@ class Odometry:
             return False
         drift, T = self._drift.result(), posed.T_odom_camera
         keyframe = self._keyframes.add(posed.stamp_ns, T, posed.covariance, *shown, drift.wanted)
+        relative = posed.covariance - posed.reference.covariance
+        self._edges.append(edge_from(posed.reference, keyframe.number, T, relative))
         anchor = self._keyframes.anchor(drift.wanted @ T, self._config.odometry.drift_radius)
         if anchor is not None:
             # the pose of the next frame is the first to need it
             config = replace(self._config, refine=self._refining)
             self._drift = self._glue.beside.submit(drift.seen, keyframe, anchor, config)
         return True
+
+    def new_edges(self) -> tuple[PoseGraphEdge, ...]:
+        """What was measured between keyframes since the last call.
+
+        A keyframe's edge to the one that it was tracked from is there after ``update_map``; that
+        to an anchor, after the next ``track``.
+        """
+        edges, self._edges = tuple(self._edges), []
+        return edges
 
     def _tracked(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
         predicted = self._predicted(frame.stamp_ns, T_guess_camera)
@@ -246,6 +262,10 @@ class Odometry:
         search = self._search(view, predicted)
         stages |= search.features.stages_ms
         tracked = self._track(search, self._motion)
+        drift = self._drift.result()
+        if drift.edge is not None:
+            self._edges.append(drift.edge)
+            self._drift = _at_once(replace(drift, edge=None))
         if isinstance(tracked, _Fix):
             return self._accept(self._motion, predicted, search.features, tracked, stages)
         recovered = self._recover(search.features, self._motion, predicted)
@@ -449,13 +469,16 @@ class Odometry:
         seconds = (stamp_ns - motion.stamp_ns) / NANOSECONDS
         (last,) = self._keyframes.latest(1)
         adjoint = se3.adjoint(motion.T_odom_camera)
-        covariance = last.covariance + adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
+        spread = adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
+        covariance = last.covariance + spread
         self._keyframes.forget()
         wanted = self._drift.result().wanted
         anew = self._keyframes.add(
             stamp_ns, motion.T_odom_camera, covariance, features, model, wanted
         )
         self._missed = 0
+        T = anew.T_odom_camera
+        self._edges.append(edge_from(last, anew.number, T, spread, EdgeOrigin.ASSUMED))
         return self._start_at(anew, missed.stages_ms)
 
     def _accept(
@@ -515,9 +538,7 @@ class Odometry:
         odometry = self._config.odometry
         T = motion.T_odom_camera
         distance = float(np.linalg.norm(T[:3, 3] - reference.T_odom_camera[:3, 3]))
-        late = odometry.timing_error * np.linalg.norm(motion.velocity.reshape(2, 3), axis=1)
-        translation = late[0] ** 2 + (odometry.scale_error * distance) ** 2
-        unseen = np.diag([translation] * 3 + [late[1] ** 2] * 3)
+        unseen = unseen_covariance(motion.velocity, distance, odometry)
         adjoint = se3.adjoint(T)
         covariance: Float64 = adjoint @ (motion.covariance[:6, :6] + unseen) @ adjoint.T
         return covariance

@@ -8,25 +8,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import (
-    PoseGraph,
-    PoseGraphEdge,
     TumWriter,
     associate,
     format_stamp,
     parse_stamp,
-    read_g2o,
     read_kitti,
     read_tum,
-    write_g2o,
     write_kitti,
     write_tum,
 )
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import NANOSECONDS, Float64, Trajectory
+from rgbd_glue_ros.types import NANOSECONDS, Trajectory
 
 STAMPS = st.integers(-(2**62), 2**62)
 
@@ -115,47 +110,6 @@ def test_poses_survive_a_kitti_file(tmp_path: Path) -> None:
     poses = random_trajectory(0).poses
     write_kitti(tmp_path / "poses.txt", poses)
     np.testing.assert_allclose(read_kitti(tmp_path / "poses.txt"), poses, atol=1e-13)
-
-
-def random_edge(rng: np.random.Generator) -> PoseGraphEdge:
-    A = rng.normal(0, 0.01, (6, 6))
-    return PoseGraphEdge(0, 1, se3.exp(rng.normal(0, 1, 6)), A @ A.T + 1e-6 * np.eye(6))
-
-
-def test_a_pose_graph_survives_a_g2o_file(tmp_path: Path) -> None:
-    rng = np.random.default_rng(1)
-    written = PoseGraph(random_trajectory(1, 2), (random_edge(rng),))
-    write_g2o(tmp_path / "keyframes.g2o", written)
-    read = read_g2o(tmp_path / "keyframes.g2o")
-    np.testing.assert_array_equal(read.keyframes.stamps_ns, written.keyframes.stamps_ns)
-    np.testing.assert_allclose(read.keyframes.poses, written.keyframes.poses, atol=1e-13)
-    (edge,), (expected,) = read.edges, written.edges
-    assert (edge.parent, edge.child) == (0, 1)
-    np.testing.assert_allclose(edge.T_parent_child, expected.T_parent_child, atol=1e-13)
-    np.testing.assert_allclose(edge.covariance, expected.covariance, rtol=1e-8, atol=1e-12)
-
-
-def test_the_information_in_a_g2o_file_is_that_of_g2os_residual(tmp_path: Path) -> None:
-    rng = np.random.default_rng(2)
-    edge = random_edge(rng)
-    write_g2o(tmp_path / "keyframes.g2o", PoseGraph(random_trajectory(2, 2), (edge,)))
-    line = next(
-        line for line in (tmp_path / "keyframes.g2o").read_text().splitlines() if "EDGE" in line
-    )
-    upper = np.zeros((6, 6))
-    upper[np.triu_indices(6)] = [float(word) for word in line.split()[10:]]
-    information = upper + np.triu(upper, 1).T
-
-    def residual(X: Float64) -> Float64:
-        # Z^-1 X as g2o's toVectorMQT: translation, then the quaternion without w
-        E = se3.inverse(edge.T_parent_child) @ X
-        return np.concatenate([E[:3, 3], Rotation.from_matrix(E[:3, :3]).as_quat()[:3]])
-
-    step = 1e-6
-    J = np.stack(
-        [residual(se3.exp(step * axis) @ edge.T_parent_child) / step for axis in np.eye(6)], axis=1
-    )
-    np.testing.assert_allclose(information @ (J @ edge.covariance @ J.T), np.eye(6), atol=1e-3)
 
 
 def test_association_takes_the_nearest_pair_first_and_each_stamp_once() -> None:

@@ -33,7 +33,8 @@ def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
     seen: list[Progress] = []
     result = demo(bundled_bag(), tmp_path, 1.0, seen.append)
     names = {path.name for path in tmp_path.iterdir()}
-    replays = {"trajectory.txt", "metrics.json", "params.yaml", "report.html", "keyframes.g2o"}
+    graphs = {"keyframes.g2o", "keyframes_gtsam.g2o"}
+    replays = {"trajectory.txt", "metrics.json", "params.yaml", "report.html", *graphs}
     assert names == replays | {"node.log"}
     figures = json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8"))
     assert figures == result.figures

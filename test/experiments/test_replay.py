@@ -10,9 +10,11 @@ import pytest
 from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_g2o, read_tum
+from rgbd_glue_ros.evaluation.pose_graph import read_graph
+from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.replay.replay import (
     KEYFRAMES,
+    KEYFRAMES_GTSAM,
     METRICS,
     PARAMETERS,
     REPORT,
@@ -33,12 +35,12 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     replay(Pan(40), config, tmp_path / "out" / "pan")
     folder = tmp_path / "out" / "pan"
     assert sorted(path.name for path in folder.iterdir()) == sorted(
-        [TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES]
+        [TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES, KEYFRAMES_GTSAM]
     )
     figures = json.loads((folder / METRICS).read_text())
     assert set(figures) == {
         *("sequence", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
-        *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe"),
+        *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe", "edges"),
     }
     assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}
     assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
@@ -47,7 +49,7 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     assert figures["frames"] == figures["tracked"] == 40
     assert figures["ape"]["rmse_m"] < 0.02
     assert len(read_tum(folder / TRAJECTORY)) == 40
-    graph = read_g2o(folder / KEYFRAMES)
+    graph = read_graph(folder / KEYFRAMES)
     assert len(graph.keyframes) == figures["keyframes"]
     assert len(graph.edges) == figures["keyframes"] - 1
     assert load_yaml(folder / PARAMETERS, Config()) == config

@@ -26,6 +26,7 @@ ORDER = """
     messages
     recordings
     live
+    slam
     node
     experiments
     cli
@@ -42,6 +43,10 @@ OPTIONAL_LIBRARIES = {
     "small_gicp",
     "networkx",
     "evo",
+    "gtsam",
+    "g2opy",
+    "pyhbst",
+    "rerun",
 }
 ROSDEP_KEYS = {
     "backports": "python3-rosbags-pip",  # comes with rosbags, as lz4

@@ -12,8 +12,9 @@ from types import MappingProxyType
 from typing import Any
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.pose_graph import GraphReader, write_graph
 from rgbd_glue_ros.evaluation.run_record import Run, metrics
-from rgbd_glue_ros.evaluation.trajectory import TumWriter, write_g2o
+from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.odometry.odometry import Odometry
@@ -24,7 +25,8 @@ from rgbd_glue_ros.types import OdometryEstimate, Trajectory
 logger = logging.getLogger(__name__)
 
 TRAJECTORY, METRICS, PARAMETERS = "trajectory.txt", "metrics.json", "params.yaml"
-REPORT, KEYFRAMES = "report.html", "keyframes.g2o"
+REPORT = "report.html"
+KEYFRAMES, KEYFRAMES_GTSAM = "keyframes.g2o", "keyframes_gtsam.g2o"
 
 
 def replay(
@@ -109,7 +111,9 @@ def write_results(
     """
     evaluation = _evaluation(run)
     figures = {**metrics(run, evaluation), **measured}
-    write_g2o(folder / KEYFRAMES, run.pose_graph)
+    graph = run.pose_graph
+    write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
+    write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
     (folder / METRICS).write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     (folder / REPORT).write_text(render(run, figures, evaluation), encoding="utf-8")
     return figures

@@ -1,0 +1,62 @@
+"""How honest the covariances of a pose graph are, against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
+from rgbd_glue_ros.evaluation.trajectory_errors import interpolated
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.fitting import mahalanobis_squared
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
+
+
+@dataclass(frozen=True)
+class EdgeErrors:
+    """Of the edges of one origin.
+
+    Attributes:
+        count: of the edges whose true transform is known.
+        chi2_per_dof: mean squared Mahalanobis distance to the truth, by its six degrees of
+            freedom; 1 where covariances are honest, greater where they promise too much.
+        median_chi2_per_dof: the median by that of chi² with six degrees of freedom; 1 as well.
+    """
+
+    count: int
+    chi2_per_dof: float
+    median_chi2_per_dof: float
+
+
+# of chi² with six degrees of freedom
+_MEDIAN = 5.348
+
+
+def edge_errors(graph: PoseGraph, reference: Trajectory) -> dict[EdgeOrigin, EdgeErrors]:
+    """The errors of the edges of each origin.
+
+    Args:
+        graph: whose edges.
+        reference: true poses; between two of them the truth is interpolated.
+    """
+    truth = interpolated(reference, graph.keyframes.stamps_ns)
+    found = {}
+    for origin in EdgeOrigin:
+        squared = _squared_distances(truth, (e for e in graph.edges if e.origin is origin))
+        if len(squared):
+            mean, median = float(squared.mean()) / 6, float(np.median(squared)) / _MEDIAN
+            found[origin] = EdgeErrors(len(squared), mean, median)
+    return found
+
+
+def _squared_distances(truth: Float64, edges: Iterable[PoseGraphEdge]) -> Float64:
+    """Xi' P^-1 xi with xi = log(T_measured T_true^-1), where the truth is known."""
+    squared = []
+    for edge in edges:
+        T_true = se3.inverse(truth[edge.parent]) @ truth[edge.child]
+        if np.isfinite(T_true).all():
+            xi = se3.log(edge.T_parent_child @ se3.inverse(T_true))
+            squared.append(mahalanobis_squared(xi, edge.covariance))
+    return np.array(squared, np.float64)

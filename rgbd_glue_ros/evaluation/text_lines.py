@@ -1,0 +1,83 @@
+"""Lines of numbers in text files: what is wrong with one is said with its number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.types import Float64
+
+Row = TypeVar("Row")
+
+
+def parsed_lines(
+    path: Path, parse: Callable[[list[str]], Row], remedy: str, comment: str = "#"
+) -> Iterator[Row]:
+    """What ``parse`` makes of the words of each line that is neither empty nor a comment.
+
+    Args:
+        path: of the file.
+        parse: raises ValueError, ArithmeticError or IndexError where a line is malformed.
+        remedy: what to do then.
+        comment: what a comment begins with.
+
+    Raises:
+        InputError: the file cannot be read, or a line in it is malformed.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})", "give a text file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, "is no text", "give a text file") from error
+    for number, line in enumerate(lines, 1):
+        words = line.replace(",", " ").split()
+        if not words or line.lstrip().startswith(comment):
+            continue
+        try:
+            yield parse(words)
+        except (ValueError, ArithmeticError, IndexError) as error:
+            reason = str(error) if isinstance(error, ValueError) else "not a number"
+            raise InputError(f"{path}:{number}", reason, remedy) from error
+
+
+def parse_pose(words: list[str]) -> Float64:
+    """The pose [4, 4] written as x y z qx qy qz qw.
+
+    Raises:
+        ValueError: it is none.
+    """
+    numbers = finite_numbers(words, 7)
+    if not np.any(numbers[3:]):
+        raise ValueError("a quaternion of zeros")
+    return se3.from_translation_quaternion(numbers[:3], numbers[3:])
+
+
+def finite_numbers(words: list[str], count: int) -> Float64:
+    """So many finite numbers, float64 [count].
+
+    Raises:
+        ValueError: they are more or fewer, or one is not finite.
+    """
+    if len(words) != count:
+        raise ValueError(f"{len(words)} values where {count} belong")
+    numbers = np.array([float(word) for word in words])
+    if not np.isfinite(numbers).all():
+        raise ValueError("a value that is not finite")
+    return numbers
+
+
+def pose_text(T: Float64) -> str:
+    """X y z qx qy qz qw of a pose [4, 4]."""
+    return numbers_text(np.concatenate([T[:3, 3], se3.quaternion(T)]))
+
+
+def numbers_text(row: Float64) -> str:
+    """Numbers [N] with blanks between them."""
+    # 15 significant digits: shorter than an exact float, and far finer than any measurement
+    return " ".join(f"{value:.15g}" for value in row)

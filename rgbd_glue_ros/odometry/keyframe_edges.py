@@ -1,0 +1,85 @@
+"""What tracking measures between keyframes: the edges of a pose graph.
+
+An edge is of poses as tracked, from which no drift is taken out: what an anchor says of that is an
+edge of its own, and no edge contains another. Still, a frame is refined on the models of a few
+keyframes at once, and only the nearest is the parent, so that edges of neighbours err alike to
+some degree.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.parameters import Config, OdometryConfig
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
+
+
+def edge_from(
+    parent: Keyframe,
+    child: int,
+    T_track_camera: Float64,
+    covariance: Float64,
+    origin: EdgeOrigin = EdgeOrigin.TRACKING,
+) -> PoseGraphEdge:
+    """The edge to a frame whose pose is known beside its parent's.
+
+    Args:
+        parent: keyframe that the pose was found from.
+        child: number of the frame's keyframe.
+        T_track_camera: pose of the frame, in the frame of the parent's pose, float64 [4, 4].
+        covariance: float64 [6, 6] of the frame's pose given the parent's; perturbation on the
+            left, in the same frame.
+        origin: what measured it.
+    """
+    T_parent_track = se3.inverse(parent.T_odom_camera)
+    A = se3.adjoint(T_parent_track)
+    T_parent_child = T_parent_track @ T_track_camera
+    return PoseGraphEdge(parent.number, child, T_parent_child, A @ covariance @ A.T, origin)
+
+
+def revisit_edge(
+    anchor: Keyframe, keyframe: Keyframe, found: Refinement, config: Config
+) -> PoseGraphEdge:
+    """The edge from an anchor to a keyframe that was refined on the anchor's model."""
+    twist = keyframe.features.view.twist
+    covariance = refined_covariance(found, anchor.T_odom_camera, twist, config)
+    T = found.T_model_source
+    return edge_from(anchor, keyframe.number, T, covariance, EdgeOrigin.REVISIT)
+
+
+def refined_covariance(
+    found: Refinement, T_model_anchor: Float64, twist: Float64, config: Config
+) -> Float64:
+    """Covariance [6, 6] of a refined pose, perturbation on the left, in the model's frame.
+
+    Args:
+        found: the pose.
+        T_model_anchor: pose of the camera that the model is of, float64 [4, 4].
+        twist: velocity [6] of the camera whose pose it is.
+        config: how the residuals are correlated, and what they do not show.
+    """
+    T = found.T_model_source
+    seen = np.linalg.inv(found.information / config.refine.correlation)
+    distance = float(np.linalg.norm(T[:3, 3] - T_model_anchor[:3, 3]))
+    A = se3.adjoint(T)
+    covariance: Float64 = seen + A @ unseen_covariance(twist, distance, config.odometry) @ A.T
+    return covariance
+
+
+def unseen_covariance(twist: Float64, distance: float, config: OdometryConfig) -> Float64:
+    """What no residual shows of a relative pose: errors of time and of scale.
+
+    Args:
+        twist: velocity [6] of the camera.
+        distance: from the keyframe, metres.
+        config: how large they are.
+
+    Returns:
+        float64 [6, 6], in the camera's frame.
+    """
+    late = config.timing_error * np.linalg.norm(twist.reshape(2, 3), axis=1)
+    translation = late[0] ** 2 + (config.scale_error * distance) ** 2
+    return np.diag([translation] * 3 + [late[1] ** 2] * 3)

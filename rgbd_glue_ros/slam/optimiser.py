@@ -1,0 +1,130 @@
+"""The optimum of a pose graph, by GTSAM.
+
+Edges of tracking are taken as they are. Loops are believed as far as they agree with the rest, by
+graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas and Carlone 2020):
+one that contradicts gets the weight 0 and changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.errors import MissingExtraError
+from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, residual_covariance
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
+
+INLIER_PROBABILITY = 0.99
+"""A right loop's residual is below the threshold with this probability."""
+
+TRUSTED = frozenset({EdgeOrigin.TRACKING, EdgeOrigin.ASSUMED})
+"""Origins of edges that cannot have mistaken a place for another."""
+
+# GTSAM has rotation before translation
+_ROTATION_FIRST = np.array([3, 4, 5, 0, 1, 2])
+_FIXED_SIGMA = 1e-6
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A pose graph at its optimum.
+
+    Attributes:
+        graph: with optimised poses; the first is where it was.
+        weights: float64 [E], of its edges, 0 for one that was not believed.
+        chi_squared: sum of the believed edges' squared Mahalanobis distances.
+    """
+
+    graph: PoseGraph
+    weights: Float64
+    chi_squared: float
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Believed measurements less unknowns."""
+        believed = int((self.weights > 0.5).sum())
+        return 6 * (believed - len(self.graph.keyframes) + 1)
+
+
+def load_gtsam(purpose: str = "the optimum of a pose graph") -> Any:
+    """The module.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    try:
+        import gtsam  # noqa: PLC0415
+    except ImportError as error:
+        raise MissingExtraError("gtsam", "slam", purpose) from error
+    return gtsam
+
+
+def between_factor(gtsam: Any, edge: PoseGraphEdge) -> Any:
+    """An edge as GTSAM's ``BetweenFactorPose3``, keys being numbers of keyframes."""
+    covariance = residual_covariance(edge)[np.ix_(_ROTATION_FIRST, _ROTATION_FIRST)]
+    noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+    T = gtsam.Pose3(edge.T_parent_child)
+    return gtsam.BetweenFactorPose3(edge.parent, edge.child, T, noise)
+
+
+def fixed_factor(gtsam: Any, key: int, T: Float64) -> Any:
+    """Holds a keyframe where it is."""
+    noise = gtsam.noiseModel.Isotropic.Sigma(6, _FIXED_SIGMA)
+    return gtsam.PriorFactorPose3(key, gtsam.Pose3(T), noise)
+
+
+def factor_graph(gtsam: Any, graph: PoseGraph) -> Any:
+    """The ``NonlinearFactorGraph``: the first keyframe fixed, then a factor for every edge."""
+    factors = gtsam.NonlinearFactorGraph()
+    factors.add(fixed_factor(gtsam, 0, graph.keyframes.poses[0]))
+    for edge in graph.edges:
+        factors.add(between_factor(gtsam, edge))
+    return factors
+
+
+def optimise(graph: PoseGraph) -> Optimum:
+    """The most likely poses.
+
+    Args:
+        graph: connected, with one keyframe at least.
+
+    Raises:
+        MissingExtraError: GTSAM is not installed.
+    """
+    gtsam = load_gtsam()
+    factors = factor_graph(gtsam, graph)
+    initial = _values(gtsam, graph.keyframes.poses)
+    doubted = [edge.origin not in TRUSTED for edge in graph.edges]
+    if any(doubted):
+        found, weights = _graduated(gtsam, factors, initial, doubted)
+    else:
+        found = gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()
+        weights = np.ones(len(graph.edges))
+    poses = np.array([found.atPose3(key).matrix() for key in range(len(graph.keyframes))])
+    errors = np.array([2 * factors.at(1 + i).error(found) for i in range(len(graph.edges))])
+    keyframes = Trajectory(graph.keyframes.stamps_ns, poses.reshape(-1, 4, 4))
+    return Optimum(replace(graph, keyframes=keyframes), weights, float(weights @ errors))
+
+
+def _graduated(
+    gtsam: Any, factors: Any, initial: Any, doubted: Iterable[bool]
+) -> tuple[Any, Float64]:
+    """The optimum, and a weight for every edge."""
+    params = gtsam.GncLMParams()
+    params.setLossType(gtsam.GncLossType.TLS)
+    # the first factor holds the first keyframe
+    params.setKnownInliers([0, *(i for i, doubt in enumerate(doubted, 1) if not doubt)])
+    optimiser = gtsam.GncLMOptimizer(factors, initial, params)
+    optimiser.setInlierCostThresholdsAtProbability(INLIER_PROBABILITY)
+    found = optimiser.optimize()
+    return found, np.asarray(optimiser.getWeights(), np.float64)[1:]
+
+
+def _values(gtsam: Any, poses: Float64) -> Any:
+    values = gtsam.Values()
+    for key, T in enumerate(poses):
+        values.insert(key, gtsam.Pose3(T))
+    return values
