@@ -96,6 +96,10 @@ setup(
             "networkx>=3.2",
             "small_gicp>=1.0",
         ],
+        # commands, options and parameters completed by the shell
+        "completion": [
+            "argcomplete>=3.1",
+        ],
         # pairs and replays on many processes or machines
         "scale": [
             "dask>=2024.8",

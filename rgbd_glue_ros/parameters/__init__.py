@@ -9,6 +9,7 @@ from __future__ import annotations
 from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES, by_current_names
 from rgbd_glue_ros.parameters.files import (
     PACKAGE,
+    explain,
     load_preset,
     load_yaml,
     parse_assignment,
@@ -67,6 +68,7 @@ __all__ = [
     "TimingConfig",
     "Value",
     "by_current_names",
+    "explain",
     "fixed_because",
     "load_preset",
     "load_yaml",

@@ -10,8 +10,10 @@ from typing import Any, TypeVar
 import yaml
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES
 from rgbd_glue_ros.parameters.method import Config
-from rgbd_glue_ros.parameters.parameter import parameters, values, with_values
+from rgbd_glue_ros.parameters.node import NodeConfig, fixed_because
+from rgbd_glue_ros.parameters.parameter import parameters, unknown_parameter, values, with_values
 
 C = TypeVar("C")
 
@@ -107,7 +109,7 @@ def to_yaml(config: object) -> str:
                 lines.append("  " * (depth + 2) + f"{section}:")
         sections = path
         indent = "  " * (len(path) + 2)
-        value = yaml.safe_dump(current[parameter.name], width=math.inf).splitlines()[0]
+        value = _scalar(current[parameter.name])
         lines.append(f"{indent}# {parameter.description} Takes {parameter.allowed}.")
         lines.append(f"{indent}{name}: {value}")
     return "\n".join(lines) + "\n"
@@ -122,3 +124,37 @@ def to_markdown(config: object) -> str:
         for p in parameters(config)
     ]
     return "\n".join(rows) + "\n"
+
+
+def explain(name: str, config: Config) -> str:
+    """What is known of a parameter, or of all in a section: a paragraph each.
+
+    Args:
+        name: of a parameter of the method or the node, or of a section, as ``glue``; or an alias.
+        config: has the values of the method's.
+
+    Raises:
+        InputError: there is neither.
+    """
+    name = OLD_NAMES.get(name) or USUAL_NAMES.get(name) or name
+    current = {**values(config), **values(NodeConfig())}
+    declared = {p.name: p for part in (Config(), NodeConfig()) for p in parameters(part)}
+    chosen = [p for p in declared.values() if name == p.name or p.name.startswith(f"{name}.")]
+    if not chosen:
+        raise unknown_parameter(name, declared)
+    paragraphs = []
+    for parameter in chosen:
+        fixed = fixed_because(parameter.name)
+        paragraphs.append(
+            f"{parameter.name}: {_scalar(current[parameter.name])}\n"
+            f"  {parameter.description}\n"
+            f"  Takes {parameter.allowed}; {_scalar(parameter.default)} unless a preset or you say "
+            "otherwise.\n"
+            f"  While the node runs it {f'cannot change: {fixed}' if fixed else 'can change'}.\n"
+        )
+    return "\n".join(paragraphs)
+
+
+def _scalar(value: object) -> str:
+    """A value as YAML has it."""
+    return yaml.safe_dump(value, width=math.inf).splitlines()[0]

@@ -8,7 +8,9 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -16,7 +18,8 @@ import yaml
 from rigs.data_sets import write_data_set
 from rigs.paths import ROOT
 
-from rgbd_glue_ros.cli import main as cli
+from rgbd_glue_ros.cli import commands, parser
+from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.errors import MissingExtraError
 from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
 from rgbd_glue_ros.types import Trajectory
@@ -42,14 +45,14 @@ def test_help_names_every_command_and_loads_nothing_heavy() -> None:
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    for known in cli.COMMANDS:
+    for known in commands.COMMANDS:
         assert f"    {known.name} " in done.stdout
 
 
-@pytest.mark.parametrize("name", [known.name for known in cli.COMMANDS])
+@pytest.mark.parametrize("name", [known.name for known in commands.COMMANDS])
 def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
-        cli.main([name, "--help"])
+        main([name, "--help"])
     assert end.value.code == 0
     assert f"rgbd-glue {name}" in capsys.readouterr().out
 
@@ -58,7 +61,11 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
     ("arguments", "says"),
     [
         ([], "COMMAND"),
-        (["dance"], "invalid choice: 'dance'"),
+        (["dance"], "dance: no such command; see rgbd-glue --help"),
+        (["relpay", "x"], "relpay: no such command, did you mean replay?"),
+        (["--versoin"], "--versoin: no such option, did you mean --version?"),
+        (["replay", "x", "--gruond-truth=y"], "--gruond-truth: no such option, did you mean --gro"),
+        (["evaluate", "a", "b", "c"], "c: an argument too many; see rgbd-glue evaluate --help"),
         (["evaluate", "a"], "REF"),
         (["evaluate", "absent.txt", "b"], "absent.txt: cannot be read"),
         (["params", "--preset", "dead"], "'dead'"),
@@ -67,7 +74,8 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["params", "--set", "glue.k=0.5"], "from 1 to 100"),
         (["replay", "absent", "-o", "out"], "absent: does not exist"),
         (["replay", "test", "-o", "out"], "rgb.txt and depth.txt"),
-        (["replay", "test"], "-o"),
+        (["params", "glue.q"], "did you mean glue.k?"),
+        (["params", "node"], "node: no such parameter"),
         (["replay", "test", "-o", "out", "--limit", "0"], "'0'"),
         (["replay", "test", "-o", "out", "--limit", "many"], "'many'"),
         (["replay", "test", "-o", "out", "--calibration", "README.md"], "README.md"),
@@ -83,36 +91,44 @@ def test_bad_input_is_one_line_on_stderr_and_exit_code_2(arguments: list[str], s
     assert says in line
 
 
-def failing(error: Exception) -> cli.Command:
-    def fail(_: object) -> str:
-        raise error
+@pytest.fixture
+def fail_with(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception], None]:
+    """Adds a command ``fail`` that raises."""
 
-    return cli.Command("fail", "fails", lambda _: None, fail)
+    def add(error: Exception) -> None:
+        def run(_: object) -> str:
+            raise error
+
+        module = ModuleType("rgbd_glue_ros.cli.fail")
+        module.__dict__.update(add_arguments=lambda _: None, run=run)
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.setattr(parser, "COMMANDS", (commands.Command("fail", "fails"),))
+
+    return add
 
 
 def test_a_failure_inside_is_one_line_and_exit_code_1(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    fail_with: Callable[[Exception], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(cli, "COMMANDS", (failing(RuntimeError("a\nb")),))
-    assert cli.main(["fail"]) == 1
+    fail_with(RuntimeError("a\nb"))
+    assert main(["fail"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line == "rgbd-glue: failure inside: RuntimeError: a b; --debug shows where"
 
 
 def test_debug_shows_where_an_error_arose(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    fail_with: Callable[[Exception], None], caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(cli, "COMMANDS", (failing(RuntimeError("inside")),))
-    assert cli.main(["fail", "--debug"]) == 1
+    fail_with(RuntimeError("inside"))
+    assert main(["fail", "--debug"]) == 1
     assert "Traceback" in caplog.text
 
 
 def test_a_missing_extra_is_named_with_exit_code_2(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    fail_with: Callable[[Exception], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    error = MissingExtraError("Open3D", "open3d", "fpfh")
-    monkeypatch.setattr(cli, "COMMANDS", (failing(error),))
-    assert cli.main(["fail"]) == 2
+    fail_with(MissingExtraError("Open3D", "open3d", "fpfh"))
+    assert main(["fail"]) == 2
     assert "pip install 'rgbd_glue_ros[open3d]'" in capsys.readouterr().err
 
 
@@ -129,6 +145,33 @@ def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -
     assert tree["seed"] == 5
     done = run("params", "--markdown")
     assert "| `glue.k` |" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("glue.k", "glue.k: 3.0\n  K of equation 4"),
+        ("glue", "glue.confidence: 0.95"),
+        ("features.visual", "Takes one of none, orb"),
+        ("features.visual", "cannot change: the keyframes hold"),
+        ("camera_axes", "camera_axes: body"),
+        ("reset_countdown", "odometry.reset_countdown: 30"),
+    ],
+)
+def test_a_parameter_is_explained_by_its_name_its_section_or_an_alias(
+    name: str, says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["params", name, "--set", "glue.k=3"]) == 0
+    assert says in capsys.readouterr().out
+
+
+def test_a_tilde_is_the_home_folder_also_behind_an_equals_sign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for words in (["-o=~/x"], ["--output=~/x"], ["-o", "~/x"]):
+        assert parser.parse(["replay", "~/bag", *words]).output == tmp_path / "x"
+    assert parser.parse(["replay", "~/bag"]).recordings == [tmp_path / "bag"]
 
 
 def test_a_reader_that_goes_away_is_no_error() -> None:

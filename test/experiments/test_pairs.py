@@ -17,6 +17,7 @@ from rigs.geometry import room_points
 from rigs.room import CAMERA
 
 from rgbd_glue_ros.cli import main as cli
+from rgbd_glue_ros.cli.parser import BAD_INPUT
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
@@ -391,5 +392,5 @@ def test_the_command_fills_in_a_table_of_the_paper(
 
 
 def test_without_a_recording_it_is_said_what_to_name(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["pairs", "-o", "out"]) == cli.BAD_INPUT
+    assert cli.main(["pairs", "-o", "out"]) == BAD_INPUT
     assert "no recording is given; name a data set or a bag" in capsys.readouterr().err

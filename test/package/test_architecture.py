@@ -34,6 +34,7 @@ ORDER = """
 ROOT_MODULES = {"__main__", "compiled", "errors", "stopwatch", "types"}
 ROS_PLACES = ("node", "experiments/demo/player.py")
 OPTIONAL_LIBRARIES = {
+    "argcomplete",
     "dask",
     "distributed",
     "open3d",

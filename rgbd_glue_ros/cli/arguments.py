@@ -1,0 +1,188 @@
+"""Arguments that several commands have, and what they stand for."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.parameters import Config
+    from rgbd_glue_ros.recordings import Recording
+
+RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder of a data set"
+
+
+def path(text: str) -> Path:
+    """A path; ``~`` is the home folder, which shells leave as it is in ``-o=~/out``."""
+    return Path(text).expanduser()
+
+
+def positive(text: str) -> int:
+    """A whole number above zero."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number above zero")
+    return int(text)
+
+
+def positive_number(text: str) -> float:
+    """A finite number above zero."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no number above zero")
+    return number
+
+
+def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str = "") -> None:
+    """``-o``; of a default that depends on other arguments (None), ``said`` is what it is."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=path,
+        default=default,
+        help=f"where the results go (default: {said or default})",
+    )
+
+
+def add_limit(parser: argparse.ArgumentParser) -> None:
+    """``--limit``."""
+    parser.add_argument("--limit", metavar="N", type=positive, help="stop after N frames")
+
+
+def add_recording(parser: argparse.ArgumentParser) -> None:
+    """One SRC, and how it is read."""
+    parser.add_argument("recording", metavar="SRC", type=path, help=RECORDING)
+    add_topics(parser)
+
+
+def add_recordings(parser: argparse.ArgumentParser, least: Literal["+", "*"] = "+") -> None:
+    """Any number of SRC, and how they are read."""
+    parser.add_argument(
+        "recordings", metavar="SRC", type=path, nargs=least, help=f"{RECORDING}, or one of many"
+    )
+    parser.add_argument(
+        "--only",
+        metavar="SPLIT",
+        help="of many recordings those of an official split (3dmatch-test, 7-scenes-test, "
+        "scannet-v2-test), or those named in a file, one a line",
+    )
+    add_topics(parser)
+
+
+def add_topics(parser: argparse.ArgumentParser) -> None:
+    """How recordings are read."""
+    for kind, what in (
+        ("color", "colour images"),
+        ("depth", "depth images"),
+        ("info", "camera infos"),
+        ("truth", "true poses"),
+    ):
+        parser.add_argument(
+            f"--{kind}-topic",
+            metavar="TOPIC",
+            help=f"topic of a bag's {what} in place of the one found by type and name",
+        )
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        type=path,
+        help="camera info (YAML or JSON) in place of the recording's",
+    )
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Where many recordings are worked on."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers",
+        metavar="N",
+        type=positive,
+        help="work in N processes on this machine (needs the extra scale)",
+    )
+    where.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="work on a Dask cluster, such as tcp://host:8786; its workers have to see the same "
+        "files",
+    )
+
+
+def add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
+    """The parameters of the method."""
+    parser.add_argument(
+        "--preset",
+        default=preset,
+        help="preset to start from: live or paper (default: %(default)s)",
+    ).completer = _presets  # type: ignore[attr-defined]
+    parser.add_argument(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="set a parameter, as in --set glue.k=3; may be repeated",
+    ).completer = _assignments  # type: ignore[attr-defined]
+
+
+def sources(args: argparse.Namespace) -> list[Path]:
+    """The recordings at and below every SRC that ``--only`` leaves.
+
+    Raises:
+        InputError: there are none.
+    """
+    from rgbd_glue_ros.recordings import recordings, split
+
+    return recordings(args.recordings, split(args.only) if args.only else None)
+
+
+def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
+    """Opens recordings as the arguments say, in this process or another."""
+    from rgbd_glue_ros.recordings import Topics, load_calibration, open_recording
+
+    topics = Topics(args.color_topic, args.depth_topic, args.info_topic, args.truth_topic)
+    calibration = load_calibration(args.calibration) if args.calibration else None
+    return partial(open_recording, topics=topics, calibration=calibration)
+
+
+def config(args: argparse.Namespace) -> Config:
+    """The preset with what ``--set`` changes.
+
+    Raises:
+        InputError: there is no such preset or parameter, or a value is not allowed.
+    """
+    from rgbd_glue_ros.parameters import load_preset, parse_assignment, with_values
+
+    return with_values(load_preset(args.preset), dict(map(parse_assignment, args.set)))
+
+
+def parameter_names(prefix: str = "", **_: object) -> list[str]:
+    """The names of all parameters that begin with ``prefix``, for the shell to complete."""
+    from rgbd_glue_ros.parameters import Config, parameters
+
+    return [p.name for p in parameters(Config()) if p.name.startswith(prefix)]
+
+
+def _assignments(prefix: str, **_: object) -> list[str]:
+    """``NAME=``, and after it the values that a parameter can have, where these can be listed."""
+    from rgbd_glue_ros.parameters import Config, parameters
+
+    given = prefix.partition("=")[0]
+    if "=" not in prefix:
+        return [f"{name}=" for name in parameter_names(prefix)]
+    return [
+        f"{p.name}={value}"
+        for p in parameters(Config())
+        if p.name == given
+        for value in (p.choices or (("true", "false") if p.type is bool else ()))
+    ]
+
+
+def _presets(**_: object) -> list[str]:
+    from rgbd_glue_ros.parameters import share_directory
+
+    return sorted(path.stem for path in (share_directory() / "config").glob("*.yaml"))

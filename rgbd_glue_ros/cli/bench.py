@@ -1,0 +1,106 @@
+"""``rgbd-glue bench``: speed and error beside others."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rgbd_glue_ros.cli import arguments
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.bench.part import Part
+    from rgbd_glue_ros.recordings import Recording
+
+logger = logging.getLogger(__name__)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Recordings, parameters, output, and what is measured."""
+    parser.add_argument(
+        "recordings",
+        metavar="SRC",
+        type=arguments.path,
+        nargs="*",
+        help=f"{arguments.RECORDING}; the bundled recording if none is given",
+    )
+    arguments.add_topics(parser)
+    arguments.add_config(parser)
+    arguments.add_output(parser, Path("out/bench"))
+    arguments.add_limit(parser)
+    parser.add_argument(
+        "--peer",
+        metavar="NAME",
+        action="append",
+        help="peer to measure beside ours (default: those for odometry); may be repeated",
+    )
+    parser.add_argument(
+        "--patience",
+        metavar="S",
+        type=arguments.positive_number,
+        default=120.0,
+        help="seconds for each peer and recording; what it got done by then counts "
+        "(default: %(default)g)",
+    )
+    parser.add_argument(
+        "--robustness",
+        action="store_true",
+        help="also with frames missing, dark, blind or patchy, or with somebody in them",
+    )
+    parser.add_argument(
+        "--live", action="store_true", help="also played to the node over DDS, at its own rate"
+    )
+    parser.add_argument(
+        "--memory",
+        metavar="N",
+        type=arguments.positive,
+        default=0,
+        help="also watch the memory over N frames of the first recording, over and over",
+    )
+
+
+def run(args: argparse.Namespace) -> str:
+    """Measures and returns the tables."""
+    import shlex
+
+    from rgbd_glue_ros.cli.parser import PROGRAM
+    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.experiments.bench import ODOMETRIES, TABLES, Plan, run_bench
+    from rgbd_glue_ros.experiments.demo.demo import bundled_bag
+    from rgbd_glue_ros.recordings import recordings
+
+    plan = Plan(
+        arguments.config(args),
+        args.peer or ODOMETRIES,
+        args.limit,
+        args.patience,
+        args.robustness,
+        args.live,
+        args.memory,
+        command=shlex.join([PROGRAM, *args.words]),
+    )
+    with bar(" frames", 0) as shown:
+
+        def begin(part: Part, recording: Recording) -> None:
+            shown.reset(part.frame_count)
+            shown.set_description(f"{recording.name}, {part.title}")
+
+        def step() -> None:
+            shown.update()
+
+        try:
+            run_bench(
+                recordings(args.recordings or [bundled_bag()]),
+                arguments.opener(args),
+                plan,
+                args.output,
+                on_part=begin,
+                on_frame=step,
+            )
+        except KeyboardInterrupt:
+            shown.close()
+            logger.warning("interrupted; what was measured is in %s", args.output)
+            raise
+    tables = args.output / TABLES
+    return f"{tables.read_text(encoding='utf-8')}\ntables   {tables}\n"

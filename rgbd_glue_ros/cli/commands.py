@@ -1,0 +1,53 @@
+"""The commands there are: a line here and a module of the same name, with two functions."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Protocol, cast
+
+
+class CommandModule(Protocol):
+    """What the module of a command has."""
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declares the command's arguments."""
+
+    def run(self, args: argparse.Namespace) -> str:
+        """Does it and returns what to print.
+
+        Raises:
+            InputError: the user can mend it.
+            MissingExtraError: a library is not installed.
+        """
+
+
+@dataclass(frozen=True)
+class Command:
+    """A subcommand.
+
+    Attributes:
+        name: on the command line, and of the module in this folder.
+        summary: one line for the help.
+    """
+
+    name: str
+    summary: str
+
+    @property
+    def module(self) -> CommandModule:
+        """Its module, which is loaded when it is first needed."""
+        return cast(CommandModule, import_module(f"{__package__}.{self.name}"))
+
+
+COMMANDS = (
+    Command("demo", "play the bundled bag to the node over DDS"),
+    Command("replay", "run the odometry over a recording"),
+    Command("evaluate", "compare a trajectory with the truth"),
+    Command("convert", "turn a data set into a rosbag2, or a bag into a TUM RGB-D folder"),
+    Command("pairs", "register pairs of frames as in the paper's experiments"),
+    Command("fetch", "download public data sets"),
+    Command("bench", "measure speed and error beside others, in one run"),
+    Command("params", "print parameters with unit, range and meaning"),
+)

@@ -1,0 +1,59 @@
+"""``rgbd-glue evaluate``: the errors of a trajectory."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from rgbd_glue_ros.cli.arguments import path
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Two trajectories."""
+    parser.add_argument("estimate", metavar="EST", type=path, help="trajectory (TUM format)")
+    parser.add_argument("reference", metavar="REF", type=path, help="true trajectory (TUM format)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def run(args: argparse.Namespace) -> str:
+    """Evaluates and returns a table or JSON."""
+    from rgbd_glue_ros.evaluation.trajectory import read_tum
+    from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+
+    evaluation = evaluate(read_tum(args.estimate), read_tum(args.reference))
+    return _json(evaluation) if args.json else _table(evaluation)
+
+
+def _json(evaluation: Evaluation) -> str:
+    content = {
+        "poses": len(evaluation.stamps_ns),
+        "ape": asdict(evaluation.ape),
+        "rpe": asdict(evaluation.rpe) if evaluation.rpe else None,
+    }
+    return json.dumps(content, indent=2) + "\n"
+
+
+def _table(evaluation: Evaluation) -> str:
+    ape, rpe = evaluation.ape, evaluation.rpe
+    rows = [
+        f"{len(evaluation.stamps_ns)} poses, paired one-to-one by time",
+        "APE, SE(3) aligned (m)",
+        f"  rmse    {ape.rmse_m:.6f}",
+        f"  mean    {ape.mean_m:.6f}",
+        f"  median  {ape.median_m:.6f}",
+        f"  max     {ape.max_m:.6f}",
+    ]
+    if rpe is None:
+        rows.append("RPE: the trajectory is too short")
+    else:
+        rows += [
+            f"RPE over {rpe.delta_s:g} s, rmse",
+            f"  translation  {rpe.trans_rmse_m:.6f} m",
+            f"  rotation     {rpe.rot_rmse_deg:.6f} deg",
+        ]
+    return "\n".join(rows) + "\n"

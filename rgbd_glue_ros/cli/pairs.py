@@ -1,0 +1,154 @@
+"""``rgbd-glue pairs``: the experiments of the paper."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.pairs.methods import Estimator
+    from rgbd_glue_ros.experiments.pairs.paper_tables import PaperTable
+    from rgbd_glue_ros.parameters import Config
+
+logger = logging.getLogger(__name__)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Recordings, parameters, output, and which pairs by which methods."""
+    arguments.add_recordings(parser, least="*")
+    parser.add_argument(
+        "--data",
+        metavar="SRC",
+        type=arguments.path,
+        action="append",
+        default=[],
+        help="the same as SRC",
+    )
+    arguments.add_config(parser, preset="paper")
+    parser.add_argument(
+        "--gap",
+        metavar="N",
+        type=arguments.positive,
+        action="append",
+        help="frames between the two of a pair (default: 20); may be repeated",
+    )
+    parser.add_argument(
+        "--every",
+        metavar="N",
+        type=arguments.positive,
+        help="start a pair at every N-th frame (default: the gap)",
+    )
+    parser.add_argument(
+        "--table",
+        metavar="NUMBER",
+        help="fill in a table of the paper, 1 to 6 or S1 to S3, at its gaps and with its methods",
+    )
+    parser.add_argument(
+        "--peers",
+        metavar="NAMES",
+        default="",
+        help="methods of others to measure on the same pairs, with commas between, or all",
+    )
+    arguments.add_output(parser, Path("out/pairs"))
+    arguments.add_workers(parser)
+
+
+def run(args: argparse.Namespace) -> str:
+    """Registers the pairs and returns their figures."""
+    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.experiments.batch.workers import pool
+    from rgbd_glue_ros.experiments.pairs.experiment import REPORT, TABLES, Experiment, run_pairs
+
+    table = _paper_table(args)
+    config = arguments.config(args)
+    others: dict[str, Estimator] = {peer: peer for peer in _peers(args.peers)}
+    others |= table.estimators(config)[0] if table else {}
+    # a row that is the configuration itself is measured already
+    others = {name: other for name, other in others.items() if other != config}
+    gaps = sorted({*(args.gap or (table.gaps if table else [20]))})
+    experiment = Experiment(config, gaps, args.every, others)
+    args.recordings += args.data
+    if not args.recordings:
+        raise InputError("pairs", "no recording is given", "name a data set or a bag")
+    sources = arguments.sources(args)
+    with pool(args.workers, args.scheduler) as workers, bar(" pairs", 0) as shown:
+
+        def expect(total: int, done: int) -> None:
+            shown.total, shown.initial = total, done
+            shown.update(done)
+            if done:
+                logger.warning("going on after %d pairs that an earlier run left", done)
+
+        def step(_: object) -> None:
+            shown.update()
+
+        try:
+            figures = run_pairs(
+                sources,
+                arguments.opener(args),
+                experiment,
+                args.output,
+                pool=workers,
+                on_planned=expect,
+                on_pair=step,
+            )
+        except KeyboardInterrupt:
+            shown.close()
+            if experiment.results:
+                logger.warning(
+                    "interrupted; what was done is in %s, and the same command goes on",
+                    args.output,
+                )
+            raise
+    summary = _summary(figures)
+    summary += f"tables   {args.output / TABLES}\nreport   {args.output / REPORT}\n"
+    return summary if table is None else summary + _write_table(table, config, figures, args.output)
+
+
+def _paper_table(args: argparse.Namespace) -> PaperTable | None:
+    from rgbd_glue_ros.experiments.pairs.paper_tables import paper_table
+
+    return paper_table(args.table) if args.table else None
+
+
+def _write_table(table: PaperTable, config: Config, figures: dict[str, Any], folder: Path) -> str:
+    from rgbd_glue_ros.experiments.pairs.paper_tables import render
+
+    estimators, absent = table.estimators(config)
+    measured = {
+        name: figures["gaps"] if estimator == config else figures["others"][name]["gaps"]
+        for name, estimator in estimators.items()
+        if name not in figures["absent"]
+    }
+    text = render(table, measured, {**figures["absent"], **absent}, figures["sources"])
+    path = folder / f"table_{table.number}.md"
+    path.write_text(text, encoding="utf-8")
+    return f"table    {path}\n\n{text}"
+
+
+def _peers(text: str) -> list[str]:
+    from rgbd_glue_ros.experiments.peers import PEERS
+
+    names = list(PEERS) if text == "all" else [name for name in text.split(",") if name]
+    for name in names:
+        if name not in PEERS:
+            raise InputError(
+                f"--peers {name}", "no such peer", f"take all, or some of {', '.join(PEERS)}"
+            )
+    return names
+
+
+def _summary(figures: dict[str, Any]) -> str:
+    lines = []
+    for gap, content in figures["gaps"].items():
+        mean = "{rotation_deg[mean]:.2f} deg, {translation_cm[mean]:.2f} cm, {chamfer_mm[mean]:.2f}"
+        lines.append(
+            f"gap {gap:<4} {content['pairs']} pairs, {content['failed']} failed; mean error "
+            f"{mean.format(**content)} mm chamfer; {content['seconds_per_pair']:.2f} s/pair\n"
+        )
+    return "".join(lines)

@@ -1,0 +1,29 @@
+"""``rgbd-glue params``: the parameters of the method and of the node."""
+
+from __future__ import annotations
+
+import argparse
+
+from rgbd_glue_ros.cli import arguments
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """One parameter, or the configuration of all."""
+    parser.add_argument(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        help="parameter or section to explain, such as glue.k or glue; also one of the node's",
+    ).completer = arguments.parameter_names  # type: ignore[attr-defined]
+    arguments.add_config(parser)
+    parser.add_argument("--markdown", action="store_true", help="print a table, not YAML")
+
+
+def run(args: argparse.Namespace) -> str:
+    """The configuration as YAML or as a table, or what is known of some parameters."""
+    from rgbd_glue_ros.parameters import explain, to_markdown, to_yaml
+
+    config = arguments.config(args)
+    if args.name:
+        return explain(args.name, config)
+    return to_markdown(config) if args.markdown else to_yaml(config)

@@ -1,0 +1,121 @@
+"""Reads the words of the command line: what is wrong with them is said in one line."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from importlib import metadata
+from typing import Any, NoReturn
+
+from rgbd_glue_ros.cli.commands import COMMANDS
+
+PROGRAM = "rgbd-glue"
+BAD_INPUT = 2
+
+
+class Parser(argparse.ArgumentParser):
+    """Names what an unknown word was perhaps meant to be; argparse prints the usage instead."""
+
+    def error(self, message: str) -> NoReturn:
+        """Ends the process with one line."""
+        self.exit(BAD_INPUT, f"{PROGRAM}: {message}; see {self.prog} --help\n")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does it, but an unknown word is an error of the command that it is given to.
+
+        argparse would report it from the program's own parser, which does not know the options.
+        """
+        parsed, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.refuse(unknown[0])
+        return parsed, unknown
+
+    @property
+    def options(self) -> list[str]:
+        """The options that it knows."""
+        return [*self._option_string_actions]
+
+    def refuse(self, word: str) -> NoReturn:
+        """Ends the process with what is wrong with an unknown word."""
+        if not word.startswith("-"):
+            self.error(f"{word}: an argument too many")
+        option = word.partition("=")[0]
+        self.error(f"{option}: no such option{did_you_mean(option, self.options)}")
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The known word that is most like ``word``, as a question; "" if none is."""
+    near = difflib.get_close_matches(word, [*known], n=1)
+    return f", did you mean {near[0]}?" if near else ""
+
+
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """The arguments; ``command`` is the command, and ``words`` the words.
+
+    Ends the process where they make no sense, and where help or the version is asked for.
+    """
+    parser = _program()
+    chosen = next((word for word in words if not word.startswith("-")), None)
+    names = [command.name for command in COMMANDS]
+    if chosen is None and words and words[0] not in parser.options:
+        parser.refuse(words[0])
+    if chosen is not None and chosen not in names:
+        parser.error(f"{chosen}: no such command{did_you_mean(chosen, names)}")
+    _add_commands(parser, chosen)
+    args = parser.parse_args(words)
+    args.words = list(words)
+    return args
+
+
+def complete() -> None:
+    """Answers the shell and ends the process, where it asks for the completion of a line.
+
+    argcomplete is optional: a shell only asks when its user has installed it and set it up.
+    """
+    if "_ARGCOMPLETE" not in os.environ:
+        return
+    try:
+        import argcomplete
+    except ImportError:
+        return
+    parser = _program()
+    _add_commands(parser, None, all_arguments=True)
+    argcomplete.autocomplete(parser)
+
+
+def _program() -> Parser:
+    parser = Parser(
+        PROGRAM, description="RGB-D odometry by RGBD-Glue: replay, evaluate, convert, measure."
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    return parser
+
+
+def _add_commands(parser: Parser, chosen: str | None, *, all_arguments: bool = False) -> None:
+    """Adds the commands, and the arguments of the chosen one alone: the others need no loading."""
+    common = Parser(add_help=False)
+    common.add_argument("--debug", action="store_true", help="show where an error arose")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        child = commands.add_parser(
+            command.name,
+            help=command.summary,
+            description=command.summary[0].upper() + command.summary[1:] + ".",
+            parents=[common],
+        )
+        child.set_defaults(command=command)
+        if all_arguments or command.name == chosen:
+            command.module.add_arguments(child)
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        try:
+            version = metadata.version("rgbd_glue_ros")
+        except metadata.PackageNotFoundError:
+            version = "(not installed)"
+        sys.stdout.write(f"{PROGRAM} {version}\n")
+        parser.exit()

@@ -1,0 +1,13 @@
+"""Progress bars, which only those see who watch a terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tqdm import tqdm
+
+
+def bar(unit: str, total: int | None = None, **options: Any) -> tqdm[Any]:
+    """A bar that counts in ``unit``, as in " frames"; ``options`` are tqdm's."""
+    # None: no bar where nobody watches
+    return tqdm(total=total, unit=unit, disable=None, dynamic_ncols=True, **options)

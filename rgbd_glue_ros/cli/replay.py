@@ -1,0 +1,126 @@
+"""``rgbd-glue replay``: the odometry over one recording or many."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.types import OdometryEstimate
+
+logger = logging.getLogger(__name__)
+
+OUTPUT = Path("out/replay")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Recordings, parameters, output, truth and workers."""
+    arguments.add_recordings(parser)
+    arguments.add_config(parser)
+    arguments.add_output(parser, None, f"{OUTPUT}/NAME of one SRC, {OUTPUT} of many")
+    parser.add_argument(
+        "--ground-truth",
+        metavar="FILE",
+        type=arguments.path,
+        help="true trajectory (TUM format) in place of the recording's",
+    )
+    arguments.add_limit(parser)
+    arguments.add_workers(parser)
+
+
+def run(args: argparse.Namespace) -> str:
+    """Replays and returns the figures, or the table of many."""
+    sources = arguments.sources(args)
+    if len(sources) > 1:
+        return _replay_many(args, sources, args.output or OUTPUT)
+    (source,) = sources
+    return _replay_one(args, source, args.output or OUTPUT / source.resolve().stem)
+
+
+def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) -> str:
+    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.experiments.batch.workers import pool
+    from rgbd_glue_ros.experiments.replay.batch import TABLE, run_replays
+
+    if args.ground_truth:
+        raise InputError("--ground-truth", "is of one recording", "give one SRC")
+    config = arguments.config(args)
+    with (
+        pool(args.workers, args.scheduler) as workers,
+        bar(" recordings", len(sources)) as shown,
+    ):
+
+        def expect(_: int, done: int) -> None:
+            shown.update(done)
+            if done:
+                logger.warning("going on after %d recordings that an earlier run left", done)
+
+        def step(name: str) -> None:
+            shown.set_postfix_str(name, refresh=False)
+            shown.update()
+
+        run_replays(
+            sources,
+            arguments.opener(args),
+            config,
+            folder,
+            pool=workers,
+            limit=args.limit,
+            on_planned=expect,
+            on_replayed=step,
+        )
+    table = folder / TABLE
+    return f"{table.read_text(encoding='utf-8')}table    {table}\n"
+
+
+def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
+    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.evaluation.trajectory import read_tum
+    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, replay
+
+    config = arguments.config(args)
+    truth = read_tum(args.ground_truth) if args.ground_truth else None
+    with arguments.opener(args)(source) as recording:
+        total = min(recording.frame_count, args.limit or recording.frame_count)
+        with bar(" frames", total) as shown:
+
+            def show(estimate: OdometryEstimate) -> None:
+                shown.set_postfix_str(estimate.state.value, refresh=False)
+                shown.update()
+
+            try:
+                replay(
+                    recording,
+                    config,
+                    folder,
+                    ground_truth=truth,
+                    limit=args.limit,
+                    on_frame=show,
+                )
+            except KeyboardInterrupt:
+                shown.close()
+                logger.warning("interrupted; what was done is in %s", folder)
+                raise
+    figures = json.loads((folder / METRICS).read_text(encoding="utf-8"))
+    return f"{summary(figures)}report   {folder / REPORT}\n"
+
+
+def summary(figures: dict[str, Any]) -> str:
+    """The figures of ``metrics.json`` in a few lines."""
+    frames = "{frames}, of which {tracked} tracked and {lost} lost; {keyframes} keyframes"
+    speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
+    text = f"frames   {frames.format(**figures)}\n"
+    text += f"path     {figures['path_m']:.2f} m\n"
+    text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
+    if "ape" in figures:
+        text += f"APE      {figures['ape']['rmse_m']:.4f} m rmse, SE(3) aligned\n"
+    if figures.get("rpe"):
+        rpe = "{trans_rmse_m:.4f} m, {rot_rmse_deg:.3f} deg rmse over {delta_s:g} s"
+        text += f"RPE      {rpe.format(**figures['rpe'])}\n"
+    return text
