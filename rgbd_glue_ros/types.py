@@ -20,19 +20,33 @@ Int64 = NDArray[np.int64]
 NANOSECONDS = 1_000_000_000
 
 
+class LensModel(Enum):
+    """How a lens moves points away from where a pinhole has them; coefficients as in OpenCV.
+
+    The values are what ROS calls the models.
+    """
+
+    BROWN_CONRADY = "plumb_bob"
+    """k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]] (Brown 1966; rational in k4 to k6)"""
+    INVERSE_BROWN_CONRADY = "inverse_brown_conrady"
+    """The same, but from the distorted point back to the pinhole's, as in librealsense"""
+    KANNALA_BRANDT = "equidistant"
+    """k1 k2 k3 k4, a polynomial in the angle to the axis (Kannala and Brandt 2006)"""
+
+
 @dataclass(frozen=True)
 class CameraIntrinsics:
-    """A pinhole camera; pixel centres are at integer coordinates.
+    """A pinhole camera behind a lens; pixel centres are at integer coordinates.
 
     Attributes:
-        width: image width, pixels.
+        width: image width, pixels; 0 with ``height`` where a calibration does not tell the size.
         height: image height, pixels.
         fx: focal length along x, pixels.
         fy: focal length along y, pixels.
         cx: principal point x, pixels.
         cy: principal point y, pixels.
-        distortion: coefficients in OpenCV's order (plumb_bob: k1 k2 p1 p2 k3;
-            rational_polynomial: k1 k2 p1 p2 k3 k4 k5 k6); empty for a rectified image.
+        distortion: coefficients of ``lens``; empty for a rectified image.
+        lens: what they are the coefficients of.
     """
 
     width: int
@@ -42,6 +56,7 @@ class CameraIntrinsics:
     cx: float
     cy: float
     distortion: tuple[float, ...] = ()
+    lens: LensModel = LensModel.BROWN_CONRADY
 
     @property
     def matrix(self) -> Float64:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.geometry.lens import undistorted, undistortion_maps
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -195,21 +195,12 @@ def rectified(frame: RgbdFrame) -> RgbdFrame:
     """
     if not any(frame.intrinsics.distortion):
         return frame
-    map_x, map_y = _undistortion_maps(frame.intrinsics)
-    color = cv2.remap(frame.color, map_x, map_y, cv2.INTER_LINEAR)
+    map_x, map_y = undistortion_maps(frame.intrinsics)
+    color, straight = undistorted(frame.color, frame.intrinsics)
     depth = cv2.remap(frame.depth, map_x, map_y, cv2.INTER_NEAREST, borderValue=(float("nan"),) * 4)
     return replace(
         frame,
-        color=np.asarray(color, np.uint8),
+        color=color,
         depth=np.asarray(depth, np.float32),
-        intrinsics=replace(frame.intrinsics, distortion=()),
+        intrinsics=straight,
     )
-
-
-@lru_cache(maxsize=4)
-def _undistortion_maps(intrinsics: CameraIntrinsics) -> tuple[Float32, Float32]:
-    K = intrinsics.matrix
-    size = (intrinsics.width, intrinsics.height)
-    distortion = np.array(intrinsics.distortion)
-    maps = cv2.initUndistortRectifyMap(K, distortion, np.eye(3), K, size, cv2.CV_32FC1)
-    return np.asarray(maps[0], np.float32), np.asarray(maps[1], np.float32)

@@ -12,12 +12,12 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.camera import DEPTH_EDGE_SIGMAS, depth_sigma
-from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
+from rgbd_glue_ros.geometry.lens import rays
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, LensModel
 
 _Point = tuple[float, float, float]
 """A point's pixel (u, v) in the colour image and its depth z."""
@@ -29,6 +29,8 @@ NEARER = 4.0
 _ROUNDING = 1e-4
 # Beyond its image a lens model may turn back and put things into the image that are not there.
 _LENS_MARGIN = 1.05
+# As many coefficients of a lens as the projection takes: k1 k2 p1 p2 k3 k4 k5 k6.
+_COEFFICIENTS = 8
 
 
 @dataclass(frozen=True)
@@ -44,20 +46,28 @@ class DepthCamera:
     T_color_depth: Float64
 
 
+def can_project(color: CameraIntrinsics) -> bool:
+    """Whether ``registered`` knows the lens of a colour camera."""
+    if not any(color.distortion):
+        return True
+    is_known = color.lens is LensModel.BROWN_CONRADY
+    return is_known and not any(color.distortion[_COEFFICIENTS:])
+
+
 def registered(depth: Float32, camera: DepthCamera, color: CameraIntrinsics) -> Float32:
     """The depth image that the colour camera would have taken.
 
     Args:
         depth: float32 [h, w], metres along the depth camera's axis, NaN where unknown.
         camera: that took it.
-        color: intrinsics of the colour camera; its distortion is kept.
+        color: intrinsics of the colour camera, which ``can_project``; its distortion is kept.
 
     Returns:
         float32 [H, W] of the colour camera's size, metres along its axis; the nearest surface
         where several are behind one pixel, NaN where none was seen.
     """
     focal, distortion, reach = _lens(color)
-    points = _seen(depth, _rays(camera.intrinsics), camera.T_color_depth, focal, distortion, reach)
+    points = _seen(depth, rays(camera.intrinsics), camera.T_color_depth, focal, distortion, reach)
     span = NEARER * max(1.0, color.fx / camera.intrinsics.fx, color.fy / camera.intrinsics.fy)
     image = np.full((color.height, color.width), np.inf, np.float32)
     _draw(depth, points, span, image)
@@ -66,26 +76,15 @@ def registered(depth: Float32, camera: DepthCamera, color: CameraIntrinsics) -> 
 
 
 @lru_cache(maxsize=4)
-def _rays(camera: CameraIntrinsics) -> Float64:
-    """Where every pixel looks, its lens taken into account: x / z and y / z, [h, w, 2]."""
-    v, u = np.mgrid[: camera.height, : camera.width]
-    pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2).astype(np.float64)
-    distortion = np.array(camera.distortion or (0.0,) * 5)
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-8)
-    # without a rotation and a new camera matrix
-    rays = cv2.undistortPointsIter(pixels, camera.matrix, distortion, None, None, criteria)
-    return np.asarray(rays, np.float64).reshape(camera.height, camera.width, 2)
-
-
-@lru_cache(maxsize=4)
 def _lens(camera: CameraIntrinsics) -> tuple[Float64, Float64, float]:
     """Focal lengths and centre [4], k1 k2 p1 p2 k3 k4 k5 k6 [8], and how far its rays reach."""
-    rays = _rays(camera)
-    border = np.concatenate([rays[0], rays[-1], rays[:, 0], rays[:, -1]])
+    seen = rays(camera)
+    border = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
     reach = float(np.linalg.norm(border, axis=1).max()) * _LENS_MARGIN
     focal = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    distortion = np.zeros(8)
-    distortion[: len(camera.distortion)] = camera.distortion
+    distortion = np.zeros(_COEFFICIENTS)
+    given = camera.distortion[:_COEFFICIENTS]
+    distortion[: len(given)] = given
     return focal, distortion, reach
 
 

@@ -13,14 +13,11 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.messages.camera_info import intrinsics_of
 from rgbd_glue_ros.messages.fields import CameraInfo
-from rgbd_glue_ros.messages.images import (
-    AnyImage,
-    FrameTopics,
-    intrinsics_from_message,
-    is_rectified,
-    rectified_intrinsics_from_message,
-)
+from rgbd_glue_ros.messages.frame import FrameTopics
+from rgbd_glue_ros.messages.images import AnyImage
+from rgbd_glue_ros.messages.reading import frame_of
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 FindTransform = Callable[[str, str], Float64 | None]
@@ -56,9 +53,9 @@ def depth_camera(
         InputError: the depth image is not registered, and the depth camera or its place is not
             known.
     """
-    color_frame, depth_frame = color.header.frame_id, depth.header.frame_id
+    color_frame, depth_frame = frame_of(color.header), frame_of(depth.header)
     is_one_frame = color_frame == depth_frame or not (color_frame and depth_frame)
-    if depth_info is not None and depth_info.header.frame_id != depth_frame:
+    if depth_info is not None and frame_of(depth_info.header) != depth_frame:
         depth_info = None  # of another image, as where one of two topics was remapped
     if depth_info is None:
         if is_one_frame:
@@ -70,9 +67,9 @@ def depth_camera(
             f"{REGISTER_IN_DRIVER}; or remap {topics.depth_info} to the depth camera's info, to "
             "have it registered here",
         )
-    intrinsics = _intrinsics(depth_info, topics.depth, topics.depth_info)
+    intrinsics = intrinsics_of(depth_info, topics.depth, topics.depth_info)
     if is_one_frame:
-        taken_by = _intrinsics(color_info, topics.color, topics.info)
+        taken_by = intrinsics_of(color_info, topics.color, topics.info)
         return None if _is_alike(intrinsics, taken_by) else DepthCamera(intrinsics, np.eye(4))
     T_color_depth = find_transform(color_frame, depth_frame)
     if T_color_depth is None:
@@ -86,15 +83,16 @@ def depth_camera(
     return DepthCamera(intrinsics, T_color_depth)
 
 
-def _intrinsics(info: CameraInfo, image_topic: str, info_topic: str) -> CameraIntrinsics:
-    if is_rectified(image_topic):
-        return rectified_intrinsics_from_message(info, info_topic)
-    return intrinsics_from_message(info, info_topic)
-
-
 def _is_alike(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:
     """Whether both are one camera, at one resolution or two."""
-    scaled = depth.scaled(color.width, color.height)
-    return scaled.distortion == color.distortion and np.allclose(
-        scaled.matrix, color.matrix, rtol=0, atol=0.01
+    if depth.width and color.width:
+        depth = depth.scaled(color.width, color.height)
+    return (
+        depth.lens is color.lens
+        and np.array_equal(_significant(depth), _significant(color))
+        and np.allclose(depth.matrix, color.matrix, rtol=0, atol=0.01)
     )
+
+
+def _significant(camera: CameraIntrinsics) -> Float64:
+    return np.trim_zeros(np.array(camera.distortion), "b")

@@ -21,6 +21,7 @@ from rgbd_glue_ros.types import (
     CameraIntrinsics,
     Float32,
     Float64,
+    LensModel,
     UInt8,
 )
 
@@ -182,8 +183,10 @@ def camera_info(intrinsics: CameraIntrinsics, head: Header) -> CameraInfo:
 
 
 def distortion_model(intrinsics: CameraIntrinsics) -> str:
-    """What ROS calls the model of that many coefficients."""
-    return "rational_polynomial" if len(intrinsics.distortion) > 5 else "plumb_bob"
+    """What ROS calls the lens model, of that many coefficients."""
+    if intrinsics.lens is LensModel.BROWN_CONRADY and len(intrinsics.distortion) > 5:
+        return "rational_polynomial"
+    return intrinsics.lens.value
 
 
 def pose_stamped(T: Float64, head: Header) -> PoseStamped:

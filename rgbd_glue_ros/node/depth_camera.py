@@ -13,7 +13,7 @@ from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import parse_pose
 from rgbd_glue_ros.messages.depth_camera import depth_camera
-from rgbd_glue_ros.messages.images import FrameTopics
+from rgbd_glue_ros.messages.frame import FrameTopics
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig

@@ -32,7 +32,8 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import pose_parameter
 from rgbd_glue_ros.live.monitor import Drop, Monitor
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
-from rgbd_glue_ros.messages import images
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
@@ -172,8 +173,8 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _receive(self, channel: Channel, message: Any) -> None:
         arrived_ns = time.monotonic_ns()
-        stamp_ns = images.stamp_ns(message.header.stamp)
-        for match in self._synchronizer.add(channel, stamp_ns, message):
+        stamp = stamp_ns(message.header.stamp)
+        for match in self._synchronizer.add(channel, stamp, message):
             if self.monitor.is_paused:
                 self.monitor.dropped(Drop.PAUSED)
             elif self._is_too_soon(match.stamp_ns):
@@ -242,9 +243,9 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)
-        names = images.FrameTopics(color, depth, info, self._depth_camera.topic)
+        names = FrameTopics(color, depth, info, self._depth_camera.topic)
         taken_by = self._depth_camera.of(match, names)
-        return images.frame_from_messages(match.color, match.depth, match.info, names, taken_by)
+        return frame_from_messages(match.color, match.depth, match.info, names, taken_by)
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
         """Starts anew when time went back; ``Match.restarted`` may have been superseded."""

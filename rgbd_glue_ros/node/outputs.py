@@ -18,7 +18,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Framing
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.messages.images import stamp_ns
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.node.inputs import qos_words
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.node.tf import Broadcaster

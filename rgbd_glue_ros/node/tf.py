@@ -18,7 +18,8 @@ from rclpy.time import Time
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.messages.images import pose_from_message, stamp_ns
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import plain_frame, stamp_ns
 from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TransformTree
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
@@ -68,7 +69,7 @@ def listen(node: Node, config: NodeConfig) -> Transforms | None:
                 continue  # nothing that could be used
             head = transform.header
             stamp = None if is_static else stamp_ns(head.stamp)
-            tree.add(_name(head.frame_id), _name(transform.child_frame_id), T, stamp)
+            tree.add(plain_frame(head.frame_id), plain_frame(transform.child_frame_id), T, stamp)
 
     node.create_subscription(
         TFMessage, TF_STATIC, lambda m: receive(m, is_static=True), TF_STATIC_QOS
@@ -101,7 +102,7 @@ class _BufferedTransforms:
     def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
         when = Time(nanoseconds=stamp_ns or 0)  # 0 is the newest
         try:
-            found = self._buffer.lookup_transform(_name(target), _name(source), when)
+            found = self._buffer.lookup_transform(plain_frame(target), plain_frame(source), when)
         except self._error:
             return None
         return pose_from_message(found, TF)
@@ -129,8 +130,3 @@ class Broadcaster:
         to.x, to.y, to.z = (float(value) for value in T_parent_child[:3, 3])
         turn.x, turn.y, turn.z, turn.w = (float(v) for v in se3.quaternion(T_parent_child))
         self._publisher.publish(self._type(transforms=[transform]))
-
-
-def _name(frame: str) -> str:
-    """A frame's name as tf2 has it; ROS 1 began them with a slash."""
-    return frame.removeprefix("/")

@@ -9,8 +9,8 @@ import numpy as np
 import yaml
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
 from rgbd_glue_ros.messages.fields import CameraInfo, header
-from rgbd_glue_ros.messages.images import intrinsics_from_message
 from rgbd_glue_ros.types import CameraIntrinsics
 
 

@@ -17,6 +17,10 @@ from rigs.bag_frames import recorded_frames
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.monitor import Drop, Summary
+from rgbd_glue_ros.messages.camera_info import (
+    intrinsics_from_message,
+    rectified_intrinsics_from_message,
+)
 from rgbd_glue_ros.messages.depth_camera import depth_camera
 from rgbd_glue_ros.messages.fields import (
     CameraInfo,
@@ -26,17 +30,10 @@ from rgbd_glue_ros.messages.fields import (
     RegionOfInterest,
     Time,
 )
-from rgbd_glue_ros.messages.images import (
-    AnyImage,
-    FrameTopics,
-    color_from_message,
-    depth_from_message,
-    frame_from_messages,
-    intrinsics_from_message,
-    pose_from_message,
-    rectified_intrinsics_from_message,
-    stamp_ns,
-)
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
+from rgbd_glue_ros.messages.images import AnyImage, color_from_message, depth_from_message
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import load_preset
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame

@@ -20,7 +20,8 @@ from rigs.bag_frames import recorded_frames
 from rgbd_glue_ros.experiments.demo.demo import bundled_bag
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
 from rgbd_glue_ros.live.monitor import Drop, Summary
-from rgbd_glue_ros.messages.images import pose_from_message, stamp_ns
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS
 

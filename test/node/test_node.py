@@ -17,7 +17,9 @@ from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL, parse_pose
 from rgbd_glue_ros.live.match_image import VISUAL
 from rgbd_glue_ros.live.topics import MATCHES, PATH, POSE, SUBSCRIBED
 from rgbd_glue_ros.messages.fields import camera_info, color_image, copy_fields, depth_image, header
-from rgbd_glue_ros.messages.images import color_from_message, pose_from_message, stamp_ns
+from rgbd_glue_ros.messages.images import color_from_message
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import Config, NodeConfig, parameters
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame

@@ -10,7 +10,7 @@ import pytest
 from rigs.bag_frames import recorded_frames
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.images import pose_from_message
+from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")

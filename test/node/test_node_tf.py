@@ -11,7 +11,8 @@ import pytest
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.live.extrinsics import parse_pose
-from rgbd_glue_ros.messages.images import pose_from_message, stamp_ns
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")

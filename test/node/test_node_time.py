@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rgbd_glue_ros.messages.images import stamp_ns
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")

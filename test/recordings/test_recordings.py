@@ -249,7 +249,7 @@ def test_a_calibration_is_read_as_camera_calibration_and_as_ros2_topic_echo_writ
     [
         ({"camera_matrix": {"data": [0] * 9}}, "not calibrated"),
         ({"camera_matrix": {"data": [1, 2]}}, "no camera calibration"),
-        ({"distortion_model": "equidistant"}, "equidistant"),
+        ({"distortion_model": "wobbly"}, "wobbly"),
         ({"image_width": None}, "no camera calibration"),
     ],
 )

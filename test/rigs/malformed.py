@@ -67,11 +67,15 @@ INFOS: dict[str, Breaker] = {
     "a K without its last 1": _set("info", k=_matrix(z=0.0)),
     "D with NaN": _set("info", d=[NAN, 0.0, 0.0, 0.0, 0.0]),
     "D with infinity": _set("info", d=[0.1, INF, 0.0, 0.0, 0.0]),
-    "D too short": _set("info", d=[0.1, 0.2]),
     "D of a hundred": _set("info", d=[0.1] * 100),
     "an unknown lens": _set("info", distortion_model="wobbly", d=[0.1] * 5),
-    "a fisheye lens": _set("info", distortion_model="equidistant", d=[0.1] * 4),
-    "an info of no size": _set("info", width=0, height=0),
+    "a fisheye lens of five coefficients": _set(
+        "info", distortion_model="equidistant", d=[0.1] * 5
+    ),
+    "an info without width": _set("info", width=0),
+    "an info without size of an image elsewhere": _set(
+        "info", width=0, height=0, k=_matrix(cx=640.0)
+    ),
     "an info of 4 billion pixels a side": _set("info", width=2**32 - 1, height=2**32 - 1),
     "an info of another aspect": _set("info", width=320, height=100),
     "a region outside": _set("info", roi__x_offset=300, roi__width=320, roi__height=240),
@@ -93,7 +97,6 @@ RAW: dict[str, Breaker] = {
     "colour with a step too short": _set("color", step=959),
     "colour with a step of 4 billion": _set("color", step=2**32 - 1),
     "colour without an encoding": _set("color", encoding=""),
-    "colour of a Bayer sensor": _set("color", encoding="bayer_rggb8"),
     "colour that is depth": _set("color", encoding="16UC1"),
     "colour in 16 bits": _set("color", encoding="rgb16"),
     "colour in an encoding of 10,000 letters": _set("color", encoding="x" * 10_000),

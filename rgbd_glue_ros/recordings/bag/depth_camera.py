@@ -7,8 +7,12 @@ from typing import Any
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.messages.camera_info import INFO_TYPES
 from rgbd_glue_ros.messages.depth_camera import depth_camera
-from rgbd_glue_ros.messages.images import INFO_TYPES, FrameTopics, base_name, pose_from_message
+from rgbd_glue_ros.messages.frame import FrameTopics
+from rgbd_glue_ros.messages.images import base_name
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import plain_frame
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.messages.transform_tree import TransformTree
 from rgbd_glue_ros.recordings.bag.file import BagFile
@@ -54,7 +58,7 @@ class RecordedDepthCamera:
             return
         for message in bag.messages([STATIC_TRANSFORMS]):
             for item in bag.deserialize(message).transforms:
-                parent, child = _name(item.header.frame_id), _name(item.child_frame_id)
+                parent, child = plain_frame(item.header.frame_id), plain_frame(item.child_frame_id)
                 T_parent_child = pose_from_message(item, STATIC_TRANSFORMS)
                 self._transforms.add(parent, child, T_parent_child, None)
 
@@ -74,9 +78,4 @@ class RecordedDepthCamera:
             return None
 
     def _find_transform(self, color_frame: str, depth_frame: str) -> Float64 | None:
-        return self._transforms.lookup(_name(color_frame), _name(depth_frame), None, 0)
-
-
-def _name(frame_id: str) -> str:
-    """ROS 1 allowed frames a leading slash."""
-    return frame_id.removeprefix("/")
+        return self._transforms.lookup(plain_frame(color_frame), plain_frame(depth_frame), None, 0)

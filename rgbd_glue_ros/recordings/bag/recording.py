@@ -14,13 +14,9 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import camera_info, header
-from rgbd_glue_ros.messages.images import (
-    FrameTopics,
-    frame_from_messages,
-    pose_from_message,
-    registration_doubt,
-    stamp_ns,
-)
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages, registration_doubt
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.recordings.bag.depth_camera import RecordedDepthCamera

@@ -8,13 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.images import (
-    IMAGE_TYPES,
-    INFO_TYPES,
-    POSE_TYPES,
-    base_name,
-    is_rectified,
-)
+from rgbd_glue_ros.messages.camera_info import INFO_TYPES
+from rgbd_glue_ros.messages.images import IMAGE_TYPES, base_name, is_rectified
+from rgbd_glue_ros.messages.poses import POSE_TYPES
 from rgbd_glue_ros.recordings.bag.file import RecordedTopic
 
 _Rule = Callable[[RecordedTopic], bool]

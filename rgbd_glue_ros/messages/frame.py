@@ -1,0 +1,125 @@
+"""Three messages -> a frame: both images at one size, with the camera that took them."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.geometry import lens
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera, can_project, registered
+from rgbd_glue_ros.messages.camera_info import (
+    check_aspect,
+    intrinsics_of,
+    of_image_size,
+)
+from rgbd_glue_ros.messages.fields import CameraInfo
+from rgbd_glue_ros.messages.images import (
+    AnyImage,
+    color_from_message,
+    depth_from_message,
+)
+from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
+from rgbd_glue_ros.types import Float32, RgbdFrame
+
+
+# Depth is decoded beside colour: compressed, each takes milliseconds, and neither holds the
+# interpreter's lock.
+@lru_cache(maxsize=1)
+def _beside() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix="depth")
+
+
+@dataclass(frozen=True)
+class FrameTopics:
+    """Names of the topics that a frame comes from, for errors."""
+
+    color: str
+    depth: str
+    info: str
+    depth_info: str = "depth/camera_info"
+
+
+def frame_from_messages(
+    color: AnyImage,
+    depth: AnyImage,
+    info: CameraInfo,
+    topics: FrameTopics,
+    depth_camera: DepthCamera | None = None,
+    depth_scale: float | None = None,
+) -> RgbdFrame:
+    """The frame made of three messages.
+
+    A registered depth image of another size than the colour image is brought to the colour
+    image's, by nearest neighbours, and a camera info of another size is scaled, if the aspect is
+    the same.
+    Whether the images are rectified is told by the name of the colour topic: a camera info
+    describes both.
+
+    Args:
+        color: sensor_msgs/msg/Image or CompressedImage.
+        depth: the same.
+        info: of the colour image.
+        topics: where they are from.
+        depth_camera: that took the depth image; None if it is registered to the colour image.
+        depth_scale: as of ``depth_from_message``.
+
+    Raises:
+        InputError: one of them cannot be used, or the sizes have different aspects.
+    """
+    decoded = _beside().submit(depth_from_message, depth, topics.depth, depth_scale)
+    color_pixels = color_from_message(color, topics.color)
+    depth_pixels = decoded.result()
+    height, width = color_pixels.shape[:2]
+    camera = of_image_size(
+        intrinsics_of(info, topics.color, topics.info), (height, width), topics.info, topics.color
+    )
+    if depth_camera is not None:
+        taken_by = of_image_size(
+            depth_camera.intrinsics, depth_pixels.shape, topics.depth_info, topics.depth
+        )
+        if not can_project(camera):
+            color_pixels, camera = lens.undistorted(color_pixels, camera)
+        depth_camera = replace(depth_camera, intrinsics=taken_by)
+        depth_pixels = registered(depth_pixels, depth_camera, camera)
+    elif depth_pixels.shape != (height, width):
+        check_aspect(depth_pixels.shape, (height, width), topics.depth, topics.color)
+        depth_pixels = resampled(depth_pixels, width, height)
+    return RgbdFrame(
+        stamp_ns=stamp_ns(color.header.stamp),
+        color=color_pixels,
+        depth=depth_pixels,
+        intrinsics=camera,
+        frame_id=frame_of(color.header),
+        depth_delay_ns=stamp_ns(depth.header.stamp) - stamp_ns(color.header.stamp),
+    )
+
+
+def registration_doubt(color: AnyImage, depth: AnyImage, topics: FrameTopics) -> str | None:
+    """Why depth may not be registered to colour, None if nothing speaks against it."""
+    frames = frame_of(color.header), frame_of(depth.header)
+    if frames[0] == frames[1] or not all(frames):
+        return None
+    return (
+        f"{topics.depth}: its frame is {frames[1]}, but that of {topics.color} is {frames[0]}; "
+        "if depth is not registered to colour, give a topic where it is"
+    )
+
+
+def resampled(depth: Float32, width: int, height: int) -> Float32:
+    """Depth [h, w] at ``height`` x ``width`` pixels: each takes the pixel that its centre is in.
+
+    Depth is never averaged: a mean across an edge lies where nothing is.
+    """
+    rows = _nearest(depth.shape[0], height)
+    columns = _nearest(depth.shape[1], width)
+    nearest: Float32 = depth[rows[:, None], columns]
+    return nearest
+
+
+def _nearest(old: int, new: int) -> NDArray[np.int64]:
+    """For each of ``new`` pixels, which of ``old`` its centre is in: floor((i + 0.5) old / new)."""
+    return (2 * np.arange(new) + 1) * old // (2 * new)
