@@ -16,14 +16,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="parameter or section to explain, such as glue.k or glue; also one of the node's",
     ).completer = arguments.parameter_names  # type: ignore[attr-defined]
     arguments.add_config(parser)
+    parser.add_argument(
+        "--node", action="store_true", help="print the parameters that the ROS node alone has"
+    )
     parser.add_argument("--markdown", action="store_true", help="print a table, not YAML")
 
 
 def run(args: argparse.Namespace) -> str:
     """The configuration as YAML or as a table, or what is known of some parameters."""
-    from rgbd_glue_ros.parameters import explain, to_markdown, to_yaml
+    from rgbd_glue_ros.parameters import NodeConfig, explain, to_markdown, to_yaml
 
     config = arguments.config(args)
     if args.name:
         return explain(args.name, config)
-    return to_markdown(config) if args.markdown else to_yaml(config)
+    shown = NodeConfig() if args.node else config
+    return to_markdown(shown) if args.markdown else to_yaml(shown)

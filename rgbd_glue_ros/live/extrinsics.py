@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.parameters import POSE
 from rgbd_glue_ros.types import Float64
 
 T_BODY_OPTICAL = se3.from_rotation_translation(
@@ -106,21 +107,15 @@ def parse_pose(where: str, text: str) -> Float64:
     Raises:
         InputError: not six or seven finite numbers, or the quaternion is not of unit length.
     """
-    remedy = "give 'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'"
-    try:
-        numbers = np.array([float(word) for word in text.replace(",", " ").split()])
-    except ValueError as error:
-        raise InputError(where, f"{text!r} is not a list of numbers", remedy) from error
-    if numbers.size not in {6, 7} or not np.isfinite(numbers).all():
-        raise InputError(where, f"{text!r} is not six or seven finite numbers", remedy)
+    fault = POSE.fault(text)
+    if fault:
+        raise InputError(where, fault, f"give {POSE.allowed}")
+    numbers = np.array([float(word) for word in text.replace(",", " ").split()])
     position, orientation = numbers[:3], numbers[3:]
     if orientation.size == 3:
         return se3.from_rotation_translation(
             Rotation.from_euler("xyz", orientation).as_matrix(), position
         )
-    length = float(np.linalg.norm(orientation))
-    if abs(length - 1.0) > 0.01:
-        raise InputError(where, f"the quaternion's length is {length:.3g}, not 1", remedy)
     return se3.from_translation_quaternion(position, orientation)
 
 

@@ -1,5 +1,7 @@
 """``python -m rgbd_glue_ros.node`` is the executable ``odometry``."""
 
+import sys
+
 from rgbd_glue_ros.node.node import main
 
-main()
+sys.exit(main())

@@ -33,7 +33,7 @@ class NodeOutputs:
     """Publishes what an estimate knows, and nothing that it does not.
 
     Attributes:
-        config: what to publish; may be replaced by one that ``config.fixed_because`` allows.
+        config: what to publish; may be replaced where no fixed parameter differs.
     """
 
     def __init__(self, node: Node, config: NodeConfig, *, has_tf: bool) -> None:

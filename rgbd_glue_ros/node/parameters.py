@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 
 from rcl_interfaces.msg import (
@@ -16,7 +15,6 @@ from rclpy.parameter import Parameter as RosParameter
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.live.extrinsics import pose_parameter
 
 
 def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
@@ -70,6 +68,7 @@ def follow_changes(
         changed: called with all values after some have changed.
     """
     now = (node_config, config)
+    fixed = {p.name: p.fixed for part in now for p in cfg.parameters(part)}
 
     def parts(parameters: list[RosParameter]) -> tuple[dict[str, object], dict[str, object]]:
         own, method = (
@@ -80,15 +79,14 @@ def follow_changes(
     def check(parameters: list[RosParameter]) -> SetParametersResult:
         own, method = parts(parameters)
         for name in (*own, *method):
-            reason = cfg.fixed_because(name)
-            if reason:
+            if fixed[name]:
                 return SetParametersResult(
-                    successful=False, reason=f"{name} cannot change while the node runs: {reason}"
+                    successful=False,
+                    reason=f"{name} cannot change while the node runs: {fixed[name]}",
                 )
         try:
             cfg.with_values(now[0], own)
             cfg.with_values(now[1], method)
-            pose_parameter("initial_pose", str(own.get("initial_pose", "")))
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -106,27 +104,20 @@ def follow_changes(
 
 def _descriptor(parameter: cfg.Parameter) -> ParameterDescriptor:
     """The declaration of a parameter, as ROS tells it."""
-    fixed = cfg.fixed_because(parameter.name)
     descriptor = ParameterDescriptor(
         name=parameter.name,
         description=parameter.description,
         # not read_only, which would refuse without the reason
         additional_constraints=f"Takes {parameter.allowed}."
-        + (f" Cannot change while the node runs: {fixed}." if fixed else ""),
+        + (f" Cannot change while the node runs: {parameter.fixed}." if parameter.fixed else ""),
     )
     low, high = parameter.minimum, parameter.maximum
-    if parameter.type is int and (low, high) != (None, None):
-        descriptor.integer_range = [
-            IntegerRange(
-                from_value=-(2**63) if low is None else int(low),
-                to_value=2**63 - 1 if high is None else int(high),
-            )
-        ]
-    elif parameter.type is float and (low, high) != (None, None):
-        descriptor.floating_point_range = [
-            FloatingPointRange(
-                from_value=-sys.float_info.max if low is None else float(low),
-                to_value=sys.float_info.max if high is None else float(high),
-            )
-        ]
+    # of a range without an end, tools would make a slider to 1.8e308
+    if low is not None and high is not None:
+        if parameter.type is int:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(low), to_value=float(high))
+            ]
     return descriptor

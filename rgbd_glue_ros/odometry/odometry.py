@@ -157,7 +157,7 @@ class Odometry:
         self.reset()
 
     def reconfigure(self, config: Config) -> None:
-        """Goes on by other parameters, of which ``config.fixed_because`` says none is fixed."""
+        """Goes on by other parameters, none of which is fixed."""
         self._config = config
         self._glue.reconfigure(config)
 

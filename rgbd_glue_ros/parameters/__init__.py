@@ -7,6 +7,7 @@ generated from these declarations or checked against them.
 from __future__ import annotations
 
 from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES, by_current_names
+from rgbd_glue_ros.parameters.checks import POSE
 from rgbd_glue_ros.parameters.files import (
     PACKAGE,
     explain,
@@ -20,7 +21,6 @@ from rgbd_glue_ros.parameters.files import (
 from rgbd_glue_ros.parameters.method import (
     FALLBACK_METHODS,
     FIT_METHODS,
-    FIXED,
     GEOMETRIC_FEATURES,
     VISUAL_FEATURES,
     CameraConfig,
@@ -34,7 +34,7 @@ from rgbd_glue_ros.parameters.method import (
     RefineConfig,
     TimingConfig,
 )
-from rgbd_glue_ros.parameters.node import NODE_CHANGEABLE, NodeConfig, fixed_because
+from rgbd_glue_ros.parameters.node import NodeConfig
 from rgbd_glue_ros.parameters.parameter import (
     Parameter,
     Value,
@@ -47,11 +47,10 @@ from rgbd_glue_ros.parameters.parameter import (
 __all__ = [
     "FALLBACK_METHODS",
     "FIT_METHODS",
-    "FIXED",
     "GEOMETRIC_FEATURES",
-    "NODE_CHANGEABLE",
     "OLD_NAMES",
     "PACKAGE",
+    "POSE",
     "USUAL_NAMES",
     "VISUAL_FEATURES",
     "CameraConfig",
@@ -69,7 +68,6 @@ __all__ = [
     "Value",
     "by_current_names",
     "explain",
-    "fixed_because",
     "load_preset",
     "load_yaml",
     "parameters",

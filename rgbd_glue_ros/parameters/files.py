@@ -12,7 +12,7 @@ import yaml
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES
 from rgbd_glue_ros.parameters.method import Config
-from rgbd_glue_ros.parameters.node import NodeConfig, fixed_because
+from rgbd_glue_ros.parameters.node import NodeConfig
 from rgbd_glue_ros.parameters.parameter import parameters, unknown_parameter, values, with_values
 
 C = TypeVar("C")
@@ -116,11 +116,12 @@ def to_yaml(config: object) -> str:
 
 
 def to_markdown(config: object) -> str:
-    """The configuration as a Markdown table of all parameters."""
+    """The configuration as a Markdown table of all parameters; *live*: while the node runs."""
     current = values(config)
-    rows = ["| parameter | value | unit | takes | meaning |", "|---|---|---|---|---|"]
+    rows = ["| parameter | value | takes | live | meaning |", "|---|---|---|---|---|"]
     rows += [
-        f"| `{p.name}` | `{current[p.name]}` | {p.unit} | {p.allowed} | {p.description} |"
+        f"| `{p.name}` | `{current[p.name]}` | {p.allowed} | {'' if p.fixed else 'yes'} | "
+        f"{p.description} |"
         for p in parameters(config)
     ]
     return "\n".join(rows) + "\n"
@@ -144,7 +145,7 @@ def explain(name: str, config: Config) -> str:
         raise unknown_parameter(name, declared)
     paragraphs = []
     for parameter in chosen:
-        fixed = fixed_because(parameter.name)
+        fixed = parameter.fixed
         paragraphs.append(
             f"{parameter.name}: {_scalar(current[parameter.name])}\n"
             f"  {parameter.description}\n"

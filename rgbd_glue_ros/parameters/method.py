@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from rgbd_glue_ros.parameters.parameter import parameter
+from rgbd_glue_ros.parameters.parameter import parameter, section
 
 VISUAL_FEATURES = ("none", "orb", "sift", "brisk")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
@@ -244,6 +244,7 @@ class OdometryConfig:
         "find a lost camera and to take drift out.",
         minimum=1,
         maximum=1000,
+        fixed="the room for keyframes is made at the start",
     )
     window: int = parameter(
         5,
@@ -251,12 +252,14 @@ class OdometryConfig:
         "jump of the drift since then.",
         minimum=1,
         maximum=1000,
+        fixed="the room for keyframes is made at the start",
     )
     keyframe_spacing: float = parameter(
         0.6,
         "A keyframe that leaves the window is forgotten where it is nearer than this to an anchor, "
         "metres and radians added.",
         minimum=0.0,
+        fixed="the keyframes kept were chosen by it",
     )
     drift_radius: float = parameter(
         1.0,
@@ -356,22 +359,16 @@ class Config:
     """Everything the registration and the odometry depend on."""
 
     seed: int = parameter(0, "Seed of every random choice.", minimum=0)
-    camera: CameraConfig = field(default_factory=CameraConfig)
-    features: FeaturesConfig = field(default_factory=FeaturesConfig)
-    glue: GlueConfig = field(default_factory=GlueConfig)
-    ransac: RansacConfig = field(default_factory=RansacConfig)
-    fit: FitConfig = field(default_factory=FitConfig)
-    refine: RefineConfig = field(default_factory=RefineConfig)
-    timing: TimingConfig = field(default_factory=TimingConfig)
-    motion: MotionConfig = field(default_factory=MotionConfig)
-    odometry: OdometryConfig = field(default_factory=OdometryConfig)
-
-
-FIXED = {
-    "features": "the keyframes hold features of one kind",
-    "timing": "what was learnt of the camera's times rests on it",
-    "odometry.keyframes": "the room for keyframes is made at the start",
-    "odometry.window": "the room for keyframes is made at the start",
-    "odometry.keyframe_spacing": "the keyframes kept were chosen by it",
-}
-"""Parameters and sections of the method that cannot change while it runs, and why not."""
+    camera: CameraConfig = section(CameraConfig)
+    features: FeaturesConfig = section(
+        FeaturesConfig, fixed="the keyframes hold features of one kind"
+    )
+    glue: GlueConfig = section(GlueConfig)
+    ransac: RansacConfig = section(RansacConfig)
+    fit: FitConfig = section(FitConfig)
+    refine: RefineConfig = section(RefineConfig)
+    timing: TimingConfig = section(
+        TimingConfig, fixed="what was learnt of the camera's times rests on it"
+    )
+    motion: MotionConfig = section(MotionConfig)
+    odometry: OdometryConfig = section(OdometryConfig)

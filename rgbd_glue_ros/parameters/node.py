@@ -3,89 +3,95 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
-from rgbd_glue_ros.parameters.method import FIXED
-from rgbd_glue_ros.parameters.parameter import parameter, values
+from rgbd_glue_ros.parameters.checks import FRAME, POSE, or_nothing
+from rgbd_glue_ros.parameters.parameter import parameter
+
+read_once = partial(parameter, fixed="it is read once, when the node starts")
 
 
 @dataclass(frozen=True)
 class NodeConfig:
     """What the ROS node alone has: frames, topics, transport."""
 
-    preset: str = parameter(
+    preset: str = read_once(
         "live", "Preset that the other parameters start from.", choices=("live", "paper")
     )
-    frame_id: str = parameter(
+    frame_id: str = read_once(
         "",
         "Robot frame whose pose is published, as base_link; empty for the camera's optical frame.",
+        check=or_nothing(FRAME),
     )
-    odom_frame_id: str = parameter("odom", "Fixed frame that poses are given in.")
-    camera_pose: str = parameter(
+    odom_frame_id: str = read_once("odom", "Fixed frame that poses are given in.", check=FRAME)
+    camera_pose: str = read_once(
         "",
-        "Pose of the camera in frame_id: 'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'. "
-        "Empty, it is looked up on TF once it is there.",
+        "Pose of the camera in frame_id. Empty, it is looked up on TF once it is there.",
+        check=or_nothing(POSE),
     )
-    camera_axes: str = parameter(
+    camera_axes: str = read_once(
         "body",
         "Axes of the camera that camera_pose is given for: body has x forward, y left, z up (the "
         "camera_link of most drivers), optical has x right, y down, z forward. Without frame_id, "
         "odom starts with these axes at the camera.",
         choices=("body", "optical"),
     )
-    publish_tf: bool = parameter(
+    publish_tf: bool = read_once(
         True,
         "Whether odom_frame_id -> frame_id is broadcast on /tf. Without frame_id nothing is: the "
         "optical frame has its parent from the driver.",
     )
-    wait_for_transform: float = parameter(
+    wait_for_transform: float = read_once(
         0.1, "How long a frame waits for a transform on TF.", unit="s", minimum=0.0, maximum=10.0
     )
-    guess_frame_id: str = parameter(
+    guess_frame_id: str = read_once(
         "",
         "Fixed frame of another odometry, as of wheels: the motion guess_frame_id -> frame_id on "
         "TF between two frames is where the search starts. What is broadcast is then "
         "odom_frame_id -> guess_frame_id, since frame_id has its parent. Empty for none.",
+        check=or_nothing(FRAME),
     )
-    image_transport: str = parameter(
+    image_transport: str = read_once(
         "raw", "Transport of the colour image.", choices=("raw", "compressed")
     )
-    depth_transport: str = parameter(
+    depth_transport: str = read_once(
         "raw", "Transport of the depth image.", choices=("raw", "compressedDepth")
     )
-    depth_is_registered: bool = parameter(
+    depth_is_registered: bool = read_once(
         False,
         "Depth is registered to colour whatever its frame says, and depth/camera_info of no "
         "interest. Without it, depth in another frame than colour is registered here or refused.",
     )
-    depth_camera_pose: str = parameter(
+    depth_camera_pose: str = read_once(
         "",
-        "Pose of the depth camera in the colour camera, for depth that is not registered: "
-        "'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw', between the optical frames.",
+        "Pose of the depth camera in the colour camera, between the optical frames, for depth that "
+        "is not registered.",
+        check=or_nothing(POSE),
     )
-    qos: int = parameter(
+    qos: int = read_once(
         0,
         "Reliability of the image subscriptions: 0 as the publisher offers, 1 reliable, 2 best "
         "effort.",
         minimum=0,
         maximum=2,
     )
-    qos_camera_info: int = parameter(0, "The same for the camera info.", minimum=0, maximum=2)
-    topic_queue_size: int = parameter(
+    qos_camera_info: int = read_once(0, "The same for the camera info.", minimum=0, maximum=2)
+    topic_queue_size: int = read_once(
         10, "Messages of a topic that wait for the node, at most.", minimum=1, maximum=1000
     )
-    sync_queue_size: int = parameter(
+    sync_queue_size: int = read_once(
         10, "Messages of a topic that wait for their partners, at most.", minimum=1, maximum=1000
     )
-    approx_sync: bool = parameter(
+    approx_sync: bool = read_once(
         True, "Whether stamps of colour and depth may differ; without it only equal ones pair."
     )
-    approx_sync_max_interval: float = parameter(
+    approx_sync_max_interval: float = read_once(
         0.02,
         "Stamps of colour and depth that are further apart than this do not belong together.",
         unit="s",
         minimum=0.0,
     )
-    always_process_most_recent_frame: bool = parameter(
+    always_process_most_recent_frame: bool = read_once(
         True,
         "Whether a frame that waits gives way to a newer one. Without it frames queue "
         "(sync_queue_size), and when the queue is full the subscriptions wait: nothing is dropped "
@@ -100,7 +106,7 @@ class NodeConfig:
         "quaternion and twist all zero, covariances 9999 on their diagonals, as rtabmap_odom does. "
         "Without it nothing is published for such a frame.",
     )
-    path_poses: int = parameter(
+    path_poses: int = read_once(
         1000,
         "Poses that path holds, at most; the oldest go. One is kept every path_period.",
         minimum=1,
@@ -114,17 +120,7 @@ class NodeConfig:
     )
     initial_pose: str = parameter(
         "",
-        "Pose in odom_frame_id that the odometry starts at, and starts anew at when it is reset: "
-        "'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'; empty for the origin.",
+        "Pose in odom_frame_id that the odometry starts at, and from the next reset on starts anew "
+        "at; empty for the origin.",
+        check=or_nothing(POSE),
     )
-
-
-NODE_CHANGEABLE = ("max_update_rate", "publish_null_when_lost", "path_period", "initial_pose")
-"""Parameters of the node that can change while it runs; ``initial_pose`` counts at a reset."""
-
-
-def fixed_because(name: str) -> str | None:
-    """Why a parameter (dotted name) cannot change while the node runs; None if it can."""
-    if name in values(NodeConfig()):
-        return None if name in NODE_CHANGEABLE else "it is read once, when the node starts"
-    return FIXED.get(name) or FIXED.get(name.partition(".")[0])

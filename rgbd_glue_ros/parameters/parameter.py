@@ -14,6 +14,7 @@ from typing import Any, TypeVar, cast
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.aliases import by_current_names
+from rgbd_glue_ros.parameters.checks import Check
 
 Value = bool | int | float | str
 C = TypeVar("C")
@@ -31,6 +32,8 @@ class Parameter:
         minimum: least allowed value, None if unbounded.
         maximum: greatest allowed value, None if unbounded.
         choices: allowed texts; empty if any text is.
+        fixed: why it cannot change while the node runs; "" if it can.
+        check: of a text, beyond all these; None if there is none.
     """
 
     name: str
@@ -40,6 +43,8 @@ class Parameter:
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[str, ...] = ()
+    fixed: str = ""
+    check: Check | None = None
 
     @property
     def type(self) -> type:
@@ -72,6 +77,9 @@ class Parameter:
                 raise InputError(self.name, f"{value} is out of range", f"give {self.allowed}")
         if self.choices and value not in self.choices:
             raise InputError(self.name, f"{value!r} is not known", f"give {self.allowed}")
+        fault = self.check.fault(value) if self.check and isinstance(value, str) else None
+        if fault:
+            raise InputError(self.name, fault, f"give {self.allowed}")
         return cast(Value, value)
 
     @property
@@ -79,6 +87,8 @@ class Parameter:
         """What values are allowed, in words."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
+        if self.check:
+            return self.check.allowed
         words = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
         text = words[self.type]
         if self.minimum is not None and self.maximum is not None:
@@ -90,22 +100,28 @@ class Parameter:
         return text + (f" ({self.unit})" if self.unit else "")
 
 
-def parameter(
-    default: Value,
-    description: str,
-    *,
-    unit: str = "",
-    minimum: float | None = None,
-    maximum: float | None = None,
-    choices: tuple[str, ...] = (),
-) -> Any:
-    """The field of a configuration that is a parameter, as of ``Parameter``."""
+def parameter(default: Value, description: str, **declaration: Any) -> Any:
+    """The field of a configuration that is a parameter.
+
+    Args:
+        default: as of ``Parameter``, like all.
+        description: what it means.
+        **declaration: unit, minimum, maximum, choices, fixed and check.
+    """
     return field(
         default=default,
-        metadata={
-            "parameter": Parameter("", default, description, unit, minimum, maximum, choices)
-        },
+        metadata={"parameter": Parameter("", default, description, **declaration)},
     )
+
+
+def section(config_class: type, *, fixed: str = "") -> Any:
+    """The field of a configuration that is a part of it.
+
+    Args:
+        config_class: a configuration.
+        fixed: why none of its parameters can change while the node runs; "" leaves it to them.
+    """
+    return field(default_factory=config_class, metadata={"fixed": fixed})
 
 
 def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:
@@ -113,8 +129,10 @@ def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:
     for item in fields(config):  # type: ignore[arg-type]
         if "parameter" in item.metadata:
             yield replace(item.metadata["parameter"], name=prefix + item.name)
-        else:
-            yield from parameters(_section_class(item), f"{prefix}{item.name}.")
+            continue
+        fixed = item.metadata["fixed"]
+        for inner in parameters(_section_class(item), f"{prefix}{item.name}."):
+            yield replace(inner, fixed=inner.fixed or fixed)
 
 
 def _section_class(item: Field[Any]) -> Any:

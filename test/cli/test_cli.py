@@ -143,8 +143,8 @@ def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -
     tree = yaml.safe_load(done.stdout)["/**"]["ros__parameters"]
     assert tree["glue"]["k"] == 3.0
     assert tree["seed"] == 5
-    done = run("params", "--markdown")
-    assert "| `glue.k` |" in done.stdout
+    assert "| `glue.k` |" in run("params", "--markdown").stdout
+    assert "camera_axes: body" in run("params", "--node").stdout
 
 
 @pytest.mark.parametrize(

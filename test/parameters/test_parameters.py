@@ -11,15 +11,12 @@ from hypothesis import strategies as st
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters import (
-    FIXED,
-    NODE_CHANGEABLE,
     OLD_NAMES,
     USUAL_NAMES,
     Config,
     NodeConfig,
     Parameter,
     Value,
-    fixed_because,
     load_preset,
     load_yaml,
     parameters,
@@ -47,6 +44,9 @@ def allowed_values(parameter: Parameter) -> st.SearchStrategy[Value]:
         return st.integers(*(None if limit is None else round(limit) for limit in (low, high)))
     if parameter.type is float:
         return st.floats(low, high, allow_nan=False)
+    if parameter.check is not None:
+        texts = ["", "map", "1 2 3 0 0 0", "1, 2, 3, 0, 0, 0, 1"]
+        return st.sampled_from([t for t in texts if parameter.check.fault(t) is None])
     return st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]))
 
 
@@ -239,14 +239,43 @@ def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
         load_preset("fast")
 
 
-def test_what_is_named_as_fixed_or_changeable_exists() -> None:
-    names = {p.name for p in ALL}
-    sections = {name.partition(".")[0] for name in names}
-    assert {*FIXED} <= names | sections
-    assert {*NODE_CHANGEABLE} <= names
-    assert fixed_because("glue.k") is None
-    assert fixed_because("features.visual")
-    assert fixed_because("frame_id")
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("glue.k", ""),
+        ("max_update_rate", ""),
+        ("frame_id", "it is read once, when the node starts"),
+        ("odometry.window", "the room for keyframes is made at the start"),
+        # said once, of the section
+        ("features.visual", "the keyframes hold features of one kind"),
+        ("features.ratio", "the keyframes hold features of one kind"),
+    ],
+)
+def test_a_declaration_says_whether_and_why_it_is_fixed_while_the_node_runs(
+    name: str, reason: str
+) -> None:
+    (declared,) = (p for p in ALL if p.name == name)
+    assert declared.fixed == reason
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "cause"),
+    [
+        ("camera_pose", "1 2 3", "is not six or seven finite numbers"),
+        ("initial_pose", "0 0 0 0 0 nan", "is not six or seven finite numbers"),
+        ("depth_camera_pose", "0 0 0 0 0 0 2", "the quaternion's length is 2, not 1"),
+        ("camera_pose", "a b c d e f", "is not a list of numbers"),
+        ("odom_frame_id", "", "is no name of a frame"),
+        ("frame_id", "base link", "is no name of a frame"),
+    ],
+)
+def test_a_text_is_checked_where_it_is_set_and_told_what_it_should_be(
+    name: str, value: str, cause: str
+) -> None:
+    (declared,) = (p for p in ALL if p.name == name)
+    with pytest.raises(InputError, match=cause) as refused:
+        with_values(NodeConfig(), {name: value})
+    assert refused.value.remedy == f"give {declared.allowed}"
 
 
 def test_an_alias_stands_for_a_parameter_and_is_none_itself() -> None:

@@ -1,0 +1,50 @@
+"""What a parameter's text must be beyond a text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check that type, range and choices cannot express.
+
+    Attributes:
+        allowed: what passes, in words.
+        fault: says what is wrong with a value; None if nothing is.
+    """
+
+    allowed: str
+    fault: Callable[[str], str | None]
+
+
+def _pose_fault(text: str) -> str | None:
+    try:
+        numbers = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        return f"{text!r} is not a list of numbers"
+    if len(numbers) not in {6, 7} or not all(map(math.isfinite, numbers)):
+        return f"{text!r} is not six or seven finite numbers"
+    length = math.hypot(*numbers[3:])
+    if len(numbers) == 7 and abs(length - 1.0) > 0.01:
+        return f"the quaternion's length is {length:.3g}, not 1"
+    return None
+
+
+def _frame_fault(text: str) -> str | None:
+    return f"{text!r} is no name of a frame" if len(text.split()) != 1 else None
+
+
+def or_nothing(check: Check) -> Check:
+    """The same, or an empty text."""
+    return Check(f"{check.allowed}, or nothing", lambda text: check.fault(text) if text else None)
+
+
+POSE = Check("'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'", _pose_fault)
+"""A pose: numbers with blanks or commas between; roll, pitch, yaw turn about fixed axes in this
+order, as in URDF."""
+
+FRAME = Check("the name of a frame", _frame_fault)
+"""One word, as TF names frames."""
