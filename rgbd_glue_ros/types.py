@@ -114,7 +114,8 @@ class View:
         intrinsics: of both.
         twist: float64 [6], velocity of the camera (linear, angular; m/s, rad/s; optical frame)
             when the image was taken; zero if it is not known.
-        readout: seconds from the first row to the last of a rolling shutter; 0 for a global one.
+        readout_time: seconds from the first row to the last of a rolling shutter; 0 for a global
+            shutter.
         depth_delay: how much later than colour depth was taken, seconds.
     """
 
@@ -122,7 +123,7 @@ class View:
     depth: Float32
     intrinsics: CameraIntrinsics
     twist: Float64 = field(default_factory=lambda: np.zeros(6))
-    readout: float = 0.0
+    readout_time: float = 0.0
     depth_delay: float = 0.0
 
 

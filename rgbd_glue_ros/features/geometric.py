@@ -10,7 +10,7 @@ import numpy as np
 from rgbd_glue_ros.features import voxels
 from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
-from rgbd_glue_ros.geometry.camera import cloud, seconds_after_color, seen_before
+from rgbd_glue_ros.geometry.camera import cloud, displaced_points, seconds_after_color
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
@@ -25,7 +25,7 @@ _GUIDED_HALF_WINDOW = 4
 
 
 @dataclass(frozen=True)
-class Rough:
+class TransformPrior:
     """A rough transform and how far a correct match may lie from it.
 
     Attributes:
@@ -43,7 +43,7 @@ class GeometricFeature(Protocol):
     def extract(self, view: View) -> Any:
         """The geometric features of a frame."""
 
-    def match(self, source: Any, target: Any, rough: Rough | None) -> Correspondences:
+    def match(self, source: Any, target: Any, rough: TransformPrior | None) -> Correspondences:
         """C_geo; a search that can be guided looks only within ``rough.radius`` of ``rough``."""
 
 
@@ -97,7 +97,7 @@ class VoxelFpfh:
         self,
         source: DescribedPoints,
         target: DescribedPoints,
-        rough: Rough | None,  # noqa: ARG002 - the paper matches first and filters after
+        rough: TransformPrior | None,  # noqa: ARG002 - the paper matches first and filters after
     ) -> Correspondences:
         """Section 3.1."""
         return nearest_matches(source.thinned(self._most), target)
@@ -137,12 +137,14 @@ class GridFpfh:
         """Points, normals and FPFH of every ``grid_step``-th pixel."""
         points, normals = grid_points_and_normals(view.depth, view.intrinsics, self._step)
         rows = np.arange(len(points)) * self._step + self._step // 2
-        points = seen_before(points, seconds_after_color(rows, view)[:, np.newaxis], view.twist)
+        points = displaced_points(
+            points, seconds_after_color(rows, view)[:, np.newaxis], view.twist
+        )
         fpfh = grid_fpfh(points, normals, _GRID_FPFH_RADIUS_M, _GRID_FPFH_HALF_WINDOW)
         return DescribedGrid(points, normals, fpfh, view.intrinsics, self._step)
 
     def match(
-        self, source: DescribedGrid, target: DescribedGrid, rough: Rough | None
+        self, source: DescribedGrid, target: DescribedGrid, rough: TransformPrior | None
     ) -> Correspondences:
         """Guided search within the radius; without a guide, nearest neighbours everywhere."""
         if rough is None:
@@ -173,7 +175,7 @@ class NoGeometricFeature:
         self,
         source: None,  # noqa: ARG002
         target: None,  # noqa: ARG002
-        rough: Rough | None,  # noqa: ARG002
+        rough: TransformPrior | None,  # noqa: ARG002
     ) -> Correspondences:
         """No matches."""
         return Correspondences.empty()

@@ -65,7 +65,7 @@ def back_project(uv: Float32 | Float64, z: Float64, intrinsics: CameraIntrinsics
     return np.stack([x, y, z], axis=1).astype(np.float64)
 
 
-def shutter_part(rows: Float32 | Float64 | Int64, view: View) -> Float64:
+def normalised_row_time(rows: Float32 | Float64 | Int64, view: View) -> Float64:
     """When a rolling shutter is at rows [N], in parts of its way: 0 at the middle row."""
     return np.asarray(rows / view.intrinsics.height - 0.5, np.float64)
 
@@ -79,7 +79,7 @@ def apparent_velocity(points: Float64, twist: Float64) -> Float64:
     return velocity
 
 
-def seen_before(points: Float64, seconds: Float64, twist: Float64) -> Float64:
+def displaced_points(points: Float64, seconds: Float64, twist: Float64) -> Float64:
     """Points where a camera that moves with ``twist`` saw them some seconds before.
 
     Args:
@@ -93,7 +93,7 @@ def seen_before(points: Float64, seconds: Float64, twist: Float64) -> Float64:
 
 def seconds_after_color(rows: Int64, view: View) -> Float64:
     """When the rows [N] of the depth image were read, from the middle row of colour on."""
-    seconds: Float64 = view.depth_delay + view.readout * shutter_part(rows, view)
+    seconds: Float64 = view.depth_delay + view.readout_time * normalised_row_time(rows, view)
     return seconds
 
 
@@ -111,7 +111,9 @@ def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, NDArray[np.bo
     z = _delayed_depth_at(view.depth, uv, view.intrinsics.focal_and_centre, motion)
     known = np.isfinite(z)
     points = back_project(uv[known], z[known], view.intrinsics)
-    return seen_before(points, view.readout * shutter_part(uv[known, 1], view), view.twist), known
+    return displaced_points(
+        points, view.readout_time * normalised_row_time(uv[known, 1], view), view.twist
+    ), known
 
 
 def project(points: Float64, intrinsics: CameraIntrinsics) -> Float64:
@@ -158,10 +160,10 @@ def depth_at(depth: Float32, uv: Float32) -> Float64:
 
 
 @compiled
-def displaced(
+def displaced_point(
     x: float, y: float, z: float, seconds: float, twist: Float64
 ) -> tuple[float, float, float]:
-    """``seen_before`` of one point."""
+    """``displaced_points`` of one point."""
     return (
         x + seconds * (twist[0] + twist[4] * z - twist[5] * y),
         y + seconds * (twist[1] + twist[5] * x - twist[3] * z),
@@ -178,12 +180,14 @@ def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) 
         z = sample_depth(depth, uv[i, 0], uv[i, 1])
         # where the depth image has what is at the pixel depends on how far that is
         for _ in range(2):
-            x, y, later = displaced(rx * z, ry * z, z, -1.0, motion)
+            x, y, later = displaced_point(rx * z, ry * z, z, -1.0, motion)
             if not later > 0.0:
                 z = np.nan
                 break
             measured = sample_depth(depth, K[0] * x / later + K[2], K[1] * y / later + K[3])
-            _, _, z = displaced(x / later * measured, y / later * measured, measured, 1.0, motion)
+            _, _, z = displaced_point(
+                x / later * measured, y / later * measured, measured, 1.0, motion
+            )
         found[i] = z
     return found
 

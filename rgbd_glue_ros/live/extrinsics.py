@@ -2,7 +2,7 @@
 
 The odometry follows the camera's optical frame c from its first frame c0. What is published is
 the pose of a child frame in ``odom``, both fixed to the camera or the robot that carries it:
-``T_odom_child = T_odom_c0 T_c0_c T_c_child``.
+``T_fixed_child = T_fixed_odom T_odom_camera T_camera_child``.
 """
 
 from __future__ import annotations
@@ -28,59 +28,59 @@ AXES = {"body": T_BODY_OPTICAL, "optical": np.eye(4)}
 
 
 @dataclass(frozen=True)
-class Framing:
+class Extrinsics:
     """The two constant transforms between the camera's motion and the published pose.
 
     Attributes:
-        T_odom_c0: float64 [4, 4], pose of the first optical frame in odom.
+        T_fixed_odom: float64 [4, 4], pose of the first optical frame in odom.
         T_camera_child: float64 [4, 4], pose of the child frame in the optical frame.
     """
 
-    T_odom_c0: Float64
+    T_fixed_odom: Float64
     T_camera_child: Float64
 
     @staticmethod
-    def of_camera(axes: str) -> Framing:
+    def of_camera(axes: str) -> Extrinsics:
         """The child is the optical frame itself; odom starts at the camera with ``axes``.
 
         Args:
             axes: a name in AXES; with ``body`` the z axis of odom is up if the camera starts level.
         """
-        return Framing(AXES[axes], np.eye(4))
+        return Extrinsics(AXES[axes], np.eye(4))
 
     @staticmethod
-    def of_robot(T_robot_camera: Float64) -> Framing:
+    def of_robot(T_robot_camera: Float64) -> Extrinsics:
         """The child is a robot frame, which starts at the origin of odom.
 
         Args:
             T_robot_camera: float64 [4, 4], pose of the optical frame in the robot frame.
         """
-        return Framing(T_robot_camera, se3.inverse(T_robot_camera))
+        return Extrinsics(T_robot_camera, se3.inverse(T_robot_camera))
 
-    def starting_at(self, T_odom_start: Float64) -> Framing:
+    def starting_at(self, T_odom_start: Float64) -> Extrinsics:
         """The same where what started at the origin of odom starts at ``T_odom_start`` [4, 4]."""
-        return Framing(T_odom_start @ self.T_odom_c0, self.T_camera_child)
+        return Extrinsics(T_odom_start @ self.T_fixed_odom, self.T_camera_child)
 
-    def pose(self, T_c0_camera: Float64) -> Float64:
-        """T_odom_child [4, 4] for the camera's pose [4, 4] in its first optical frame."""
-        T_odom_child: Float64 = self.T_odom_c0 @ T_c0_camera @ self.T_camera_child
-        return T_odom_child
+    def pose(self, T_odom_camera: Float64) -> Float64:
+        """T_fixed_child [4, 4] for the camera's pose [4, 4] in its first optical frame."""
+        T_fixed_child: Float64 = self.T_fixed_odom @ T_odom_camera @ self.T_camera_child
+        return T_fixed_child
 
-    def pose_covariance(self, T_c0_camera: Float64, covariance: Float64) -> Float64:
-        """The covariance [6, 6] of T_odom_child.
+    def pose_covariance(self, T_odom_camera: Float64, covariance: Float64) -> Float64:
+        """The covariance [6, 6] of T_fixed_child.
 
         Both covariances are as in ``nav_msgs/Odometry``: of the errors of the position and of the
         rotation vector along the axes of the fixed frame, x y z rx ry rz, in m and rad.
 
         Args:
-            T_c0_camera: float64 [4, 4], the camera's pose.
+            T_odom_camera: float64 [4, 4], the camera's pose.
             covariance: float64 [6, 6] of that pose.
         """
         # a rotation error of the camera swings the child around it
-        lever = T_c0_camera[:3, :3] @ self.T_camera_child[:3, 3]
+        lever = T_odom_camera[:3, :3] @ self.T_camera_child[:3, 3]
         J = np.eye(6)
         J[:3, 3:] = -se3.skew(lever)
-        J = np.kron(np.eye(2), self.T_odom_c0[:3, :3]) @ J
+        J = np.kron(np.eye(2), self.T_fixed_odom[:3, :3]) @ J
         mapped: Float64 = J @ covariance @ J.T
         return mapped
 
@@ -119,7 +119,7 @@ def parse_pose(where: str, text: str) -> Float64:
     return se3.from_translation_quaternion(position, orientation)
 
 
-def framing(frame_id: str, camera_pose: str, camera_axes: str) -> Framing:
+def parse_extrinsics(frame_id: str, camera_pose: str, camera_axes: str) -> Extrinsics:
     """The framing that the parameters of these names ask for.
 
     Args:
@@ -139,7 +139,7 @@ def framing(frame_id: str, camera_pose: str, camera_axes: str) -> Framing:
                 "is the camera's pose in frame_id, which is not set",
                 "set frame_id, as base_link, or leave camera_pose out",
             )
-        return Framing.of_camera(camera_axes)
+        return Extrinsics.of_camera(camera_axes)
     if not camera_pose:
         raise InputError(
             "camera_pose",
@@ -147,7 +147,7 @@ def framing(frame_id: str, camera_pose: str, camera_axes: str) -> Framing:
             f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), install "
             "tf2_msgs to have it from TF, or leave frame_id empty to publish the camera's own pose",
         )
-    return Framing.of_robot(parse_pose("camera_pose", camera_pose) @ AXES[camera_axes])
+    return Extrinsics.of_robot(parse_pose("camera_pose", camera_pose) @ AXES[camera_axes])
 
 
 def pose_parameter(name: str, text: str) -> Float64 | None:

@@ -6,13 +6,13 @@ from rclpy.node import Node
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import extrinsics
-from rgbd_glue_ros.live.extrinsics import Framing
+from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
 
-class NodeFraming:
+class NodeExtrinsics:
     """The frames of what is published, as soon as they are known."""
 
     def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
@@ -34,25 +34,25 @@ class NodeFraming:
                 "set frame_id, and install tf2_msgs, or leave guess_frame_id empty",
             )
 
-    def _given(self) -> Framing | None:
+    def _given(self) -> Extrinsics | None:
         """The framing that the parameters give; None if TF has to."""
         config = self._config
         if config.frame_id and not config.camera_pose and self._transforms is not None:
             return None
-        return extrinsics.framing(config.frame_id, config.camera_pose, config.camera_axes)
+        return extrinsics.parse_extrinsics(config.frame_id, config.camera_pose, config.camera_axes)
 
     def start_at(self, T_odom_start: Float64 | None) -> None:
         """Sets the pose [4, 4] that the next start is at; None for the origin."""
         self._T_odom_start = T_odom_start
 
     @property
-    def known(self) -> Framing | None:
+    def known(self) -> Extrinsics | None:
         """The framing; None if it is not known yet."""
         if self._at_origin is None or self._T_odom_start is None:
             return self._at_origin
         return self._at_origin.starting_at(self._T_odom_start)
 
-    def of(self, camera_frame: str) -> Framing | None:
+    def of(self, camera_frame: str) -> Extrinsics | None:
         """The framing of a camera, looked up if need be; None if it is not known.
 
         Args:
@@ -61,7 +61,7 @@ class NodeFraming:
         if self._at_origin is None:
             T_robot_camera = self._lookup(self._config.frame_id, camera_frame, None)
             if T_robot_camera is not None:
-                self._at_origin = Framing.of_robot(T_robot_camera)
+                self._at_origin = Extrinsics.of_robot(T_robot_camera)
                 self._node.get_logger().info(f"TF: found {camera_frame}. {self.description}")
         return self.known
 
@@ -89,11 +89,11 @@ class NodeFraming:
     @property
     def description(self) -> str:
         """Where the camera is and looks at the start, as a user would check it."""
-        framing, odom = self.known, self._config.odom_frame_id
-        if framing is None:
+        extrinsics, odom = self.known, self._config.odom_frame_id
+        if extrinsics is None:
             return f"Where the camera is in {self._config.frame_id} is to come from TF"
-        x, y, z = framing.T_odom_c0[:3, 3]
-        ahead, up = framing.T_odom_c0[:3, 2], -framing.T_odom_c0[:3, 1]
+        x, y, z = extrinsics.T_fixed_odom[:3, 3]
+        ahead, up = extrinsics.T_fixed_odom[:3, 2], -extrinsics.T_fixed_odom[:3, 1]
         return (
             f"At the start the camera is at ({x:.3f} {y:.3f} {z:.3f}) in {odom}, looks along "
             f"({_vector(ahead)}), and its image's top is towards ({_vector(up)})"

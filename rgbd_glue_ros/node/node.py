@@ -37,7 +37,7 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
-from rgbd_glue_ros.node.extrinsics import NodeFraming
+from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
 from rgbd_glue_ros.node.input_watch import NodeWatch
 from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node.outputs import NodeOutputs
@@ -84,7 +84,7 @@ class OdometryNode(Node):  # type: ignore[misc]
 
         self._node_config, self._config = declare_parameters(self)
         transforms = listen(self, self._node_config)
-        self._framing = NodeFraming(self, self._node_config, transforms)
+        self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
         self._odometry = Odometry(self._config)
         self.monitor = Monitor()
         self._last_stamp_ns: int | None = None
@@ -199,18 +199,18 @@ class OdometryNode(Node):  # type: ignore[misc]
         try:
             frame = self._frame(arrival.match)
             self._reset_if_earlier(frame)
-            framing = self._framing.of(frame.frame_id)
-            if framing is None:
+            extrinsics = self._extrinsics.of(frame.frame_id)
+            if extrinsics is None:
                 self.monitor.dropped(Drop.UNPLACED)
                 return
-            T_guess_child = self._framing.guess(frame.stamp_ns)
+            T_guess_child = self._extrinsics.guess(frame.stamp_ns)
             T_guess_camera = (
                 None
                 if T_guess_child is None
-                else T_guess_child @ se3.inverse(framing.T_camera_child)
+                else T_guess_child @ se3.inverse(extrinsics.T_camera_child)
             )
             estimate = self._odometry.track(frame, T_guess_camera)
-            pose = self._outputs.publish(estimate, framing, frame, T_guess_child)
+            pose = self._outputs.publish(estimate, extrinsics, frame, T_guess_child)
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)
             if self.monitor.is_news(fault.where, fault.cause):
@@ -259,7 +259,7 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _reset(self) -> None:
         self._odometry.reset()
-        self._framing.start_at(pose_parameter("initial_pose", self._node_config.initial_pose))
+        self._extrinsics.start_at(pose_parameter("initial_pose", self._node_config.initial_pose))
         self._outputs.forget_path()
         self._last_stamp_ns = None
 
@@ -282,7 +282,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         child = self._node_config.frame_id or "the camera's optical frame"
         return (
             f"Subscribed to {subscribed}; publishing {self._node_config.odom_frame_id} -> {child}. "
-            f"{self._framing.description}"
+            f"{self._extrinsics.description}"
         )
 
 

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.extrinsics import Framing
+from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -77,7 +77,7 @@ class NodeOutputs:
     def publish(
         self,
         estimate: OdometryEstimate,
-        framing: Framing,
+        extrinsics: Extrinsics,
         frame: RgbdFrame,
         T_guess_child: Float64 | None,
     ) -> PoseStamped | None:
@@ -85,7 +85,7 @@ class NodeOutputs:
 
         Args:
             estimate: what is known after a frame.
-            framing: from the camera to the frames that are published.
+            extrinsics: from the camera to the frames that are published.
             frame: that it is of.
             T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
 
@@ -99,11 +99,11 @@ class NodeOutputs:
                 self._odom.publish(self._null(estimate.stamp_ns, child))
             return None
         head = fields.header(estimate.stamp_ns, self.config.odom_frame_id)
-        T_odom_child = framing.pose(estimate.T_odom_camera)
-        pose = fields.copy_fields(fields.pose_stamped(T_odom_child, head), PoseStamped())
-        self._broadcast(T_odom_child, T_guess_child, estimate.stamp_ns)
+        T_fixed_child = extrinsics.pose(estimate.T_odom_camera)
+        pose = fields.copy_fields(fields.pose_stamped(T_fixed_child, head), PoseStamped())
+        self._broadcast(T_fixed_child, T_guess_child, estimate.stamp_ns)
         self._pose.publish(pose)
-        self._publish_odom(estimate, framing, pose, child)
+        self._publish_odom(estimate, extrinsics, pose, child)
         self._extend_path(pose)
         return pose
 
@@ -112,7 +112,7 @@ class NodeOutputs:
         self._keyframe.publish(pose)
 
     def _publish_odom(
-        self, estimate: OdometryEstimate, framing: Framing, pose: PoseStamped, child: str
+        self, estimate: OdometryEstimate, extrinsics: Extrinsics, pose: PoseStamped, child: str
     ) -> None:
         if (
             estimate.T_odom_camera is None
@@ -124,11 +124,11 @@ class NodeOutputs:
         odom = OdometryMessage(header=pose.header)
         odom.child_frame_id = child
         odom.pose.pose = pose.pose
-        odom.pose.covariance = framing.pose_covariance(
+        odom.pose.covariance = extrinsics.pose_covariance(
             estimate.T_odom_camera, estimate.covariance
         ).ravel()
-        odom.twist.twist = _twist_message(framing.twist(estimate.twist))
-        odom.twist.covariance = framing.twist_covariance(estimate.twist_covariance).ravel()
+        odom.twist.twist = _twist_message(extrinsics.twist(estimate.twist))
+        odom.twist.covariance = extrinsics.twist_covariance(estimate.twist_covariance).ravel()
         self._odom.publish(odom)
 
     def forget_path(self) -> None:
@@ -153,16 +153,18 @@ class NodeOutputs:
             self._matches.publish(fields.copy_fields(image, Image()))
 
     def _broadcast(
-        self, T_odom_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
+        self, T_fixed_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
     ) -> None:
         """Publishes /tf, where that leaves every frame with one parent."""
         config = self.config
         if self._broadcaster is None:
             return
         if not config.guess_frame_id:
-            self._broadcaster.publish(config.odom_frame_id, config.frame_id, T_odom_child, stamp_ns)
+            self._broadcaster.publish(
+                config.odom_frame_id, config.frame_id, T_fixed_child, stamp_ns
+            )
         elif T_guess_child is not None:
-            T_odom_guess = T_odom_child @ se3.inverse(T_guess_child)
+            T_odom_guess = T_fixed_child @ se3.inverse(T_guess_child)
             self._broadcaster.publish(
                 config.odom_frame_id, config.guess_frame_id, T_odom_guess, stamp_ns
             )

@@ -10,7 +10,7 @@ from rgbd_glue_ros.refinement.gauss_newton import Refinement
 _TEXTURE = 0.3
 
 
-def believable(found: Refinement, asked: int, config: OdometryConfig) -> bool:
+def is_plausible(found: Refinement, asked: int, config: OdometryConfig) -> bool:
     """Whether planes or pixels speak for a pose and the planes do not speak against it.
 
     Args:
@@ -23,11 +23,12 @@ def believable(found: Refinement, asked: int, config: OdometryConfig) -> bool:
     if enough and agreement < config.plane_agreement / 2:
         return False
     return (enough and agreement >= config.plane_agreement) or (
-        found.pixels_seen >= config.min_pixels and found.correlation >= config.pixel_correlation
+        found.pixels_seen >= config.min_pixels
+        and found.brightness_correlation >= config.brightness_correlation
     )
 
 
-def certain(found: Refinement, config: OdometryConfig) -> bool:
+def is_conclusive(found: Refinement, config: OdometryConfig) -> bool:
     """Whether to believe a pose that is unlikely: one that a camera hardly gets to, or was at.
 
     Planes and pixels must speak for it, those too that something may hide.
@@ -35,10 +36,10 @@ def certain(found: Refinement, config: OdometryConfig) -> bool:
     return (
         found.planes_seen >= config.min_planes
         and found.plane_agreement >= config.plane_agreement
-        and found.correlation >= config.pixel_correlation
+        and found.brightness_correlation >= config.brightness_correlation
     )
 
 
-def support(found: Refinement) -> float:
+def score(found: Refinement) -> float:
     """How well planes and pixels agree, for choosing between two poses of one frame."""
-    return found.plane_agreement + _TEXTURE * max(found.correlation, 0.0)
+    return found.plane_agreement + _TEXTURE * max(found.brightness_correlation, 0.0)

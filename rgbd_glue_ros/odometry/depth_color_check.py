@@ -47,44 +47,44 @@ _BETTER, _LEAST_FIT, _SIGMAS = 2.0, 0.12, 4.0
 
 
 @dataclass(frozen=True)
-class Alignment:
+class DepthColorCheck:
     """How well edges of depth and colour fit, magnified and shifted, over some views.
 
     Attributes:
         score: float64 [S, U, V], mean over the views, for scales and shifts along u and v.
         views: how many.
-        T_odom_camera: of the last view, float64 [4, 4]; None before the first.
+        T_track_camera: of the last view, float64 [4, 4]; None before the first.
     """
 
     score: Float64
     views: int = 0
-    T_odom_camera: Float64 | None = None
+    T_track_camera: Float64 | None = None
 
     @staticmethod
-    def start() -> Alignment:
+    def start() -> DepthColorCheck:
         """Before anything was seen."""
-        return Alignment(np.zeros((len(_SCALES), len(_SHIFTS_PX), len(_SHIFTS_PX))))
+        return DepthColorCheck(np.zeros((len(_SCALES), len(_SHIFTS_PX), len(_SHIFTS_PX))))
 
-    def asks_for(self, T_odom_camera: Float64) -> bool:
+    def needs_view_from(self, T_track_camera: Float64) -> bool:
         """Whether a view from there would tell anything new."""
         if self.views >= _VIEWS:
             return False
-        if self.T_odom_camera is None:
+        if self.T_track_camera is None:
             return True
-        return se3.difference(self.T_odom_camera, T_odom_camera) > _APART
+        return se3.difference(self.T_track_camera, T_track_camera) > _APART
 
-    def seen(self, view: View, T_odom_camera: Float64) -> Alignment:
-        """The alignment after another view. Logs a warning when it is known to be wrong."""
+    def after_view(self, view: View, T_track_camera: Float64) -> DepthColorCheck:
+        """The check after another view. Logs a warning when it is known to be wrong."""
         beside, above = _ends_of_surfaces(view.depth)
         count = len(beside) + len(above)
         if count < _MIN_ENDS:
-            return replace(self, T_odom_camera=T_odom_camera)
+            return replace(self, T_track_camera=T_track_camera)
         along_u, along_v = _contrasts(view.grey)
         K = view.intrinsics
         score = _scores(beside, along_u, K.cx, K.cy, _SCALES, _SHIFTS_PX)
         score = (score + _scores(above, along_v, K.cx, K.cy, _SCALES, _SHIFTS_PX)) / count
         views = self.views + 1
-        after = Alignment(self.score + (score - self.score) / views, views, T_odom_camera)
+        after = DepthColorCheck(self.score + (score - self.score) / views, views, T_track_camera)
         if after.offset_px is not None:
             logger.warning(
                 "depth is not registered to colour: its edges are off by %.0f pixels; give the "

@@ -14,7 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
-from rgbd_glue_ros.odometry.acceptance import certain
+from rgbd_glue_ros.odometry.acceptance import is_conclusive
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.parameters import Config
@@ -26,43 +26,43 @@ _LEVELS = COARSE_TO_FINE[:-1]
 
 
 @dataclass(frozen=True)
-class Drift:
+class DriftCorrection:
     """What takes the drift out of poses as tracked, multiplied on the left.
 
     Attributes:
-        correction: that of now, float64 [4, 4].
-        wanted: where it goes.
+        T_odom_track: that of now, float64 [4, 4].
+        target: where it goes.
         edge: what the comparison that has just been made measured; None if none was.
     """
 
-    correction: Float64
-    wanted: Float64
+    T_odom_track: Float64
+    target: Float64
     edge: PoseGraphEdge | None = None
 
     @staticmethod
-    def corrected_by(correction: Float64) -> Drift:
+    def at(T_odom_track: Float64) -> DriftCorrection:
         """Drift that is taken out already."""
-        return Drift(correction, correction)
+        return DriftCorrection(T_odom_track, T_odom_track)
 
-    def followed(self, T_before: Float64, T_now: Float64, rate: float) -> Drift:
+    def advanced(self, T_before: Float64, T_now: Float64, rate: float) -> DriftCorrection:
         """The drift after the camera has moved.
 
         Args:
-            T_before: T_odom_camera as tracked, float64 [4, 4].
+            T_before: T_track_camera, float64 [4, 4].
             T_now: the same, later.
             rate: by which part of the camera's way, metres and radians added, the pose is moved to
                 where it is wanted, at most.
         """
-        corrected = self.correction @ T_now
-        left = se3.log(se3.inverse(corrected) @ self.wanted @ T_now)
+        corrected = self.T_odom_track @ T_now
+        left = se3.log(se3.inverse(corrected) @ self.target @ T_now)
         length = float(np.linalg.norm(left[:3]) + np.linalg.norm(left[3:]))
         allowed = rate * se3.difference(T_before, T_now)
         if length <= allowed:
-            return Drift.corrected_by(self.wanted)
+            return DriftCorrection.at(self.target)
         moved = corrected @ se3.exp(left * (allowed / length))
-        return Drift(moved @ se3.inverse(T_now), self.wanted)
+        return DriftCorrection(moved @ se3.inverse(T_now), self.target)
 
-    def seen(self, keyframe: Keyframe, anchor: Anchor, config: Config) -> Drift:
+    def after_revisit(self, keyframe: Keyframe, anchor: Anchor, config: Config) -> DriftCorrection:
         """The drift after a keyframe was compared with one of long ago.
 
         Args:
@@ -70,16 +70,16 @@ class Drift:
             anchor: sees the same part of the room.
             config: how they are compared, and when that is believed.
         """
-        T = keyframe.T_odom_camera
-        expected = self.wanted @ T
-        start = se3.inverse(anchor.correction) @ expected
+        T = keyframe.T_track_camera
+        expected = self.target @ T
+        start = se3.inverse(anchor.T_odom_track) @ expected
         found = refine(start, anchor.model, keyframe.features.view, config.refine, _LEVELS)
-        if not certain(found, config.odometry):
+        if not is_conclusive(found, config.odometry):
             return self
-        T_seen = anchor.correction @ found.T_model_source
+        T_seen = anchor.T_odom_track @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
         # drift that the covariance finds less likely is a place that looks like another
         if not mahalanobis_squared(off, keyframe.covariance) <= SURPRISE:
             return self
         edge = revisit_edge(anchor, keyframe, found, config)
-        return Drift(self.correction, T_seen @ se3.inverse(T), edge)
+        return DriftCorrection(self.T_odom_track, T_seen @ se3.inverse(T), edge)

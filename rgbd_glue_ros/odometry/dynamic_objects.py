@@ -30,24 +30,24 @@ _AROUND = 3
 _MOST = 0.7
 
 
-def still(
-    view: View, T_odom_camera: Float64, others: Sequence[tuple[View, Float64]]
+def without_dynamic_objects(
+    view: View, T_track_camera: Float64, others: Sequence[tuple[View, Float64]]
 ) -> View | None:
     """The view without the depth of what moves.
 
     Args:
         view: a frame.
-        T_odom_camera: its pose, float64 [4, 4].
-        others: frames that saw the same room before, each with its T_odom_camera.
+        T_track_camera: its pose, float64 [4, 4].
+        others: frames that saw the same room before, each with its T_track_camera.
 
     Returns:
         None where nothing moves, or almost everything seems to.
     """
-    T_odom_depth = _when_depth_was_taken(view, T_odom_camera)
+    T_track_depth = _when_depth_was_taken(view, T_track_camera)
     K = view.intrinsics.focal_and_centre
     blocks = np.zeros([size // _BLOCK_PX for size in view.depth.shape], np.uint8)
-    for other, T_odom_other in others:
-        T_other_depth = se3.inverse(_when_depth_was_taken(other, T_odom_other)) @ T_odom_depth
+    for other, T_track_other in others:
+        T_other_depth = se3.inverse(_when_depth_was_taken(other, T_track_other)) @ T_track_depth
         K_other = other.intrinsics.focal_and_centre
         nearest = _nearest_surfaces(other.depth)
         _mark_in_front(blocks, view.depth, K, T_other_depth, nearest, K_other)
@@ -61,9 +61,9 @@ def still(
     return replace(view, depth=np.where(pixels > 0, np.float32(np.nan), view.depth))
 
 
-def _when_depth_was_taken(view: View, T_odom_camera: Float64) -> Float64:
+def _when_depth_was_taken(view: View, T_track_camera: Float64) -> Float64:
     """The pose of the camera when its depth image was taken, float64 [4, 4]."""
-    return T_odom_camera @ se3.exp(view.twist * view.depth_delay)
+    return T_track_camera @ se3.exp(view.twist * view.depth_delay)
 
 
 def _nearest_surfaces(depth: Float32) -> Float32:

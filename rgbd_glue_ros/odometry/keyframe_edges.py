@@ -34,7 +34,7 @@ def edge_from(
             left, in the same frame.
         origin: what measured it.
     """
-    T_parent_track = se3.inverse(parent.T_odom_camera)
+    T_parent_track = se3.inverse(parent.T_track_camera)
     A = se3.adjoint(T_parent_track)
     T_parent_child = T_parent_track @ T_track_camera
     return PoseGraphEdge(parent.number, child, T_parent_child, A @ covariance @ A.T, origin)
@@ -45,7 +45,7 @@ def revisit_edge(
 ) -> PoseGraphEdge:
     """The edge from an anchor to a keyframe that was refined on the anchor's model."""
     twist = keyframe.features.view.twist
-    covariance = refined_covariance(found, anchor.T_odom_camera, twist, config)
+    covariance = refined_covariance(found, anchor.T_track_camera, twist, config)
     T = found.T_model_source
     return edge_from(anchor, keyframe.number, T, covariance, EdgeOrigin.REVISIT)
 
@@ -62,7 +62,7 @@ def refined_covariance(
         config: how the residuals are correlated, and what they do not show.
     """
     T = found.T_model_source
-    seen = np.linalg.inv(found.information / config.refine.correlation)
+    seen = np.linalg.inv(found.information / config.refine.residuals_per_independent_one)
     distance = float(np.linalg.norm(T[:3, 3] - T_model_anchor[:3, 3]))
     A = se3.adjoint(T)
     covariance: Float64 = seen + A @ unseen_covariance(twist, distance, config.odometry) @ A.T

@@ -20,7 +20,7 @@ class Keyframe:
     Attributes:
         number: counted from 0.
         stamp_ns: of the frame.
-        T_odom_camera: float64 [4, 4].
+        T_track_camera: float64 [4, 4].
         covariance: float64 [6, 6] of the pose, perturbation on the left, odom frame.
         features: of the frame.
         model: its planes and pixels, in the odom frame.
@@ -28,7 +28,7 @@ class Keyframe:
 
     number: int
     stamp_ns: int
-    T_odom_camera: Float64
+    T_track_camera: Float64
     covariance: Float64
     features: FrameFeatures
     model: Model
@@ -39,15 +39,15 @@ class Anchor(Keyframe):
     """A keyframe that tracking has left behind.
 
     Attributes:
-        correction: float64 [4, 4], what takes the drift out of ``T_odom_camera``.
+        T_odom_track: float64 [4, 4], what takes the drift out of ``T_track_camera``.
     """
 
-    correction: Float64
+    T_odom_track: Float64
 
     @property
-    def corrected_pose(self) -> Float64:
+    def T_odom_camera(self) -> Float64:
         """The pose without the drift, float64 [4, 4]."""
-        return self.correction @ self.T_odom_camera
+        return self.T_odom_track @ self.T_track_camera
 
 
 class Keyframes:
@@ -74,35 +74,35 @@ class Keyframes:
     def add(
         self,
         stamp_ns: int,
-        T_odom_camera: Float64,
+        T_track_camera: Float64,
         covariance: Float64,
         features: FrameFeatures,
         model: Model,
-        correction: Float64,
+        T_odom_track: Float64,
     ) -> Keyframe:
         """Makes a keyframe of a frame.
 
         Args:
             stamp_ns: of the frame.
-            T_odom_camera: as tracked, float64 [4, 4].
+            T_track_camera: as tracked, float64 [4, 4].
             covariance: float64 [6, 6] of it.
             features: of the frame.
             model: in its camera's frame.
-            correction: what takes out the drift as it is known now, float64 [4, 4].
+            T_odom_track: what takes out the drift as it is known now, float64 [4, 4].
         """
-        moved = model.moved(T_odom_camera)
+        moved = model.moved(T_track_camera)
         number, self._count = self._count, self._count + 1
-        keyframe = Keyframe(number, stamp_ns, T_odom_camera, covariance, features, moved)
+        keyframe = Keyframe(number, stamp_ns, T_track_camera, covariance, features, moved)
         self._window.append(keyframe)
         if len(self._window) > min(self._config.window, self._config.keyframes):
-            self._leave(self._window.popleft(), correction)
+            self._leave(self._window.popleft(), T_odom_track)
         while len(self) > self._config.keyframes:
             self._anchors.popleft()
         return keyframe
 
-    def _leave(self, keyframe: Keyframe, correction: Float64) -> None:
-        anchor = Anchor(**vars(keyframe), correction=correction)
-        if self.anchor(anchor.corrected_pose, self._config.keyframe_spacing) is None:
+    def _leave(self, keyframe: Keyframe, T_odom_track: Float64) -> None:
+        anchor = Anchor(**vars(keyframe), T_odom_track=T_odom_track)
+        if self.anchor(anchor.T_odom_camera, self._config.keyframe_spacing) is None:
             self._anchors.append(anchor)
 
     def forget(self) -> None:
@@ -110,14 +110,14 @@ class Keyframes:
         self._window.clear()
         self._anchors.clear()
 
-    def anchor(self, T_corrected: Float64, radius: float) -> Anchor | None:
+    def anchor(self, T_odom_camera: Float64, radius: float) -> Anchor | None:
         """The earliest anchor that saw the room from nearer there than ``radius``, if there is one.
 
         Args:
-            T_corrected: pose of a camera, without the drift, float64 [4, 4].
+            T_odom_camera: pose of a camera, without the drift, float64 [4, 4].
             radius: metres plus radians.
         """
-        near = (k for k in self._anchors if se3.difference(k.corrected_pose, T_corrected) < radius)
+        near = (k for k in self._anchors if se3.difference(k.T_odom_camera, T_odom_camera) < radius)
         return next(near, None)
 
     def latest(self, count: int) -> list[Keyframe]:
@@ -135,7 +135,7 @@ class Keyframes:
         start = turn * count % max(len(newest_first), 1)
         return (newest_first[start:] + newest_first[:start])[:count]
 
-    def nearest(self, T_odom_camera: Float64) -> list[Keyframe]:
+    def nearest(self, T_track_camera: Float64) -> list[Keyframe]:
         """The window, those first that saw the room from most nearly there."""
         newest_first = reversed(self._window)
-        return sorted(newest_first, key=lambda k: se3.difference(k.T_odom_camera, T_odom_camera))
+        return sorted(newest_first, key=lambda k: se3.difference(k.T_track_camera, T_track_camera))

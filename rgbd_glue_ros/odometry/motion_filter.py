@@ -24,7 +24,7 @@ _CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
 # No camera is moved faster and sees anything: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
 # The two parts of the filter's state.
-_POSE, _VELOCITY = slice(0, 6), slice(6, 12)
+_POSE, _TWIST = slice(0, 6), slice(6, 12)
 
 
 @dataclass(frozen=True)
@@ -33,28 +33,28 @@ class Motion:
 
     Attributes:
         stamp_ns: of the last frame that had a pose.
-        T_odom_camera: float64 [4, 4].
-        velocity: float64 [6], linear and angular, in the camera's frame (m/s, rad/s).
+        T_track_camera: float64 [4, 4].
+        twist: float64 [6], linear and angular velocity, in the camera's frame (m/s, rad/s).
         covariance: float64 [12, 12] of pose and velocity; perturbations on the right of the pose,
             in the camera's frame.
     """
 
     stamp_ns: int
-    T_odom_camera: Float64
-    velocity: Float64
+    T_track_camera: Float64
+    twist: Float64
     covariance: Float64
 
     @staticmethod
-    def start(stamp_ns: int, T_odom_camera: Float64) -> Motion:
+    def start(stamp_ns: int, T_track_camera: Float64) -> Motion:
         """A pose that is known, and a velocity that is not."""
         covariance = np.diag(np.concatenate([np.zeros(6), _START_SPEED**2]))
-        return Motion(stamp_ns, T_odom_camera, np.zeros(6), covariance)
+        return Motion(stamp_ns, T_track_camera, np.zeros(6), covariance)
 
     def predicted(self, stamp_ns: int, config: MotionConfig) -> Motion:
         """The motion at a later stamp, at constant velocity but for random accelerations."""
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
         moving = min(elapsed, _MEMORY_S)
-        step = se3.exp(self.velocity * moving)
+        step = se3.exp(self.twist * moving)
         F = np.eye(12)
         F[:6, :6] = se3.adjoint(se3.inverse(step))
         F[:6, 6:] = moving * np.eye(6)
@@ -66,19 +66,19 @@ class Motion:
         # the velocity at the end is not the mean of the step, which is all that poses tell
         covariance[6:, 6:] += acceleration * (elapsed / 2) ** 2
         # what the camera does after the memory has faded, nobody knows
-        velocity = self.velocity * (moving / elapsed)
-        return Motion(stamp_ns, self.T_odom_camera @ step, velocity, covariance)
+        twist = self.twist * (moving / elapsed)
+        return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
 
-    def reaches(self, T_odom_camera: Float64, predicted: Motion) -> bool:
+    def reaches(self, T_track_camera: Float64, predicted: Motion) -> bool:
         """Whether a camera that was last here can be there now.
 
         Args:
-            T_odom_camera: there, float64 [4, 4].
+            T_track_camera: there, float64 [4, 4].
             predicted: where it is expected now.
         """
         elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
         covariance = predicted.covariance[:6, :6] + np.diag((_CHANGE_OF_SPEED * elapsed) ** 2)
-        way = se3.log(se3.inverse(predicted.T_odom_camera) @ T_odom_camera)
+        way = se3.log(se3.inverse(predicted.T_track_camera) @ T_track_camera)
         return mahalanobis_squared(way, covariance) < SURPRISE
 
     def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
@@ -88,32 +88,32 @@ class Motion:
         pushed, or found again, and the prediction was too sure of itself.
 
         Args:
-            T_measured: T_odom_camera, float64 [4, 4].
+            T_measured: T_track_camera, float64 [4, 4].
             covariance: float64 [6, 6] of it, perturbation on the right.
         """
-        innovation = se3.log(se3.inverse(self.T_odom_camera) @ T_measured)
+        innovation = se3.log(se3.inverse(self.T_track_camera) @ T_measured)
         surprise = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
         P = self.covariance * max(1.0, (surprise / SURPRISE) ** 2)
         corrected = self._updated(P, _POSE, innovation, covariance)
-        if (np.abs(corrected.velocity) < _FASTEST).all():
+        if (np.abs(corrected.twist) < _FASTEST).all():
             return corrected
-        start = Motion.start(self.stamp_ns, corrected.T_odom_camera)
+        start = Motion.start(self.stamp_ns, corrected.T_track_camera)
         start.covariance[:6, :6] = corrected.covariance[:6, :6]
         return start
 
-    def corrected_velocity(self, velocity: Float64, covariance: Float64) -> Motion:
+    def corrected_by_twist(self, twist: Float64, covariance: Float64) -> Motion:
         """The motion after a measured velocity; as it was, where the two disagree altogether.
 
         Args:
-            velocity: float64 [6], linear and angular, in the camera's frame.
+            twist: float64 [6], linear and angular, in the camera's frame.
             covariance: float64 [6, 6] of it.
         """
-        innovation = velocity - self.velocity
-        expected = self.covariance[_VELOCITY, _VELOCITY] + covariance
+        innovation = twist - self.twist
+        expected = self.covariance[_TWIST, _TWIST] + covariance
         # the comparison with NaN is false, too
         if not mahalanobis_squared(innovation, expected) <= SURPRISE:
             return self
-        return self._updated(self.covariance, _VELOCITY, innovation, covariance)
+        return self._updated(self.covariance, _TWIST, innovation, covariance)
 
     def _updated(
         self, P: Float64, measured: slice, innovation: Float64, covariance: Float64
@@ -133,7 +133,7 @@ class Motion:
         kept[:, measured] -= gain
         return replace(
             self,
-            T_odom_camera=self.T_odom_camera @ se3.exp(change[_POSE]),
-            velocity=self.velocity + change[_VELOCITY],
+            T_track_camera=self.T_track_camera @ se3.exp(change[_POSE]),
+            twist=self.twist + change[_TWIST],
             covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
         )

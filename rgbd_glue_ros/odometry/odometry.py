@@ -10,27 +10,27 @@ from typing import TypeVar
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.features.geometric import Rough
+from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import grey, limit_depth, rectified
-from rgbd_glue_ros.odometry.acceptance import believable, certain, support
-from rgbd_glue_ros.odometry.depth_color_check import Alignment
-from rgbd_glue_ros.odometry.drift_correction import Drift
-from rgbd_glue_ros.odometry.dynamic_objects import still
+from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible, score
+from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
+from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
+from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from, unseen_covariance
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.parameters import Config, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
     COARSE_TO_FINE,
-    START_LIGHT,
+    START_BRIGHTNESS,
     Refinement,
-    judge,
+    evaluate_pose,
     refine,
 )
 from rgbd_glue_ros.refinement.model import Model, blend, model_of
-from rgbd_glue_ros.refinement.rolling_shutter import velocity_seen
-from rgbd_glue_ros.refinement.time_offsets import Timing
+from rgbd_glue_ros.refinement.rolling_shutter import twist_from_distortion
+from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
@@ -64,11 +64,11 @@ _ORIGIN_COVARIANCE = np.eye(6) * 1e-8
 class _Found:
     """A refined pose, and the velocity that the frame's distortion shows, with its covariance.
 
-    ``velocity`` is None where nobody looked.
+    ``twist`` is None where nobody looked.
     """
 
     refinement: Refinement
-    velocity: tuple[Float64, Float64] | None = None
+    twist: tuple[Float64, Float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -94,15 +94,18 @@ class _Scene:
     predicted: Motion
     config: RefineConfig
 
-    def moving(self, velocity: Float64) -> _Scene:
+    def moving(self, twist: Float64) -> _Scene:
         """The same, with another velocity of the camera."""
-        return replace(self, view=replace(self.view, twist=velocity))
+        return replace(self, view=replace(self.view, twist=twist))
 
     def refined(
-        self, T: Float64, levels: Sequence[int], light: Sequence[float] | Float64 = START_LIGHT
+        self,
+        T: Float64,
+        levels: Sequence[int],
+        affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
     ) -> Refinement:
         """A pose refined from T at some levels, under a light as far as it is known."""
-        return refine(T, self.model, self.view, self.config, levels, light)
+        return refine(T, self.model, self.view, self.config, levels, affine_brightness)
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,7 @@ class _Search:
     features: FrameFeatures
     reference: Keyframe
     scene: _Scene
-    prior: Rough | None
+    prior: TransformPrior | None
     ahead: _Ahead | None
 
 
@@ -138,7 +141,7 @@ class _Posed:
     """
 
     stamp_ns: int
-    T_odom_camera: Float64
+    T_track_camera: Float64
     covariance: Float64
     features: FrameFeatures
     reference: Keyframe
@@ -167,9 +170,9 @@ class Odometry:
         self._keyframes = Keyframes(self._config.odometry)
         self._posed: _Posed | None = None
         self._motion: Motion | None = None
-        self._timing = _at_once(Timing.start(self._config.timing, ""))
-        self._drift = _at_once(Drift.corrected_by(np.eye(4)))
-        self._alignment = _at_once(Alignment.start())
+        self._time_offsets = _at_once(TimeOffsets.start(self._config.time_offsets, ""))
+        self._drift = _at_once(DriftCorrection.at(np.eye(4)))
+        self._depth_color_check = _at_once(DepthColorCheck.start())
         self._last_stamp_ns: int | None = None
         self._missed = 0
         self._T_guess_last: Float64 | None = None
@@ -233,15 +236,17 @@ class Odometry:
         shown = self._as_keyframe(posed)
         if shown is None:
             return False
-        drift, T = self._drift.result(), posed.T_odom_camera
-        keyframe = self._keyframes.add(posed.stamp_ns, T, posed.covariance, *shown, drift.wanted)
+        drift, T = self._drift.result(), posed.T_track_camera
+        keyframe = self._keyframes.add(posed.stamp_ns, T, posed.covariance, *shown, drift.target)
         relative = posed.covariance - posed.reference.covariance
         self._edges.append(edge_from(posed.reference, keyframe.number, T, relative))
-        anchor = self._keyframes.anchor(drift.wanted @ T, self._config.odometry.drift_radius)
+        anchor = self._keyframes.anchor(drift.target @ T, self._config.odometry.drift_radius)
         if anchor is not None:
             # the pose of the next frame is the first to need it
             config = replace(self._config, refine=self._refining)
-            self._drift = self._glue.beside.submit(drift.seen, keyframe, anchor, config)
+            self._drift = self._glue.background.submit(
+                drift.after_revisit, keyframe, anchor, config
+            )
         return True
 
     def new_edges(self) -> tuple[PoseGraphEdge, ...]:
@@ -268,12 +273,12 @@ class Odometry:
             self._drift = _at_once(replace(drift, edge=None))
         if isinstance(tracked, _Fix):
             return self._accept(self._motion, predicted, search.features, tracked, stages)
-        recovered = self._recover(search.features, self._motion, predicted)
-        if recovered is not None:
-            if isinstance(recovered.reference, Anchor):
+        relocalised = self._relocalise(search.features, self._motion, predicted)
+        if relocalised is not None:
+            if isinstance(relocalised.reference, Anchor):
                 # a pose found from there has drifted as much as that has, and no more
-                self._drift = _at_once(Drift.corrected_by(recovered.reference.correction))
-            return self._accept(self._motion, predicted, search.features, recovered, stages)
+                self._drift = _at_once(DriftCorrection.at(relocalised.reference.T_odom_track))
+            return self._accept(self._motion, predicted, search.features, relocalised, stages)
         missed = OdometryEstimate(
             frame.stamp_ns, TrackingState.LOST, registration=tracked, stages_ms=stages
         )
@@ -287,37 +292,41 @@ class Odometry:
         if self._T_guess_last is None or T_guess_camera is None:
             return predicted
         step = se3.inverse(self._T_guess_last) @ T_guess_camera
-        return replace(predicted, T_odom_camera=self._motion.T_odom_camera @ step)
+        return replace(predicted, T_track_camera=self._motion.T_track_camera @ step)
 
     def _view(self, frame: RgbdFrame, predicted: Motion | None) -> View:
         """The frame without distortion, its depth in range, and how it was taken."""
         frame = rectified(frame)
         depth = limit_depth(frame.depth, self._config.camera)
         if predicted is None:
-            self._timing = _at_once(Timing.start(self._config.timing, frame.frame_id))
-        timing = self._timing.result()
-        velocity = np.zeros(6) if predicted is None else predicted.velocity
-        delay = frame.depth_delay_ns / NANOSECONDS - timing.depth_latency
-        return View(grey(frame.color), depth, frame.intrinsics, velocity, timing.readout, delay)
+            self._time_offsets = _at_once(
+                TimeOffsets.start(self._config.time_offsets, frame.frame_id)
+            )
+        time_offsets = self._time_offsets.result()
+        twist = np.zeros(6) if predicted is None else predicted.twist
+        delay = frame.depth_delay_ns / NANOSECONDS - time_offsets.depth_latency
+        return View(
+            grey(frame.color), depth, frame.intrinsics, twist, time_offsets.readout_time, delay
+        )
 
     def _search(self, view: View, predicted: Motion) -> _Search:
         """What registration and refinement start from; the refinement from the prediction runs."""
-        odometry, T_predicted = self._config.odometry, predicted.T_odom_camera
+        odometry, T_predicted = self._config.odometry, predicted.T_track_camera
         references = self._references(T_predicted)
         model = blend([keyframe.model for keyframe in references])
         scene = _Scene(model, view, predicted, self._refining)
         prior, ahead = None, None
         if odometry.prior_radius > 0:
-            T_reference_predicted = se3.inverse(references[0].T_odom_camera) @ T_predicted
-            prior = Rough(T_reference_predicted, odometry.prior_radius)
+            T_reference_predicted = se3.inverse(references[0].T_track_camera) @ T_predicted
+            prior = TransformPrior(T_reference_predicted, odometry.prior_radius)
             ahead = self._refined_beside(scene)
         # meanwhile, on this thread
         features = self._glue.extract(view)
         return _Search(features, references[0], scene, prior, ahead)
 
     def _refined_beside(self, scene: _Scene) -> _Ahead:
-        submit = self._glue.beside.submit
-        coarse = submit(timed, scene.refined, scene.predicted.T_odom_camera, _COARSE)
+        submit = self._glue.background.submit
+        coarse = submit(timed, scene.refined, scene.predicted.T_track_camera, _COARSE)
         finished = submit(lambda: timed(self._finished, coarse.result()[0], scene))
         return _Ahead(coarse, finished)
 
@@ -332,8 +341,8 @@ class Odometry:
         if found is None:
             return result
         best, scene, config = found.refinement, search.scene, self._config.odometry
-        if not believable(best, best.planes_visible, config) or not (
-            last.reaches(best.T_model_source, scene.predicted) or certain(best, config)
+        if not is_plausible(best, best.planes_visible, config) or not (
+            last.reaches(best.T_model_source, scene.predicted) or is_conclusive(best, config)
         ):
             return result.refused(RegistrationStatus.INCONSISTENT)
         return _Fix(found, search.reference, result, scene.model)
@@ -347,7 +356,7 @@ class Odometry:
         scene = search.scene
         best, best_ms = (None, 0.0) if search.ahead is None else search.ahead.coarse.result()
         if result.T_target_source is not None:
-            T = search.reference.T_odom_camera @ result.T_target_source
+            T = search.reference.T_track_camera @ result.T_target_source
             if best is None or self._far(best, T):
                 other, coarse_ms = timed(scene.refined, T, _COARSE)
                 if best is None or _is_better(other, best):
@@ -358,50 +367,53 @@ class Odometry:
         found, ms = search.ahead.finished.result()
         return found, best_ms + ms
 
-    def _references(self, T_odom_camera: Float64) -> list[Keyframe]:
+    def _references(self, T_track_camera: Float64) -> list[Keyframe]:
         """The keyframes that a frame there is compared with, the nearest first."""
-        return self._keyframes.nearest(T_odom_camera)[: self._config.odometry.references]
+        return self._keyframes.nearest(T_track_camera)[: self._config.odometry.references]
 
     @property
     def _refining(self) -> RefineConfig:
         """How poses are refined: with less trust in colour where depth is not registered to it."""
         config = self._config.refine
-        if self._alignment.result().offset_px is None:
+        if self._depth_color_check.result().offset_px is None:
             return config
         return replace(config, pixel_weight=min(config.pixel_weight, config.unregistered_weight))
 
     def _finished(self, coarse: Refinement, scene: _Scene) -> _Found:
         """Refines further under the velocity that the frame had; what was, if that fails."""
         T, predicted = coarse.T_model_source, scene.predicted
-        moving = scene.moving(self._corrected(predicted, _Found(coarse)).velocity)
+        moving = scene.moving(self._corrected(predicted, _Found(coarse)).twist)
         finer = moving.refined(T, [_FINER])
-        seen = velocity_seen(finer, moving.model, moving.view, moving.config, _FINER)
-        moving = scene.moving(self._corrected(predicted, _Found(finer, seen)).velocity)
-        finest = moving.refined(finer.T_model_source, [_FINEST], finer.light)
-        if believable(finest, finest.planes_visible, self._config.odometry):
+        seen = twist_from_distortion(finer, moving.model, moving.view, moving.config, _FINER)
+        moving = scene.moving(self._corrected(predicted, _Found(finer, seen)).twist)
+        finest = moving.refined(finer.T_model_source, [_FINEST], finer.affine_brightness)
+        if is_plausible(finest, finest.planes_visible, self._config.odometry):
             return _Found(finest, seen)
-        return _Found(judge(T, scene.model, scene.view, scene.config))
+        return _Found(evaluate_pose(T, scene.model, scene.view, scene.config))
 
-    def _recover(self, features: FrameFeatures, last: Motion, predicted: Motion) -> _Fix | None:
+    def _relocalise(self, features: FrameFeatures, last: Motion, predicted: Motion) -> _Fix | None:
         """Looks for the frame near a few keyframes, without a prior and more sceptically.
 
         The latest come first; while the camera stays lost, frame by frame all others. Planes that
         are hidden count as well: somebody before the camera is no proof of a place.
         """
         odometry = self._config.odometry
-        for keyframe in self._keyframes.in_turn(odometry.recovery_attempts, self._missed):
+        for keyframe in self._keyframes.in_turn(odometry.relocalisation_attempts, self._missed):
             result = self._glue.register(features, keyframe.features)
             if (
                 result.T_target_source is None
-                or len(result.visual_inliers) < odometry.recovery_inliers
+                or len(result.visual_inliers) < odometry.relocalisation_inliers
             ):
                 continue
-            T = keyframe.T_odom_camera @ result.T_target_source
+            T = keyframe.T_track_camera @ result.T_target_source
             refined = refine(T, keyframe.model, features.view, self._refining)
             if (
-                believable(refined, refined.planes_seen, odometry)
-                and refined.correlation >= odometry.pixel_correlation
-                and (last.reaches(refined.T_model_source, predicted) or certain(refined, odometry))
+                is_plausible(refined, refined.planes_seen, odometry)
+                and refined.brightness_correlation >= odometry.brightness_correlation
+                and (
+                    last.reaches(refined.T_model_source, predicted)
+                    or is_conclusive(refined, odometry)
+                )
             ):
                 return _Fix(_Found(refined), keyframe, result, keyframe.model)
         return None
@@ -409,13 +421,15 @@ class Odometry:
     def _corrected(self, predicted: Motion, found: _Found) -> Motion:
         """The predicted motion, corrected by a pose and by a velocity where one was seen."""
         T = found.refinement.T_model_source
-        information = found.refinement.information / self._config.refine.correlation
+        information = (
+            found.refinement.information / self._config.refine.residuals_per_independent_one
+        )
         covariance = np.asarray(
             np.linalg.inv(information + np.linalg.inv(_LOST_SPREAD)), np.float64
         )
         to_body = se3.adjoint(se3.inverse(T))
         motion = predicted.corrected(T, to_body @ covariance @ to_body.T)
-        return motion if found.velocity is None else motion.corrected_velocity(*found.velocity)
+        return motion if found.twist is None else motion.corrected_by_twist(*found.twist)
 
     def _far(self, found: Refinement, T_other: Float64) -> bool:
         odometry = self._config.odometry
@@ -432,17 +446,17 @@ class Odometry:
         model = model_of(features.view, self._config.refine.grid_step)
         if len(model.planes.points) < self._config.odometry.min_planes:
             return OdometryEstimate(stamp_ns, self.state, stages_ms=stages)
-        wanted = self._drift.result().wanted
+        target = self._drift.result().target
         first = self._keyframes.add(
-            stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model, wanted
+            stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model, target
         )
         return self._start_at(first, stages | features.stages_ms)
 
     def _start_at(self, keyframe: Keyframe, stages: dict[str, float]) -> OdometryEstimate:
         """Starts anew at the pose of a keyframe, and says so."""
-        self._motion = Motion.start(keyframe.stamp_ns, keyframe.T_odom_camera)
+        self._motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self.state = TrackingState.TRACKING
-        T = self._drift.result().correction @ keyframe.T_odom_camera
+        T = self._drift.result().T_odom_track @ keyframe.T_track_camera
         return OdometryEstimate(
             keyframe.stamp_ns,
             self.state,
@@ -468,16 +482,16 @@ class Odometry:
         stamp_ns = missed.stamp_ns
         seconds = (stamp_ns - motion.stamp_ns) / NANOSECONDS
         (last,) = self._keyframes.latest(1)
-        adjoint = se3.adjoint(motion.T_odom_camera)
+        adjoint = se3.adjoint(motion.T_track_camera)
         spread = adjoint @ (_LOST_SPREAD * seconds**2) @ adjoint.T
         covariance = last.covariance + spread
         self._keyframes.forget()
-        wanted = self._drift.result().wanted
+        target = self._drift.result().target
         anew = self._keyframes.add(
-            stamp_ns, motion.T_odom_camera, covariance, features, model, wanted
+            stamp_ns, motion.T_track_camera, covariance, features, model, target
         )
         self._missed = 0
-        T = anew.T_odom_camera
+        T = anew.T_track_camera
         self._edges.append(edge_from(last, anew.number, T, spread, EdgeOrigin.ASSUMED))
         return self._start_at(anew, missed.stages_ms)
 
@@ -495,35 +509,37 @@ class Odometry:
         self._motion = motion
         self._missed = 0
         self.state = TrackingState.TRACKING
-        T = motion.T_odom_camera
+        T = motion.T_track_camera
         rate = self._config.odometry.drift_rate
-        drift = self._drift.result().followed(last.T_odom_camera, T, rate)
+        drift = self._drift.result().advanced(last.T_track_camera, T, rate)
         self._drift = _at_once(drift)
         covariance = fix.reference.covariance + self._relative_covariance(motion, fix.reference)
         # now that the frame has a pose, its velocity is known better than it was before
-        features = replace(features, view=replace(features.view, twist=motion.velocity))
-        timing = self._timing.result()
-        if steady and not timing.settled:
+        features = replace(features, view=replace(features.view, twist=motion.twist))
+        time_offsets = self._time_offsets.result()
+        if steady and not time_offsets.settled:
             # the next frame is the first to need it
-            self._timing = self._glue.beside.submit(
-                timing.corrected,
+            self._time_offsets = self._glue.background.submit(
+                time_offsets.corrected,
                 fix.found.refinement,
                 fix.model,
                 features.view,
                 self._refining,
-                self._config.timing,
+                self._config.time_offsets,
             )
-        alignment = self._alignment.result()
-        if alignment.asks_for(T):
-            self._alignment = self._glue.beside.submit(alignment.seen, features.view, T)
+        check = self._depth_color_check.result()
+        if check.needs_view_from(T):
+            self._depth_color_check = self._glue.background.submit(
+                check.after_view, features.view, T
+            )
         self._posed = _Posed(motion.stamp_ns, T, covariance, features, fix.reference)
-        T_corrected = drift.correction @ T
+        T_odom_camera = drift.T_odom_track @ T
         return OdometryEstimate(
             motion.stamp_ns,
             self.state,
-            T_corrected,
-            se3.pose_covariance(T_corrected, covariance),
-            motion.velocity,
+            T_odom_camera,
+            se3.pose_covariance(T_odom_camera, covariance),
+            motion.twist,
             motion.covariance[6:, 6:],
             keyframe_id=fix.reference.number,
             registration=fix.registration,
@@ -536,9 +552,9 @@ class Odometry:
         That of the motion, and what no residual shows: errors of time and of scale.
         """
         odometry = self._config.odometry
-        T = motion.T_odom_camera
-        distance = float(np.linalg.norm(T[:3, 3] - reference.T_odom_camera[:3, 3]))
-        unseen = unseen_covariance(motion.velocity, distance, odometry)
+        T = motion.T_track_camera
+        distance = float(np.linalg.norm(T[:3, 3] - reference.T_track_camera[:3, 3]))
+        unseen = unseen_covariance(motion.twist, distance, odometry)
         adjoint = se3.adjoint(T)
         covariance: Float64 = adjoint @ (motion.covariance[:6, :6] + unseen) @ adjoint.T
         return covariance
@@ -546,7 +562,7 @@ class Odometry:
     def _as_keyframe(self, posed: _Posed) -> tuple[FrameFeatures, Model] | None:
         """What a frame that should become a keyframe shows of the room; None if it should not."""
         odometry, reference = self._config.odometry, posed.reference
-        T = se3.inverse(reference.T_odom_camera) @ posed.T_odom_camera
+        T = se3.inverse(reference.T_track_camera) @ posed.T_track_camera
         way = max(
             float(np.linalg.norm(T[:3, 3])) / odometry.keyframe_translation,
             se3.rotation_angle(T) / odometry.keyframe_rotation,
@@ -563,12 +579,12 @@ class Odometry:
     def _of_the_room(self, posed: _Posed) -> tuple[FrameFeatures, Model]:
         """A frame's features and model without what moves."""
         features, grid_step = posed.features, self._config.refine.grid_step
-        near = self._references(posed.T_odom_camera)
-        others = [(keyframe.features.view, keyframe.T_odom_camera) for keyframe in near]
-        view = still(features.view, posed.T_odom_camera, others)
+        near = self._references(posed.T_track_camera)
+        others = [(keyframe.features.view, keyframe.T_track_camera) for keyframe in near]
+        view = without_dynamic_objects(features.view, posed.T_track_camera, others)
         if view is None:
             return features, model_of(features.view, grid_step)
-        anew = self._glue.beside.submit(self._glue.seen_anew, features, view)
+        anew = self._glue.background.submit(self._glue.seen_anew, features, view)
         model = model_of(view, grid_step)
         return anew.result(), model
 
@@ -583,4 +599,4 @@ def _at_once(known: _Known) -> Future[_Known]:
 def _is_better(found: Refinement, than: Refinement) -> bool:
     """Whether a refinement ended elsewhere than another one, and fits better."""
     apart = se3.difference(found.T_model_source, than.T_model_source)
-    return apart > _SAME and support(found) > support(than)
+    return apart > _SAME and score(found) > score(than)

@@ -32,7 +32,7 @@ from rgbd_glue_ros.parameters.method import (
     OdometryConfig,
     RansacConfig,
     RefineConfig,
-    TimingConfig,
+    TimeOffsetsConfig,
 )
 from rgbd_glue_ros.parameters.node import NodeConfig
 from rgbd_glue_ros.parameters.parameter import (
@@ -64,7 +64,7 @@ __all__ = [
     "Parameter",
     "RansacConfig",
     "RefineConfig",
-    "TimingConfig",
+    "TimeOffsetsConfig",
     "Value",
     "by_current_names",
     "explain",

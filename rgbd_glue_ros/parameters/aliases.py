@@ -12,7 +12,17 @@ from rgbd_glue_ros.errors import InputError
 
 logger = logging.getLogger(__name__)
 
-OLD_NAMES: dict[str, str] = {}
+OLD_NAMES: dict[str, str] = {
+    "refine.correlation": "refine.residuals_per_independent_one",
+    "timing.depth_latency": "time_offsets.depth_latency",
+    "timing.readout": "time_offsets.readout_time",
+    "timing.spread": "time_offsets.spread",
+    "timing.drift": "time_offsets.drift",
+    "timing.correlation": "time_offsets.residuals_per_independent_one",
+    "odometry.pixel_correlation": "odometry.brightness_correlation",
+    "odometry.recovery_attempts": "odometry.relocalisation_attempts",
+    "odometry.recovery_inliers": "odometry.relocalisation_inliers",
+}
 """The names that parameters once had, and those that they have now. Each use logs a line."""
 
 USUAL_NAMES = {"reset_countdown": "odometry.reset_countdown"}

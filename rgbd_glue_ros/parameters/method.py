@@ -154,7 +154,7 @@ class RefineConfig:
     )
     pixel_weight: float = parameter(
         10.0,
-        "Weight of a photometric residual beside a plane's, both by their standard deviations; 0 "
+        "Weight of a photometric residual against a plane's, both by their standard deviations; 0 "
         "refines on planes alone.",
         minimum=0.0,
     )
@@ -169,18 +169,18 @@ class RefineConfig:
         "Photometric residual, in its standard deviations, at which a pixel's weight is halved.",
         minimum=0.01,
     )
-    correlation: float = parameter(
+    residuals_per_independent_one: float = parameter(
         1000.0,
-        "Neighbouring residuals err alike: as many of them as this count as one in the covariance.",
+        "Neighbouring residuals err alike: this many of them count as one in the covariance.",
         minimum=1.0,
     )
 
 
 @dataclass(frozen=True)
-class TimingConfig:
-    """When the images are really taken; found out while the camera moves.
+class TimeOffsetsConfig:
+    """When depth and each row of an image are really taken; estimated while the camera moves.
 
-    Of cameras whose frame is called openni… (Kinect v1, Xtion) it is known.
+    Of cameras whose frame is called openni… (Kinect v1, Xtion) both offsets are known.
     """
 
     depth_latency: float = parameter(
@@ -191,7 +191,7 @@ class TimingConfig:
         minimum=-0.05,
         maximum=0.05,
     )
-    readout: float = parameter(
+    readout_time: float = parameter(
         0.0,
         "From the first row of an image to the last: 0 for a global shutter, negative where the "
         "last row is read first; a first guess, unless spread is 0.",
@@ -208,9 +208,9 @@ class TimingConfig:
     drift: float = parameter(
         0.0001, "How much they may change from frame to frame.", unit="s", minimum=0.0
     )
-    correlation: float = parameter(
+    residuals_per_independent_one: float = parameter(
         1000.0,
-        "Neighbouring residuals err alike: as many of them as this count as one for the timing.",
+        "Neighbouring residuals err alike: this many of them count as one.",
         minimum=1.0,
     )
 
@@ -315,7 +315,7 @@ class OdometryConfig:
         minimum=0.0,
         maximum=1.0,
     )
-    pixel_correlation: float = parameter(
+    brightness_correlation: float = parameter(
         0.6,
         "A pose is believed when the brightness of model and image correlates at least this much "
         "and no plane contradicts.",
@@ -324,7 +324,7 @@ class OdometryConfig:
     )
     timing_error: float = parameter(
         0.015,
-        "What shutter, exposure and stamps leave unknown about the time of an image; the "
+        "What rolling shutter, exposure and stamps leave unknown about the time of an image; the "
         "covariance grows by the way travelled in it.",
         unit="s",
         minimum=0.0,
@@ -337,14 +337,16 @@ class OdometryConfig:
         minimum=0.0,
         maximum=1.0,
     )
-    recovery_attempts: int = parameter(
+    relocalisation_attempts: int = parameter(
         3,
         "Keyframes tried per frame when tracking fails; while the camera is lost, all in turn.",
         minimum=0,
         maximum=100,
     )
-    recovery_inliers: int = parameter(
-        25, "Visual inliers that recovery needs: a wrong one is worse than none.", minimum=3
+    relocalisation_inliers: int = parameter(
+        25,
+        "Visual inliers that relocalisation needs: a wrong pose is worse than none.",
+        minimum=3,
     )
     reset_countdown: int = parameter(
         30,
@@ -367,8 +369,8 @@ class Config:
     ransac: RansacConfig = section(RansacConfig)
     fit: FitConfig = section(FitConfig)
     refine: RefineConfig = section(RefineConfig)
-    timing: TimingConfig = section(
-        TimingConfig, fixed="what was learnt of the camera's times rests on it"
+    time_offsets: TimeOffsetsConfig = section(
+        TimeOffsetsConfig, fixed="what was learnt of the camera's time offsets rests on it"
     )
     motion: MotionConfig = section(MotionConfig)
     odometry: OdometryConfig = section(OdometryConfig)

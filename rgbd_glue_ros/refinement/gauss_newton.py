@@ -20,9 +20,9 @@ from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.refinement.residuals import (
     GATE_SIGMAS,
-    Meeting,
+    LevelProblem,
     Six,
-    meet,
+    level_problem,
     pixel_residual,
     plane_residual,
 )
@@ -36,7 +36,7 @@ _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
 # Keeps a direction that neither planes nor pixels see where the start put it.
 DAMPING = 100.0
 # What is assumed of the light before anything is compared.
-START_LIGHT = (1.0, 0.0, 15.0)
+START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
 
 @dataclass(frozen=True)
@@ -48,21 +48,21 @@ class Refinement:
         information: float64 [6, 6], the Hessian at the pose, perturbation on the left.
         planes_seen: planes that project onto known depth; at level l, of every 2^l-th.
         planes_agreeing: those that lie where the depth image has them.
-        planes_hidden: those that something nearer hides.
+        planes_occluded: those that something nearer hides.
         pixels_seen: pixels of the level judged at inside the image, where no other surface is.
-        correlation: of their brightness in the model and in the image, from -1 to 1.
-        light: float64 [3], gain and bias from the image's brightness to the model's, and the
-            standard deviation of what is left.
+        brightness_correlation: of their brightness in the model and in the image, from -1 to 1.
+        affine_brightness: float64 [3], gain and bias from the image's brightness to the model's,
+            and the standard deviation of what is left.
     """
 
     T_model_source: Float64
     information: Float64
     planes_seen: int
     planes_agreeing: int
-    planes_hidden: int
+    planes_occluded: int
     pixels_seen: int
-    correlation: float
-    light: Float64
+    brightness_correlation: float
+    affine_brightness: Float64
 
     @property
     def plane_agreement(self) -> float:
@@ -72,7 +72,7 @@ class Refinement:
     @property
     def planes_visible(self) -> int:
         """Planes seen that nothing nearer hides."""
-        return self.planes_seen - self.planes_hidden
+        return self.planes_seen - self.planes_occluded
 
 
 def refine(
@@ -81,7 +81,7 @@ def refine(
     source: View,
     config: RefineConfig,
     levels: Sequence[int] = COARSE_TO_FINE,
-    light: Sequence[float] | Float64 = START_LIGHT,
+    affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
 ) -> Refinement:
     """Refines a pose by Gauss-Newton, coarse to fine.
 
@@ -91,32 +91,32 @@ def refine(
         source: the frame whose pose it is.
         config: steps at each level (0 only evaluates the start) and weights.
         levels: of the pyramid to take the steps at; the result is judged at the last.
-        light: as of ``Refinement``, as far as it is known.
+        affine_brightness: as of ``Refinement``, as far as it is known.
     """
     images = pyramid(source.grey, max(levels) + 1)
-    light = np.array(light)
+    affine_brightness = np.array(affine_brightness)
     T = T_model_source
     for level in levels[:-1]:
-        meeting = meet(model, images[level], level, source, config)
-        T = _descended(T, meeting, light, config.iterations, _NEAR_ENOUGH)[0]
+        problem = level_problem(model, images[level], level, source, config)
+        T = _descended(T, problem, affine_brightness, config.iterations, _NEAR_ENOUGH)[0]
     finest = levels[-1]
-    meeting = meet(model, images[finest], finest, source, config)
-    return Refinement(*_descended(T, meeting, light, config.iterations, _CONVERGED))
+    problem = level_problem(model, images[finest], finest, source, config)
+    return Refinement(*_descended(T, problem, affine_brightness, config.iterations, _CONVERGED))
 
 
-def judge(
+def evaluate_pose(
     T_model_source: Float64, model: Model, source: View, config: RefineConfig, level: int = 0
 ) -> Refinement:
     """How well a model and a frame agree on a pose, at a level of the pyramid."""
     image = pyramid(source.grey, level + 1)[level]
-    meeting = meet(model, image, level, source, config)
-    light = np.array(START_LIGHT)
+    problem = level_problem(model, image, level, source, config)
+    affine_brightness = np.array(START_BRIGHTNESS)
     # brightness is compared under the gain and bias that the first look finds
-    _linearised(T_model_source, meeting, light)
-    return Refinement(*_descended(T_model_source, meeting, light, 0, _CONVERGED))
+    _linearised(T_model_source, problem, affine_brightness)
+    return Refinement(*_descended(T_model_source, problem, affine_brightness, 0, _CONVERGED))
 
 
-def beyond_the_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
+def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
     """What residuals say of their other unknowns, whatever the pose.
 
     Args:
@@ -132,15 +132,15 @@ def beyond_the_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
 
 @compiled
 def _descended(
-    T: Float64, meeting: Meeting, light: Float64, iterations: int, converged: float
+    T: Float64, problem: LevelProblem, affine_brightness: Float64, iterations: int, converged: float
 ) -> tuple[Float64, Float64, int, int, int, int, float, Float64]:
     """T after Gauss-Newton steps, until one is shorter than ``converged``, as ``Refinement``.
 
-    What is said of it is from before that last step. ``light`` is updated.
+    What is said of it is from before that last step. ``affine_brightness`` is updated.
     """
     for i in range(iterations + 1):
-        used = light.copy()
-        H, g, planes, pixels = _linearised(T, meeting, light)
+        used = affine_brightness.copy()
+        H, g, planes, pixels = _linearised(T, problem, affine_brightness)
         if i == iterations:
             break
         step = np.linalg.solve(H + DAMPING * np.eye(6), -g).astype(np.float64)
@@ -152,12 +152,12 @@ def _descended(
 
 @compiled
 def _linearised(
-    T: Float64, meeting: Meeting, light: Float64
+    T: Float64, problem: LevelProblem, affine_brightness: Float64
 ) -> tuple[Float64, Float64, tuple[int, int, int], tuple[int, float]]:
-    """Hessian and gradient at T, and the counts of planes and pixels; updates ``light``."""
+    """Hessian and gradient at T, the counts of planes, of pixels; updates the brightness."""
     H, g = np.zeros((6, 6)), np.zeros(6)
-    pixels = _add_pixels(T, meeting, light, H, g)
-    planes = _add_planes(T, meeting, H, g)
+    pixels = _add_pixels(T, problem, affine_brightness, H, g)
+    planes = _add_planes(T, problem, H, g)
     for a in range(6):
         for b in range(a):
             H[a, b] = H[b, a]
@@ -165,18 +165,18 @@ def _linearised(
 
 
 @compiled
-def _add_planes(T: Float64, meeting: Meeting, H: Float64, g: Float64) -> tuple[int, int, int]:
+def _add_planes(T: Float64, problem: LevelProblem, H: Float64, g: Float64) -> tuple[int, int, int]:
     """Adds the point-to-plane terms at T to g and to the upper half of H.
 
     Returns the planes seen, those of them that agree, and those that something nearer hides.
     """
-    points, normals, depth, K = meeting.points, meeting.normals, meeting.depth, meeting.K_depth
-    twist, readout, delay = meeting.twist, meeting.readout, meeting.delay
-    cauchy = meeting.plane_cauchy
+    points, normals, depth, K = problem.points, problem.normals, problem.depth, problem.K_depth
+    twist, readout_time, delay = problem.twist, problem.readout_time, problem.delay
+    cauchy = problem.plane_cauchy
     seen, agreeing, hidden = 0, 0, 0
     for i in range(len(points)):
         is_seen, is_nearer, squared, w, r, J, _ = plane_residual(
-            T, points, normals, i, depth, K, twist, readout, delay, cauchy
+            T, points, normals, i, depth, K, twist, readout_time, delay, cauchy
         )
         if not is_seen:
             continue
@@ -201,24 +201,36 @@ def _add(w: float, r: float, J: Six, H: Float64, g: Float64) -> None:
 
 @compiled
 def _add_pixels(
-    T: Float64, meeting: Meeting, light: Float64, H: Float64, g: Float64
+    T: Float64, problem: LevelProblem, affine_brightness: Float64, H: Float64, g: Float64
 ) -> tuple[int, float]:
     """Adds the photometric terms at T to g and H's upper half; returns pixels seen, correlation.
 
-    ``light`` is as in ``Refinement``; it is estimated anew for the next call, as exposure changes
-    between frames.
+    ``affine_brightness`` is as in ``Refinement``. It is estimated anew for the next call, as
+    exposure changes between frames.
     """
-    points, brightness = meeting.pixels, meeting.brightness
-    image, K = meeting.image, meeting.K_image
-    depth, K_depth = meeting.depth, meeting.K_depth
-    twist, readout, delay = meeting.twist, meeting.readout, meeting.delay
-    weight, cauchy = meeting.pixel_weight, meeting.pixel_cauchy
-    sigma = light[2]
+    points, brightness = problem.pixels, problem.brightness
+    image, K = problem.image, problem.K_image
+    depth, K_depth = problem.depth, problem.K_depth
+    twist, readout_time, delay = problem.twist, problem.readout_time, problem.delay
+    weight, cauchy = problem.pixel_weight, problem.pixel_cauchy
+    sigma = affine_brightness[2]
     seen, spread = 0, 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
     for i in range(len(points)):
         is_seen, value, w, r, J, _ = pixel_residual(
-            T, points, brightness, i, image, K, depth, K_depth, twist, readout, delay, light, cauchy
+            T,
+            points,
+            brightness,
+            i,
+            image,
+            K,
+            depth,
+            K_depth,
+            twist,
+            readout_time,
+            delay,
+            affine_brightness,
+            cauchy,
         )
         if not is_seen:
             continue
@@ -236,8 +248,8 @@ def _add_pixels(
         return seen, 0.0
     var_x, var_y = sxx / sw - (sx / sw) ** 2, syy / sw - (sy / sw) ** 2
     covariance = sxy / sw - sx / sw * sy / sw
-    light[0] = min(max(covariance / max(var_x, 1.0), 0.5), 2.0)
-    light[1] = sy / sw - light[0] * sx / sw
+    affine_brightness[0] = min(max(covariance / max(var_x, 1.0), 0.5), 2.0)
+    affine_brightness[1] = sy / sw - affine_brightness[0] * sx / sw
     # 1.25 mean |r| is the standard deviation of a normal distribution
-    light[2] = min(max(1.25 * spread / seen, 2.0), 30.0)
+    affine_brightness[2] = min(max(1.25 * spread / seen, 2.0), 30.0)
     return seen, covariance / max(np.sqrt(max(var_x, 0.0) * max(var_y, 0.0)), 1.0)

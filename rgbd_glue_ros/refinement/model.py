@@ -15,10 +15,10 @@ from rgbd_glue_ros.geometry.camera import (
     DEPTH_EDGE_SIGMAS,
     apparent_velocity,
     depth_sigma,
+    displaced_points,
     keypoints_to_points,
+    normalised_row_time,
     seconds_after_color,
-    seen_before,
-    shutter_part,
 )
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
@@ -43,19 +43,19 @@ class Planes:
         points: float64 [N, 3], metres.
         normals: float64 [N, 3], unit.
         velocity: float64 [N, 3], ``apparent_velocity`` when they were seen, m/s.
-        part: float64 [N], ``shutter_part`` of the row that they were seen in.
+        row_time: float64 [N], ``normalised_row_time`` of the row that they were seen in.
     """
 
     points: Float64
     normals: Float64
     velocity: Float64
-    part: Float64
+    row_time: Float64
 
     def moved(self, T: Float64) -> Planes:
         """The planes in the frame that T [4, 4] maps to."""
         R = T[:3, :3]
         points = se3.transform(T, self.points)
-        return Planes(points, self.normals @ R.T, self.velocity @ R.T, self.part)
+        return Planes(points, self.normals @ R.T, self.velocity @ R.T, self.row_time)
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class Pixels:
         points: float64 [N, 3], metres.
         brightness: float64 [N], grey levels.
         velocity: as that of ``Planes``.
-        part: as that of ``Planes``.
+        row_time: as that of ``Planes``.
     """
 
     points: Float64
     brightness: Float64
     velocity: Float64
-    part: Float64
+    row_time: Float64
 
     def moved(self, T: Float64) -> Pixels:
         """The pixels in the frame that T [4, 4] maps to."""
@@ -128,14 +128,14 @@ def blend(models: Sequence[Model]) -> Model:
             joined([p.points for p in planes]),
             joined([p.normals for p in planes]),
             joined([p.velocity for p in planes]),
-            joined([p.part for p in planes]),
+            joined([p.row_time for p in planes]),
         ),
         tuple(
             Pixels(
                 joined([p.points for p in pixels]),
                 joined([p.brightness for p in pixels]),
                 joined([p.velocity for p in pixels]),
-                joined([p.part for p in pixels]),
+                joined([p.row_time for p in pixels]),
             )
             for pixels in levels
         ),
@@ -155,14 +155,14 @@ def _planes(view: View, grid_step: int) -> Planes:
     known = np.isfinite(points[..., 2])
     rows = np.nonzero(known)[0] * grid_step + grid_step // 2
     seconds = seconds_after_color(rows, view)
-    points = seen_before(points[known], seconds, view.twist)
+    points = displaced_points(points[known], seconds, view.twist)
     # a normal turns as the points do
     turn = seconds[:, np.newaxis] * np.cross(view.twist[3:], normals[known])
     return Planes(
         points,
         normals[known] + turn,
         apparent_velocity(points, view.twist),
-        shutter_part(rows, view),
+        normalised_row_time(rows, view),
     )
 
 
@@ -176,7 +176,7 @@ def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
         points,
         image[rows[known, 0], rows[known, 1]].astype(np.float64),
         apparent_velocity(points, view.twist),
-        shutter_part(uv[known, 1], view),
+        normalised_row_time(uv[known, 1], view),
     )
 
 

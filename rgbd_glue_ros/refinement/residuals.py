@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
-from rgbd_glue_ros.geometry.camera import depth_sigma, displaced, sample_depth
+from rgbd_glue_ros.geometry.camera import depth_sigma, displaced_point, sample_depth
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
@@ -31,7 +31,7 @@ Six = tuple[float, float, float, float, float, float]
 _NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class Meeting(NamedTuple):
+class LevelProblem(NamedTuple):
     """A model and a frame at one level of the pyramid: all that residuals are made of but T.
 
     Attributes:
@@ -44,7 +44,7 @@ class Meeting(NamedTuple):
         image: uint8 [H / 2^level, W / 2^level] of the frame.
         K_image: float64 [4].
         twist: float64 [6], how the camera moves.
-        readout: of its shutter, seconds.
+        readout_time: of its shutter, seconds.
         delay: of its depth, seconds.
         plane_cauchy: residual, in standard deviations, at which a plane's weight is halved.
         pixel_cauchy: that of a pixel.
@@ -60,21 +60,23 @@ class Meeting(NamedTuple):
     image: UInt8
     K_image: Float64
     twist: Float64
-    readout: float
+    readout_time: float
     delay: float
     plane_cauchy: float
     pixel_cauchy: float
     pixel_weight: float
 
 
-def meet(model: Model, image: UInt8, level: int, source: View, config: RefineConfig) -> Meeting:
+def level_problem(
+    model: Model, image: UInt8, level: int, source: View, config: RefineConfig
+) -> LevelProblem:
     """A model and a frame at a level, of which ``image`` is that of the frame's pyramid.
 
     The planes are every 2^level-th of the model.
     """
     K = source.intrinsics.focal_and_centre
     thinned = slice(None, None, 2**level)
-    return Meeting(
+    return LevelProblem(
         np.ascontiguousarray(model.planes.points[thinned]),
         np.ascontiguousarray(model.planes.normals[thinned]),
         source.depth,
@@ -85,7 +87,7 @@ def meet(model: Model, image: UInt8, level: int, source: View, config: RefineCon
         # pyrDown centres pixel i of a level on pixel 2 i of the one below
         K / 2**level,
         source.twist,
-        source.readout,
+        source.readout_time,
         source.depth_delay,
         config.plane_cauchy,
         config.pixel_cauchy,
@@ -101,24 +103,24 @@ class Rows(NamedTuple):
         weight: float64 [N].
         residual: float64 [N].
         jacobian: float64 [N, 6], by a perturbation on the left of T.
-        part: float64 [N], of the shutter's way at which each was seen.
+        row_time: float64 [N], of the shutter's way at which each was seen.
     """
 
     point: Int64
     weight: Float64
     residual: Float64
     jacobian: Float64
-    part: Float64
+    row_time: Float64
 
 
-def plane_rows(T: Float64, meeting: Meeting) -> Rows:
+def plane_rows(T: Float64, problem: LevelProblem) -> Rows:
     """The residuals of the planes at T that are no other surface, metres."""
-    return _rows(_plane_rows(T, meeting))
+    return _rows(_plane_rows(T, problem))
 
 
-def pixel_rows(T: Float64, meeting: Meeting, light: Float64) -> Rows:
-    """The residuals of the pixels at T under ``light``, grey levels."""
-    return _rows(_pixel_rows(T, meeting, light))
+def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Rows:
+    """The residuals of the pixels at T under ``affine_brightness``, grey levels."""
+    return _rows(_pixel_rows(T, problem, affine_brightness))
 
 
 @compiled
@@ -142,9 +144,11 @@ def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Fl
 
 
 @inlined
-def _write(row: Float64, point: int, weight: float, residual: float, J: Six, part: float) -> None:
+def _write(
+    row: Float64, point: int, weight: float, residual: float, J: Six, row_time: float
+) -> None:
     """Writes a residual as ``_rows`` reads it."""
-    row[0], row[1], row[2], row[9] = point, weight, residual, part
+    row[0], row[1], row[2], row[9] = point, weight, residual, row_time
     row[3], row[4], row[5], row[6], row[7], row[8] = J
 
 
@@ -153,39 +157,51 @@ def _rows(table: Float64) -> Rows:
 
 
 @compiled
-def _plane_rows(T: Float64, meeting: Meeting) -> Float64:
-    points, normals, depth, K = meeting.points, meeting.normals, meeting.depth, meeting.K_depth
-    twist, readout, delay = meeting.twist, meeting.readout, meeting.delay
-    cauchy = meeting.plane_cauchy
+def _plane_rows(T: Float64, problem: LevelProblem) -> Float64:
+    points, normals, depth, K = problem.points, problem.normals, problem.depth, problem.K_depth
+    twist, readout_time, delay = problem.twist, problem.readout_time, problem.delay
+    cauchy = problem.plane_cauchy
     table = np.empty((len(points), 10))
     n = 0
     for i in range(len(points)):
-        seen, _, squared, w, r, J, part = plane_residual(
-            T, points, normals, i, depth, K, twist, readout, delay, cauchy
+        seen, _, squared, w, r, J, row_time = plane_residual(
+            T, points, normals, i, depth, K, twist, readout_time, delay, cauchy
         )
         if seen and squared <= GATE_SIGMAS**2:
-            _write(table[n], i, w, r, J, part)
+            _write(table[n], i, w, r, J, row_time)
             n += 1
     return table[:n]
 
 
 @compiled
-def _pixel_rows(T: Float64, meeting: Meeting, light: Float64) -> Float64:
-    points, brightness = meeting.pixels, meeting.brightness
-    image, K = meeting.image, meeting.K_image
-    depth, K_depth = meeting.depth, meeting.K_depth
-    twist, readout, delay = meeting.twist, meeting.readout, meeting.delay
-    weight, cauchy = meeting.pixel_weight, meeting.pixel_cauchy
-    sigma = light[2]
+def _pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Float64:
+    points, brightness = problem.pixels, problem.brightness
+    image, K = problem.image, problem.K_image
+    depth, K_depth = problem.depth, problem.K_depth
+    twist, readout_time, delay = problem.twist, problem.readout_time, problem.delay
+    weight, cauchy = problem.pixel_weight, problem.pixel_cauchy
+    sigma = affine_brightness[2]
     table = np.empty((len(points), 10))
     n = 0
     for i in range(len(points)):
-        seen, _, w, r, J, part = pixel_residual(
-            T, points, brightness, i, image, K, depth, K_depth, twist, readout, delay, light, cauchy
+        seen, _, w, r, J, row_time = pixel_residual(
+            T,
+            points,
+            brightness,
+            i,
+            image,
+            K,
+            depth,
+            K_depth,
+            twist,
+            readout_time,
+            delay,
+            affine_brightness,
+            cauchy,
         )
         if seen:
             w *= weight / (sigma * sigma)
-            _write(table[n], i, w, r, J, part)
+            _write(table[n], i, w, r, J, row_time)
             n += 1
     return table[:n]
 
@@ -199,7 +215,7 @@ def plane_residual(
     depth: Float32,
     K: Float64,
     twist: Float64,
-    readout: float,
+    readout_time: float,
     delay: float,
     cauchy: float,
 ) -> tuple[bool, bool, float, float, float, Six, float]:
@@ -209,14 +225,16 @@ def plane_residual(
         Whether depth is known there, whether something nearer is, the residual in variances, its
         weight, the residual in metres, its derivative, and the part of the shutter's way.
     """
-    x, y, expected, part = in_camera(T, points, i, K, depth.shape[0], twist, readout, delay)
+    x, y, expected, row_time = in_camera(
+        T, points, i, K, depth.shape[0], twist, readout_time, delay
+    )
     if expected <= 0.0:
         return False, False, 0.0, 0.0, 0.0, _NONE, 0.0
-    x, y, z = seen_surface(depth, K, x, y, expected)
+    x, y, z = measured_point(depth, K, x, y, expected)
     if not z > 0.0:
         return False, False, 0.0, 0.0, 0.0, _NONE, 0.0
     nearer = z < expected
-    x, y, z = displaced(x, y, z, delay + part * readout, twist)
+    x, y, z = displaced_point(x, y, z, delay + row_time * readout_time, twist)
     q0 = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
     q1 = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
     q2 = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
@@ -229,7 +247,7 @@ def plane_residual(
     squared = r * r / variance
     w = 1.0 / (variance * (1.0 + squared / (cauchy * cauchy)))
     J = (n0, n1, n2, q1 * n2 - q2 * n1, q2 * n0 - q0 * n2, q0 * n1 - q1 * n0)
-    return True, nearer, squared, w, r, J, part
+    return True, nearer, squared, w, r, J, row_time
 
 
 @inlined
@@ -243,27 +261,27 @@ def pixel_residual(
     depth: Float32,
     K_depth: Float64,
     twist: Float64,
-    readout: float,
+    readout_time: float,
     delay: float,
-    light: Float64,
+    affine_brightness: Float64,
     cauchy: float,
 ) -> tuple[bool, float, float, float, Six, float]:
-    """Difference in brightness of pixel i, at T and under ``light`` as of ``Refinement``.
+    """Difference in brightness of pixel i, at T and under ``affine_brightness``.
 
     Returns:
         Whether it is in the image and no other surface is there, the image's brightness, its
         robust weight, the residual, its derivative, and the part of the shutter's way.
     """
-    x, y, z, part = in_camera(T, points, i, K, image.shape[0], twist, readout, 0.0)
+    x, y, z, row_time = in_camera(T, points, i, K, image.shape[0], twist, readout_time, 0.0)
     if z <= 0.0:
         return False, 0.0, 0.0, 0.0, _NONE, 0.0
-    there = displaced(x, y, z, -delay, twist)
+    there = displaced_point(x, y, z, -delay, twist)
     x, y = x / z, y / z
     u, v = K[0] * x + K[2], K[1] * y + K[3]
     # where an edge passes in front, or what was seen has moved away
-    if not inside(image, u, v) or shows_another(depth, K_depth, there[0], there[1], there[2]):
+    if not inside(image, u, v) or is_occluded(depth, K_depth, there[0], there[1], there[2]):
         return False, 0.0, 0.0, 0.0, _NONE, 0.0
-    gain, bias, sigma = light[0], light[1], light[2]
+    gain, bias, sigma = affine_brightness[0], affine_brightness[1], affine_brightness[2]
     value = brightness_at(image, u, v)
     r = gain * value + bias - brightness[i]
     w = 1.0 / (1.0 + (r / (cauchy * sigma)) ** 2)
@@ -275,7 +293,7 @@ def pixel_residual(
     J2 = -gx * (T[2, 0] - x * T[2, 2]) - gy * (T[2, 1] - y * T[2, 2])
     p0, p1, p2 = points[i, 0], points[i, 1], points[i, 2]
     J = (J0, J1, J2, p1 * J2 - p2 * J1, p2 * J0 - p0 * J2, p0 * J1 - p1 * J0)
-    return True, value, w, r, J, part
+    return True, value, w, r, J, row_time
 
 
 @compiled
@@ -286,7 +304,7 @@ def in_camera(
     K: Float64,
     height: int,
     twist: Float64,
-    readout: float,
+    readout_time: float,
     delay: float,
 ) -> tuple[float, float, float, float]:
     """Point i of a model where the camera at T sees it, and when.
@@ -298,7 +316,7 @@ def in_camera(
         K: fx, fy, cx, cy.
         height: of the image, pixels.
         twist: float64 [6], velocity of the camera.
-        readout: seconds from the first row to the last.
+        readout_time: seconds from the first row to the last.
         delay: seconds from the colour image to this one.
 
     Returns:
@@ -311,18 +329,18 @@ def in_camera(
         return 0.0, 0.0, -1.0, 0.0
     x = T[0, 0] * d0 + T[1, 0] * d1 + T[2, 0] * d2
     y = T[0, 1] * d0 + T[1, 1] * d1 + T[2, 1] * d2
-    sx, sy, sz, part = x, y, z, 0.0
+    sx, sy, sz, row_time = x, y, z, 0.0
     # the row tells the time and the time the row; a second look is within a hundredth of a pixel
     for _ in range(2):
-        part = (K[1] * sy / sz + K[3]) / height - 0.5
-        sx, sy, sz = displaced(x, y, z, -(delay + part * readout), twist)
+        row_time = (K[1] * sy / sz + K[3]) / height - 0.5
+        sx, sy, sz = displaced_point(x, y, z, -(delay + row_time * readout_time), twist)
         if sz < NEAREST_M:
             return 0.0, 0.0, -1.0, 0.0
-    return sx, sy, sz, part
+    return sx, sy, sz, row_time
 
 
 @compiled
-def seen_surface(
+def measured_point(
     depth: Float32, K: Float64, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
     """The measured point on the ray through x, y, z; its z is NaN where depth is unknown."""
@@ -379,7 +397,7 @@ def apart(z: float) -> float:
 
 
 @compiled
-def shows_another(depth: Float32, K: Float64, x: float, y: float, z: float) -> bool:
+def is_occluded(depth: Float32, K: Float64, x: float, y: float, z: float) -> bool:
     """Whether another surface is seen where a point is expected, in the depth image's own frame.
 
     Where depth is unknown, nothing says so.

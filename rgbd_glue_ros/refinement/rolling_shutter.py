@@ -13,16 +13,22 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.gauss_newton import Refinement, beyond_the_pose
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
 from rgbd_glue_ros.refinement.model import Model, pyramid
-from rgbd_glue_ros.refinement.residuals import Rows, meet, normal_equations, pixel_rows, plane_rows
+from rgbd_glue_ros.refinement.residuals import (
+    Rows,
+    level_problem,
+    normal_equations,
+    pixel_rows,
+    plane_rows,
+)
 from rgbd_glue_ros.types import Float64, View
 
 # The velocity of a camera that no distortion shows: faster than any.
 _UNSEEN_SPEED = 100.0
 
 
-def velocity_seen(
+def twist_from_distortion(
     found: Refinement,
     model: Model,
     source: View,
@@ -44,16 +50,21 @@ def velocity_seen(
     """
     T = found.T_model_source
     image = pyramid(source.grey, level + 1)[level]
-    meeting = meet(model, image, level, source, config)
-    planes = plane_rows(T, meeting)
-    pixels = pixel_rows(T, meeting, found.light)
-    H, g = _normal_equations(planes, source.depth_delay + planes.part * source.readout)
-    H_pixels, g_pixels = _normal_equations(pixels, pixels.part * source.readout)
-    H, g = beyond_the_pose(H + H_pixels, g + g_pixels)
+    problem = level_problem(model, image, level, source, config)
+    planes = plane_rows(T, problem)
+    pixels = pixel_rows(T, problem, found.affine_brightness)
+    H, g = _normal_equations(planes, source.depth_delay + planes.row_time * source.readout_time)
+    H_pixels, g_pixels = _normal_equations(pixels, pixels.row_time * source.readout_time)
+    H, g = marginalise_pose(H + H_pixels, g + g_pixels)
     to_model = se3.adjoint(T)
-    information = to_model.T @ (H / config.correlation) @ to_model + np.eye(6) / _UNSEEN_SPEED**2
+    information = (
+        to_model.T @ (H / config.residuals_per_independent_one) @ to_model
+        + np.eye(6) / _UNSEEN_SPEED**2
+    )
     covariance = np.asarray(np.linalg.inv(information), np.float64)
-    return source.twist - covariance @ (to_model.T @ (g / config.correlation)), covariance
+    return source.twist - covariance @ (
+        to_model.T @ (g / config.residuals_per_independent_one)
+    ), covariance
 
 
 def _normal_equations(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.geometric import Rough
+from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import lift
 from rgbd_glue_ros.geometry.fitting import (
     chi_squared,
@@ -62,7 +62,9 @@ def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspo
     return matches.select(distances(T, matches) <= epsilon)
 
 
-def surviving(matches: Correspondences, rough: Rough, config: Config) -> Correspondences | None:
+def surviving(
+    matches: Correspondences, rough: TransformPrior, config: Config
+) -> Correspondences | None:
     """Equation 8, or None where almost no match survives it.
 
     That are less than ``glue.min_credible``, or less than ``glue.over_chance`` times those that
@@ -76,17 +78,17 @@ def surviving(matches: Correspondences, rough: Rough, config: Config) -> Corresp
     return survivors if len(survivors) >= least else None
 
 
-def geometric_rough(matches: Correspondences, config: Config) -> Rough | None:
+def geometric_rough(matches: Correspondences, config: Config) -> TransformPrior | None:
     """A rough transform from geometric matches alone, with the epsilon of equations 4 to 7."""
     T, agreeing = sc2_pcr(matches)
     if T is None or agreeing < config.glue.min_credible:
         return None
     glue = config.glue
     inliers = matches.select(distances(T, matches) <= _GEOMETRIC_INLIER_M)
-    return Rough(T, adaptive_threshold(error_variance(inliers, T), glue.confidence))
+    return TransformPrior(T, adaptive_threshold(error_variance(inliers, T), glue.confidence))
 
 
-FALLBACKS: dict[str, Callable[[Correspondences, Config], Rough | None]] = {
+FALLBACKS: dict[str, Callable[[Correspondences, Config], TransformPrior | None]] = {
     "sc2_pcr": geometric_rough
 }
 """What ``glue.fallback`` names beside none."""
@@ -124,14 +126,14 @@ class Glue:
     """Registers RGB-D frames by the features and parameters of a configuration.
 
     Attributes:
-        beside: one thread for what is done beside the caller's, in the order of submission.
+        background: one thread for what is done beside the caller's, in the order of submission.
     """
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._visual = VISUAL[config.features.visual](config.features)
         self._geometric = GEOMETRIC[config.features.geometric](config.features)
-        self.beside = ThreadPoolExecutor(1, thread_name_prefix="beside")
+        self.background = ThreadPoolExecutor(1, thread_name_prefix="beside")
 
     def reconfigure(self, config: Config) -> None:
         """Takes other parameters, with the same features."""
@@ -144,7 +146,7 @@ class Glue:
 
     def extract_on_two_threads(self, view: View) -> FrameFeatures:
         """The same, sooner where the thread beside has nothing else to do."""
-        geometric = self.beside.submit(timed, self._geometric.extract, view)
+        geometric = self.background.submit(timed, self._geometric.extract, view)
         return _features(view, timed(self._visual.extract, view), geometric.result())
 
     def seen_anew(self, features: FrameFeatures, view: View) -> FrameFeatures:
@@ -152,7 +154,7 @@ class Glue:
         return replace(features, view=view, geometric=self._geometric.extract(view))
 
     def register(
-        self, source: FrameFeatures, target: FrameFeatures, prior: Rough | None = None
+        self, source: FrameFeatures, target: FrameFeatures, prior: TransformPrior | None = None
     ) -> RegistrationResult:
         """The transform T_target_source of two frames (sections 3.1 to 3.3).
 
@@ -182,7 +184,7 @@ class Glue:
             if len(C_vis_in) >= glue.min_visual:
                 variance = error_variance(C_vis_in, T)
                 sigma = float(np.sqrt(variance))
-                rough = Rough(T, adaptive_threshold(variance, glue.confidence))
+                rough = TransformPrior(T, adaptive_threshold(variance, glue.confidence))
         guide = rough if glue.filter else None
         C_geo = self._geometric.match(source.geometric, target.geometric, guide)
         credible = None if guide is None else surviving(C_geo, guide, self._config)

@@ -18,7 +18,7 @@ from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
 from rgbd_glue_ros.features.geometric import (
     DescribedPoints,
     GridFpfh,
-    Rough,
+    TransformPrior,
     VoxelFpfh,
     nearest_matches,
 )
@@ -146,7 +146,7 @@ def test_none_finds_and_matches_nothing() -> None:
     source, target = views()
     visual, geometric = VISUAL["none"](CONFIG), GEOMETRIC["none"](CONFIG)
     assert len(visual.match(visual.extract(source), visual.extract(target))) == 0
-    rough = Rough(np.eye(4), 1.0)
+    rough = TransformPrior(np.eye(4), 1.0)
     assert len(geometric.match(geometric.extract(source), geometric.extract(target), rough)) == 0
 
 
@@ -240,7 +240,7 @@ def test_guided_search_finds_what_comparing_all_within_the_radius_finds(
 def test_a_narrow_window_only_limits_how_far_it_looks() -> None:
     feature = GridFpfh(CONFIG)
     source, target = (feature.extract(view) for view in views())
-    matches = feature.match(source, target, Rough(true_transform(), 0.5))
+    matches = feature.match(source, target, TransformPrior(true_transform(), 0.5))
     assert len(matches) > 500
     assert distances(true_transform(), matches).max() <= 0.5
 
@@ -248,7 +248,7 @@ def test_a_narrow_window_only_limits_how_far_it_looks() -> None:
 def test_guided_matches_are_within_the_radius_and_weighted_by_likeness() -> None:
     feature = GridFpfh(CONFIG)
     source, target = (feature.extract(view) for view in views())
-    matches = feature.match(source, target, Rough(true_transform(), 0.05))
+    matches = feature.match(source, target, TransformPrior(true_transform(), 0.05))
     assert len(matches) > np.isfinite(source.points[..., 2]).sum() / 3
     assert distances(true_transform(), matches).max() <= 0.05
     assert 0 < matches.weights.min() < matches.weights.max() <= 1
@@ -258,7 +258,7 @@ def test_nothing_is_guided_to_where_the_other_camera_does_not_look() -> None:
     feature = GridFpfh(CONFIG)
     source, target = (feature.extract(view) for view in views())
     behind = se3.exp(np.array([0, 0, -20.0, 0, 0, 0]))
-    assert len(feature.match(source, target, Rough(behind, 0.1))) == 0
+    assert len(feature.match(source, target, TransformPrior(behind, 0.1))) == 0
 
 
 # FPFH on voxels
@@ -289,7 +289,10 @@ def test_where_one_view_has_no_depth_no_geometry_is_matched(name: str, known_pix
     nothing = feature.extract(View(blank().grey, depth, CAMERA))
     for source, target in ((something, nothing), (nothing, nothing)):
         assert len(feature.match(source, target, None)) == 0
-    assert len(feature.match(nothing, something, Rough(true_transform(), 0.1))) <= known_pixels
+    assert (
+        len(feature.match(nothing, something, TransformPrior(true_transform(), 0.1)))
+        <= known_pixels
+    )
 
 
 def test_a_large_cloud_is_matched_in_part_to_all_of_the_other() -> None:

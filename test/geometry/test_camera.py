@@ -22,13 +22,13 @@ from rgbd_glue_ros.geometry.camera import (
     cloud,
     depth_at,
     depth_sigma,
+    displaced_points,
     grey,
     keypoints_to_points,
     limit_depth,
     project,
     rectified,
     sample_depth,
-    seen_before,
 )
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, View
@@ -178,7 +178,7 @@ def test_a_point_seen_before_is_where_the_camera_was_to_first_order(
     """T(0)^-1 T(t) takes what is seen at t to what is seen at 0."""
     points = np.array([[0.3, -0.2, 1.5], [-1.0, 0.5, 3.0]])
     exact = se3.transform(se3.exp(seconds * twist), points)
-    moved = seen_before(points, np.full(2, seconds), twist)
+    moved = displaced_points(points, np.full(2, seconds), twist)
     # what is left is quadratic in the angle and the way
     np.testing.assert_allclose(moved, exact, atol=0.03**2 * 4)
 

@@ -11,7 +11,7 @@ import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
 
 from rgbd_glue_ros.geometry import camera, se3
-from rgbd_glue_ros.odometry.depth_color_check import Alignment
+from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.types import Float32, RgbdFrame, View
@@ -37,17 +37,17 @@ def unregistered(scale: float, right: float, down: float) -> list[RgbdFrame]:
     return [replace(f, depth=laid(f.depth, scale, right, down)) for f in recorded_frames()]
 
 
-def seen(frames: list[RgbdFrame]) -> Alignment:
-    alignment = Alignment.start()
+def after_views(frames: list[RgbdFrame]) -> DepthColorCheck:
+    check = DepthColorCheck.start()
     for frame in frames:
-        alignment = alignment.seen(view(frame), np.eye(4))
-    return alignment
+        check = check.after_view(view(frame), np.eye(4))
+    return check
 
 
 def test_registered_depth_is_found_to_be(caplog: pytest.LogCaptureFixture) -> None:
-    alignment = seen(list(recorded_frames()[: 12 * ENOUGH : 12]))
-    assert alignment.views == ENOUGH
-    assert alignment.offset_px is None
+    check = after_views(list(recorded_frames()[: 12 * ENOUGH : 12]))
+    assert check.views == ENOUGH
+    assert check.offset_px is None
     assert not caplog.records
 
 
@@ -59,8 +59,8 @@ def test_depth_that_lies_elsewhere_is_noticed_and_said_once(
     scale: float, right: float, down: float, offset_px: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     frames = unregistered(scale, right, down)[: 12 * ENOUGH : 12]
-    assert seen(frames[:-1]).offset_px is None
-    found = seen(frames).offset_px
+    assert after_views(frames[:-1]).offset_px is None
+    found = after_views(frames).offset_px
     assert found is not None
     # the steps tried are 3 pixels and 3 %
     assert abs(found - offset_px) < 5
@@ -74,30 +74,30 @@ def test_images_of_different_rooms_fit_nowhere() -> None:
     upside_down = [replace(f, color=f.color[::-1, ::-1].copy()) for f in frames]
     mirrored = [replace(f, color=f.color[:, ::-1].copy()) for f in frames]
     for wrong in (upside_down, mirrored):
-        alignment = seen(wrong[: 12 * ENOUGH : 12])
-        assert alignment.views == ENOUGH
-        assert alignment.offset_px is None
+        check = after_views(wrong[: 12 * ENOUGH : 12])
+        assert check.views == ENOUGH
+        assert check.offset_px is None
 
 
 def test_a_view_with_few_edges_says_nothing() -> None:
     frame = recorded_frames()[0]
     wall = replace(frame, depth=np.full_like(frame.depth, 2.0))
     unknown = replace(frame, depth=np.full_like(frame.depth, np.nan))
-    alignment = seen([wall, unknown])
-    assert alignment.views == 0
-    assert alignment.offset_px is None
+    check = after_views([wall, unknown])
+    assert check.views == 0
+    assert check.offset_px is None
 
 
 def test_only_views_from_elsewhere_count_until_enough_were_seen() -> None:
     frame, here = recorded_frames()[0], np.eye(4)
-    alignment = Alignment.start()
-    assert alignment.asks_for(here)
-    alignment = alignment.seen(view(frame), here)
-    assert not alignment.asks_for(here)
-    assert alignment.asks_for(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
+    check = DepthColorCheck.start()
+    assert check.needs_view_from(here)
+    check = check.after_view(view(frame), here)
+    assert not check.needs_view_from(here)
+    assert check.needs_view_from(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
     for _ in range(ENOUGH - 1):
-        alignment = alignment.seen(view(frame), here)
-    assert not alignment.asks_for(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
+        check = check.after_view(view(frame), here)
+    assert not check.needs_view_from(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
 
 
 def test_the_odometry_trusts_colour_less_once_it_knows(caplog: pytest.LogCaptureFixture) -> None:

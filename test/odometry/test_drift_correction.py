@@ -1,4 +1,4 @@
-"""Drift: found where the camera comes back, and taken out bit by bit."""
+"""DriftCorrection: found where the camera comes back, and taken out bit by bit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigs.geometry import transforms
 from rigs.room import room_view, true_pose
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.drift_correction import Drift
+from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, with_values
@@ -27,82 +27,84 @@ NONE = np.eye(4)
 DRIFT = se3.exp(np.array([0.04, -0.03, 0.02, 0.01, 0.02, -0.01]))
 
 
-def keyframe(view: View, T_odom_camera: Float64, sigma: float = 0.05) -> Keyframe:
-    model = model_of(view, CONFIG.refine.grid_step).moved(T_odom_camera)
+def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> Keyframe:
+    model = model_of(view, CONFIG.refine.grid_step).moved(T_track_camera)
     features = FrameFeatures(view, None, None, {})
-    return Keyframe(0, 0, T_odom_camera, np.eye(6) * sigma**2, features, model)
+    return Keyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model)
 
 
-def anchor(view: View, T_odom_camera: Float64, correction: Float64) -> Anchor:
-    return Anchor(**vars(keyframe(view, T_odom_camera)), correction=correction)
+def anchor(view: View, T_track_camera: Float64, T_odom_track: Float64) -> Anchor:
+    return Anchor(**vars(keyframe(view, T_track_camera)), T_odom_track=T_odom_track)
 
 
 # how the pose follows
 
 
-@given(wanted=transforms(), way=st.floats(0, 0.2), rate=st.floats(0, 1))
+@given(target=transforms(), way=st.floats(0, 0.2), rate=st.floats(0, 1))
 def test_a_pose_is_moved_by_no_more_than_its_part_of_the_cameras_way(
-    wanted: Float64, way: float, rate: float
+    target: Float64, way: float, rate: float
 ) -> None:
     before, now = NONE, se3.exp(way * np.array([1.0, 0, 0, 0, 1, 0]))
-    drift = Drift(NONE, wanted).followed(before, now, rate)
-    moved = se3.difference(now, drift.correction @ now)
+    drift = DriftCorrection(NONE, target).advanced(before, now, rate)
+    moved = se3.difference(now, drift.T_odom_track @ now)
     # a screw's chord is shorter than its way
     assert moved <= rate * se3.difference(before, now) * 1.01 + 1e-9
-    np.testing.assert_array_equal(drift.wanted, wanted)
+    np.testing.assert_array_equal(drift.target, target)
 
 
 def test_a_camera_that_stands_still_is_not_moved() -> None:
-    drift = Drift(NONE, DRIFT).followed(STEP, STEP, rate=0.5)
-    np.testing.assert_allclose(drift.correction, NONE, atol=1e-12)
+    drift = DriftCorrection(NONE, DRIFT).advanced(STEP, STEP, rate=0.5)
+    np.testing.assert_allclose(drift.T_odom_track, NONE, atol=1e-12)
 
 
 def test_a_camera_that_moves_on_gets_where_it_is_wanted_and_stays_there() -> None:
-    drift, T = Drift(NONE, DRIFT), NONE
+    drift, T = DriftCorrection(NONE, DRIFT), NONE
     off = []
     for _ in range(300):
-        drift, T = drift.followed(T, T @ STEP, rate=0.01), T @ STEP
-        off.append(se3.difference(drift.correction @ T, DRIFT @ T))
+        drift, T = drift.advanced(T, T @ STEP, rate=0.01), T @ STEP
+        off.append(se3.difference(drift.T_odom_track @ T, DRIFT @ T))
     # where the camera is turns what is left to do; it grows less all the same
     assert off[0] > off[len(off) // 4] > off[len(off) // 2] > 0
-    np.testing.assert_array_equal(drift.correction, DRIFT)
+    np.testing.assert_array_equal(drift.T_odom_track, DRIFT)
 
 
 def test_drift_that_is_taken_out_changes_nothing() -> None:
-    drift = Drift.corrected_by(DRIFT)
-    assert drift.followed(NONE, STEP, rate=0.01) == drift
+    drift = DriftCorrection.at(DRIFT)
+    assert drift.advanced(NONE, STEP, rate=0.01) == drift
 
 
 # what a comparison with an anchor shows
 
 
-def tracked_back(view: View, T: Float64, sigma: float = 0.05) -> Drift:
+def tracked_back(view: View, T: Float64, sigma: float = 0.05) -> DriftCorrection:
     """What a frame of time 0.5 s shows that is believed at T, where the anchor is of time 0."""
-    before = anchor(room_view(0.0), true_pose(0.0), correction=NONE)
-    return Drift.corrected_by(NONE).seen(keyframe(view, T, sigma), before, CONFIG)
+    before = anchor(room_view(0.0), true_pose(0.0), T_odom_track=NONE)
+    return DriftCorrection.at(NONE).after_revisit(keyframe(view, T, sigma), before, CONFIG)
 
 
 def test_a_keyframe_beside_an_anchor_shows_what_has_drifted_since() -> None:
     truth = true_pose(0.5)
     drift = tracked_back(room_view(0.5), DRIFT @ truth)
     metres, radians = 0.004, 0.003
-    off = se3.inverse(truth) @ drift.wanted @ DRIFT @ truth
+    off = se3.inverse(truth) @ drift.target @ DRIFT @ truth
     assert np.linalg.norm(off[:3, 3]) < metres
     assert se3.rotation_angle(off) < radians
-    np.testing.assert_array_equal(drift.correction, NONE)
+    np.testing.assert_array_equal(drift.T_odom_track, NONE)
 
 
 def test_the_anchors_own_drift_is_taken_out_with_it() -> None:
     """A keyframe and an anchor that drifted alike agree, and both are where the anchor was."""
-    before = anchor(room_view(0.0), DRIFT @ true_pose(0.0), correction=se3.inverse(DRIFT))
-    drift = Drift.corrected_by(se3.inverse(DRIFT))
+    before = anchor(room_view(0.0), DRIFT @ true_pose(0.0), T_odom_track=se3.inverse(DRIFT))
+    drift = DriftCorrection.at(se3.inverse(DRIFT))
     now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
-    np.testing.assert_allclose(drift.seen(now, before, CONFIG).wanted, drift.wanted, atol=0.005)
+    np.testing.assert_allclose(
+        drift.after_revisit(now, before, CONFIG).target, drift.target, atol=0.005
+    )
 
 
 def test_drift_that_the_covariance_denies_is_another_place() -> None:
     drift = tracked_back(room_view(0.5), DRIFT @ true_pose(0.5), sigma=0.005)
-    np.testing.assert_array_equal(drift.wanted, NONE)
+    np.testing.assert_array_equal(drift.target, NONE)
 
 
 def test_a_view_in_which_colour_or_planes_disagree_shows_no_drift() -> None:
@@ -111,7 +113,7 @@ def test_a_view_in_which_colour_or_planes_disagree_shows_no_drift() -> None:
     hidden = replace(view, depth=np.full_like(view.depth, 0.5))
     for disturbed in (dark, hidden):
         drift = tracked_back(disturbed, DRIFT @ true_pose(0.5))
-        np.testing.assert_array_equal(drift.wanted, NONE)
+        np.testing.assert_array_equal(drift.target, NONE)
 
 
 # in the odometry

@@ -12,7 +12,7 @@ from rigs.room import room_frame, room_view, true_pose
 
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.dynamic_objects import still
+from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.types import Float32, RgbdFrame, View
 
 BEFORE, NOW = 0.0, 0.6
@@ -37,7 +37,9 @@ def known(depth: Float32) -> float:
 @given(st.floats(0.0, 3.5), st.floats(0.0, 3.5))
 def test_in_a_still_room_nothing_moves(before: float, now: float) -> None:
     now, before = round(now, 1), round(before, 1)
-    found = still(room_view(now), true_pose(now), [(room_view(before), true_pose(before))])
+    found = without_dynamic_objects(
+        room_view(now), true_pose(now), [(room_view(before), true_pose(before))]
+    )
     assert found is None or known(room_view(now).depth) - known(found.depth) < 0.01
 
 
@@ -45,7 +47,7 @@ def test_somebody_who_came_is_taken_out_and_the_room_is_left() -> None:
     room, view = room_view(NOW), crossed(NOW)
     person = view.depth != room.depth
     assert 0.2 < person.mean() < 0.6
-    found = still(view, true_pose(NOW), [(room_view(BEFORE), true_pose(BEFORE))])
+    found = without_dynamic_objects(view, true_pose(NOW), [(room_view(BEFORE), true_pose(BEFORE))])
     assert found is not None
     assert np.isfinite(found.depth[person]).mean() < 0.05
     behind = ~person & np.isfinite(room.depth)
@@ -57,33 +59,40 @@ def test_somebody_who_came_is_taken_out_and_the_room_is_left() -> None:
 
 
 def test_somebody_who_left_takes_nothing_with_them() -> None:
-    assert still(room_view(NOW), true_pose(NOW), [(crossed(NOW), true_pose(NOW))]) is None
+    assert (
+        without_dynamic_objects(room_view(NOW), true_pose(NOW), [(crossed(NOW), true_pose(NOW))])
+        is None
+    )
 
 
 def test_one_frame_that_saw_the_place_empty_is_enough() -> None:
     full, empty = (crossed(NOW), true_pose(NOW)), (room_view(BEFORE), true_pose(BEFORE))
-    assert still(*full, [full]) is None
-    found = still(*full, [full, empty])
+    assert without_dynamic_objects(*full, [full]) is None
+    found = without_dynamic_objects(*full, [full, empty])
     assert found is not None
     assert known(found.depth) < known(crossed(NOW).depth) - 0.2
 
 
 def test_where_nothing_was_known_nothing_is_known_to_have_come() -> None:
     blind = replace(room_view(BEFORE), depth=np.full_like(room_view(BEFORE).depth, np.nan))
-    assert still(crossed(NOW), true_pose(NOW), [(blind, true_pose(BEFORE))]) is None
-    assert still(crossed(NOW), true_pose(NOW), []) is None
+    assert (
+        without_dynamic_objects(crossed(NOW), true_pose(NOW), [(blind, true_pose(BEFORE))]) is None
+    )
+    assert without_dynamic_objects(crossed(NOW), true_pose(NOW), []) is None
 
 
 def test_when_everything_seems_to_have_moved_it_is_the_pose_that_is_wrong() -> None:
     room = room_view(NOW)
     twice = replace(room, depth=2 * room.depth)
-    assert still(room, true_pose(NOW), [(twice, true_pose(NOW))]) is None
+    assert without_dynamic_objects(room, true_pose(NOW), [(twice, true_pose(NOW))]) is None
 
 
 @pytest.mark.parametrize("radians", [-0.02, 0.02])
 def test_a_pose_off_by_a_few_pixels_takes_little_of_the_room(radians: float) -> None:
     turned = true_pose(NOW) @ se3.exp(np.array([0, 0, 0, radians, radians, 0]))
-    found = still(room_view(NOW), turned, [(room_view(BEFORE), true_pose(BEFORE))])
+    found = without_dynamic_objects(
+        room_view(NOW), turned, [(room_view(BEFORE), true_pose(BEFORE))]
+    )
     assert found is None or known(room_view(NOW).depth) - known(found.depth) < 0.03
 
 
@@ -92,5 +101,5 @@ def test_late_depth_is_compared_where_it_was_taken() -> None:
     delay, twist = 0.05, np.array([0, 0, 0, 0, 3.0, 0])
     back = se3.exp(-delay * twist)
     late = replace(room_view(NOW), twist=twist, depth_delay=delay)
-    found = still(late, true_pose(NOW) @ back, [(room_view(NOW), true_pose(NOW))])
+    found = without_dynamic_objects(late, true_pose(NOW) @ back, [(room_view(NOW), true_pose(NOW))])
     assert found is None or known(late.depth) - known(found.depth) < 0.01

@@ -32,10 +32,10 @@ def kept(capacity: int, window: int = 5, spacing: float = 0.0) -> Keyframes:
 
 
 def add(
-    keyframes: Keyframes, T: Float64, stamp_ns: int = 0, correction: Float64 | None = None
+    keyframes: Keyframes, T: Float64, stamp_ns: int = 0, T_odom_track: Float64 | None = None
 ) -> Keyframe:
-    correction = np.eye(4) if correction is None else correction
-    return keyframes.add(stamp_ns, T, np.eye(6), FEATURES, MODEL, correction)
+    T_odom_track = np.eye(4) if T_odom_track is None else T_odom_track
+    return keyframes.add(stamp_ns, T, np.eye(6), FEATURES, MODEL, T_odom_track)
 
 
 def moved(metres: float, radians: float = 0.0) -> Float64:
@@ -114,14 +114,14 @@ def test_in_turn_the_newest_come_first_and_all_have_their_turn(n: int, count: in
 
 def test_a_keyframe_that_leaves_the_window_becomes_an_anchor_at_its_place_without_drift() -> None:
     keyframes = kept(5, window=1)
-    first = add(keyframes, moved(0.0), correction=moved(9.0))
+    first = add(keyframes, moved(0.0), T_odom_track=moved(9.0))
     assert keyframes.anchor(moved(0.2), radius=1.0) is None
-    add(keyframes, moved(0.5), correction=moved(0.2))
+    add(keyframes, moved(0.5), T_odom_track=moved(0.2))
     anchor = keyframes.anchor(moved(0.2), radius=0.01)
     assert isinstance(anchor, Anchor)
     assert anchor.number == first.number
-    np.testing.assert_array_equal(anchor.T_odom_camera, first.T_odom_camera)
-    np.testing.assert_allclose(anchor.corrected_pose, moved(0.2))
+    np.testing.assert_array_equal(anchor.T_track_camera, first.T_track_camera)
+    np.testing.assert_allclose(anchor.T_odom_camera, moved(0.2))
 
 
 def test_the_earliest_anchor_near_enough_is_taken() -> None:

@@ -34,8 +34,8 @@ def at(position: Float64) -> Float64:
 @given(transforms())
 def test_a_start_is_a_known_pose_and_an_unknown_velocity(T: Float64) -> None:
     motion = Motion.start(5, T)
-    np.testing.assert_array_equal(motion.T_odom_camera, T)
-    np.testing.assert_array_equal(motion.velocity, np.zeros(6))
+    np.testing.assert_array_equal(motion.T_track_camera, T)
+    np.testing.assert_array_equal(motion.twist, np.zeros(6))
     assert (np.diag(motion.covariance)[:6] == 0).all()
     assert (np.diag(motion.covariance)[6:] > 0.1).all()
 
@@ -44,14 +44,14 @@ def test_a_moving_camera_is_expected_to_go_on_in_its_own_direction() -> None:
     # a quarter turn to the left: forward is then along the odom frame's -x
     left = se3.exp(np.array([0, 0, 0, 0, -np.pi / 2, 0]))
     predicted = moving(np.array([0, 0, 0.6, 0, 0, 0]), left).predicted(PERIOD_NS, CONFIG)
-    np.testing.assert_allclose(predicted.T_odom_camera[:3, 3], [-0.02, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(predicted.T_track_camera[:3, 3], [-0.02, 0, 0], atol=1e-9)
     assert predicted.stamp_ns == PERIOD_NS
 
 
 def test_a_camera_that_was_not_seen_for_long_is_not_expected_to_have_gone_on_for_ever() -> None:
     predicted = moving(np.array([0, 0, 1.0, 0, 0, 0])).predicted(60 * NANOSECONDS, CONFIG)
-    assert np.linalg.norm(predicted.T_odom_camera[:3, 3]) < 1.0
-    assert np.linalg.norm(predicted.velocity) < 0.1
+    assert np.linalg.norm(predicted.T_track_camera[:3, 3]) < 1.0
+    assert np.linalg.norm(predicted.twist) < 0.1
     assert np.sqrt(predicted.covariance[0, 0]) > 1.0
 
 
@@ -62,11 +62,11 @@ def test_the_predicted_covariance_is_that_of_sampled_predictions() -> None:
     samples = []
     for _ in range(4000):
         error = rng.multivariate_normal(np.zeros(12), start.covariance)
-        velocity = start.velocity + error[6:] + rng.normal(0, ACCELERATION) * PERIOD_S
-        T = start.T_odom_camera @ se3.exp(error[:6]) @ se3.exp(velocity * PERIOD_S)
-        off = se3.log(se3.inverse(expected.T_odom_camera) @ T)
+        velocity = start.twist + error[6:] + rng.normal(0, ACCELERATION) * PERIOD_S
+        T = start.T_track_camera @ se3.exp(error[:6]) @ se3.exp(velocity * PERIOD_S)
+        off = se3.log(se3.inverse(expected.T_track_camera) @ T)
         velocity = velocity + rng.normal(0, ACCELERATION) * PERIOD_S / 2
-        samples.append(np.concatenate([off, velocity - start.velocity]))
+        samples.append(np.concatenate([off, velocity - start.twist]))
     sampled = np.cov(np.array(samples).T)
     scale = np.sqrt(np.diag(expected.covariance))
     # a correlation of 4000 samples has a standard error of 0.016 at most, and a variance of 0.022
@@ -81,8 +81,8 @@ def test_without_rotation_it_is_the_kalman_filter(seed: int) -> None:
     start = moving(np.concatenate([rng.normal(0, 0.5, 3), np.zeros(3)]))
     # a doubtful rotation would make the position doubtful too
     covariance = np.diag([1e-4] * 3 + [0.0] * 3 + [1e-2] * 3 + [0.0] * 3)
-    start = replace(start, T_odom_camera=at(rng.normal(0, 1, 3)), covariance=covariance)
-    x = np.concatenate([start.T_odom_camera[:3, 3], start.velocity[:3]])
+    start = replace(start, T_track_camera=at(rng.normal(0, 1, 3)), covariance=covariance)
+    x = np.concatenate([start.T_track_camera[:3, 3], start.twist[:3]])
     rows = np.r_[0:3, 6:9]
     P = start.covariance[np.ix_(rows, rows)]
     F = np.block([[np.eye(3), PERIOD_S * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
@@ -96,8 +96,8 @@ def test_without_rotation_it_is_the_kalman_filter(seed: int) -> None:
 
     noise = np.diag([*np.diag(R), 1e-4, 1e-4, 1e-4])
     corrected = start.predicted(PERIOD_NS, CONFIG).corrected(at(measured), noise)
-    np.testing.assert_allclose(corrected.T_odom_camera[:3, 3], x[:3], atol=1e-9)
-    np.testing.assert_allclose(corrected.velocity[:3], x[3:], atol=1e-9)
+    np.testing.assert_allclose(corrected.T_track_camera[:3, 3], x[:3], atol=1e-9)
+    np.testing.assert_allclose(corrected.twist[:3], x[3:], atol=1e-9)
     np.testing.assert_allclose(corrected.covariance[np.ix_(rows, rows)], P, atol=1e-12)
 
 
@@ -105,7 +105,7 @@ def test_without_rotation_it_is_the_kalman_filter(seed: int) -> None:
 def test_a_precise_measurement_is_taken_as_it_is(T: Float64) -> None:
     near = T @ se3.exp(np.array([0.003, -0.002, 0.001, 0.002, 0.001, -0.003]))
     corrected = moving(np.zeros(6), T).corrected(near, 1e-12 * np.eye(6))
-    np.testing.assert_allclose(corrected.T_odom_camera, near, atol=1e-6)
+    np.testing.assert_allclose(corrected.T_track_camera, near, atol=1e-6)
 
 
 @given(transforms())
@@ -113,7 +113,7 @@ def test_a_vague_measurement_changes_hardly_anything(T: Float64) -> None:
     far = T @ se3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.1, -0.3]))
     motion = moving(np.zeros(6), T)
     corrected = motion.corrected(far, 1e4 * np.eye(6))
-    np.testing.assert_allclose(corrected.T_odom_camera, T, atol=1e-6)
+    np.testing.assert_allclose(corrected.T_track_camera, T, atol=1e-6)
     np.testing.assert_allclose(corrected.covariance, motion.covariance, rtol=1e-3, atol=1e-9)
 
 
@@ -121,7 +121,7 @@ def test_a_camera_that_was_pushed_is_where_it_is_seen() -> None:
     motion = moving(np.zeros(6))
     pushed = se3.exp(np.array([0.8, 0, 0.3, 0, 0.5, 0]))
     corrected = motion.corrected(pushed, 1e-5 * np.eye(6))
-    off = se3.inverse(pushed) @ corrected.T_odom_camera
+    off = se3.inverse(pushed) @ corrected.T_track_camera
     assert np.linalg.norm(off[:3, 3]) < 0.01
     assert se3.rotation_angle(off) < 0.01
 
@@ -155,8 +155,8 @@ def test_errors_are_as_great_as_the_covariance_says_where_the_model_holds(seed: 
         measured = T @ se3.exp(rng.normal(0, sigma, 6))
         predicted = motion.predicted(i * PERIOD_NS, CONFIG)
         motion = predicted.corrected(measured, sigma**2 * np.eye(6))
-        off = se3.log(se3.inverse(motion.T_odom_camera) @ T)
-        error = np.concatenate([off, velocity - motion.velocity])
+        off = se3.log(se3.inverse(motion.T_track_camera) @ T)
+        error = np.concatenate([off, velocity - motion.twist])
         squares.append(error @ np.linalg.solve(motion.covariance, error))
     # chi-square of 12 degrees of freedom a step; steps share their errors over a tenth of them
     low, high = chi2.ppf([1e-6, 1 - 1e-6], 12 * steps / 10) / (12 * steps / 10)
@@ -169,12 +169,12 @@ def test_a_velocity_that_is_seen_counts_as_in_the_kalman_filter(seed: int) -> No
     predicted = moving(rng.normal(0, 0.5, 6)).predicted(PERIOD_NS, CONFIG)
     R = np.diag(rng.uniform(1e-3, 1.0, 6))
     expected = predicted.covariance[6:, 6:] + R
-    seen = predicted.velocity + 0.5 * rng.multivariate_normal(np.zeros(6), expected)
+    seen = predicted.twist + 0.5 * rng.multivariate_normal(np.zeros(6), expected)
     gain = predicted.covariance[:, 6:] @ np.linalg.inv(expected)
-    change = gain @ (seen - predicted.velocity)
-    corrected = predicted.corrected_velocity(seen, R)
-    np.testing.assert_allclose(corrected.velocity, predicted.velocity + change[6:], atol=1e-12)
-    off = se3.log(se3.inverse(predicted.T_odom_camera) @ corrected.T_odom_camera)
+    change = gain @ (seen - predicted.twist)
+    corrected = predicted.corrected_by_twist(seen, R)
+    np.testing.assert_allclose(corrected.twist, predicted.twist + change[6:], atol=1e-12)
+    off = se3.log(se3.inverse(predicted.T_track_camera) @ corrected.T_track_camera)
     np.testing.assert_allclose(off, change[:6], atol=1e-9)
     left = predicted.covariance - gain @ predicted.covariance[6:]
     np.testing.assert_allclose(corrected.covariance, left, atol=1e-12)
@@ -184,7 +184,7 @@ def test_a_velocity_that_is_seen_counts_as_in_the_kalman_filter(seed: int) -> No
 def test_a_velocity_that_cannot_be_is_not_believed(forward: float) -> None:
     predicted = moving(np.zeros(6)).predicted(PERIOD_NS, CONFIG)
     seen = np.array([0, 0, forward, 0, 0, 0])
-    assert predicted.corrected_velocity(seen, np.eye(6) * 1e-2) is predicted
+    assert predicted.corrected_by_twist(seen, np.eye(6) * 1e-2) is predicted
 
 
 def test_noisy_poses_of_a_smooth_motion_come_out_smoother() -> None:
@@ -199,9 +199,9 @@ def test_noisy_poses_of_a_smooth_motion_come_out_smoother() -> None:
         predicted = motion.predicted(i * PERIOD_NS, config)
         motion = predicted.corrected(measured, sigma**2 * np.eye(6))
         noise.append(np.linalg.norm((measured - T)[:3, 3]))
-        left.append(np.linalg.norm((motion.T_odom_camera - T)[:3, 3]))
+        left.append(np.linalg.norm((motion.T_track_camera - T)[:3, 3]))
     assert np.mean(left[30:]) < 0.6 * np.mean(noise[30:])
-    assert motion.velocity == pytest.approx([0.3, 0, 0.2, 0, 0.3, 0], abs=0.1)
+    assert motion.twist == pytest.approx([0.3, 0, 0.2, 0, 0.3, 0], abs=0.1)
 
 
 def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
@@ -210,8 +210,8 @@ def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
     elsewhere = se3.exp(np.array([0.0, 0, 0, 0, 0, np.pi]))
     covariance = np.eye(6) * 1e-6
     found = motion.corrected(elsewhere, covariance)
-    np.testing.assert_allclose(found.T_odom_camera, elsewhere, atol=1e-3)
-    np.testing.assert_array_equal(found.velocity, 0.0)
+    np.testing.assert_allclose(found.T_track_camera, elsewhere, atol=1e-3)
+    np.testing.assert_array_equal(found.twist, 0.0)
     assert (np.diag(found.covariance)[6:] >= 1.0).all()
     assert np.linalg.eigvalsh(found.covariance).min() > 0
 
@@ -231,7 +231,7 @@ def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
 def test_a_camera_gets_so_far_and_no_farther(way: list[float], frames: int, reached: bool) -> None:
     last = moving(np.array([0.2, 0, 0, 0, 0.3, 0]))
     predicted = last.predicted(frames * PERIOD_NS, CONFIG)
-    there = predicted.T_odom_camera @ se3.exp(np.array(way))
+    there = predicted.T_track_camera @ se3.exp(np.array(way))
     assert last.reaches(there, predicted) == reached
 
 
@@ -239,4 +239,4 @@ def test_the_prediction_is_always_within_reach() -> None:
     last = moving(np.array([0.2, -1.0, 0, 0, 0.3, 2.0]))
     for frames in (1, 5, 100):
         predicted = last.predicted(frames * PERIOD_NS, CONFIG)
-        assert last.reaches(predicted.T_odom_camera, predicted)
+        assert last.reaches(predicted.T_track_camera, predicted)

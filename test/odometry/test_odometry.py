@@ -288,8 +288,8 @@ def test_the_first_second_of_a_real_sequence_is_tracked(name: str, shared_data: 
 def test_a_camera_that_stands_still_does_not_drift_and_needs_one_keyframe() -> None:
     rng = np.random.default_rng(0)
     frame = recorded_frames()[0]
-    still = numbered(_noisy(frame, rng) for _ in range(60))
-    estimates = track(still)
+    at_rest = numbered(_noisy(frame, rng) for _ in range(60))
+    estimates = track(at_rest)
     metres, radians = errors(estimates, np.tile(np.eye(4), (60, 1, 1)))
     assert metres.max() < 0.005
     assert radians.max() < 0.003
@@ -452,7 +452,7 @@ def test_while_nothing_is_seen_the_new_start_waits() -> None:
 
 
 def test_a_lost_camera_is_found_at_a_place_that_it_left_many_keyframes_ago() -> None:
-    config = with_values(PATIENT, {"odometry.recovery_attempts": 2})
+    config = with_values(PATIENT, {"odometry.relocalisation_attempts": 2})
     way = [panned_frame(radians) for radians in np.arange(0, 1.5, 0.1)]
     estimates = track(numbered([*way, covered(way[-1]), *[panned_frame(0.02)] * 6]), config)
     assert sum(e.is_keyframe for e in estimates[:15]) >= 5

@@ -13,7 +13,7 @@ from rigs.room import CAMERA, room_view, true_depth, true_pose
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.gauss_newton import Refinement, judge, refine
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose, refine
 from rgbd_glue_ros.refinement.model import LEVELS, Model, Pixels, Planes, blend, model_of
 from rgbd_glue_ros.types import Float64, UInt8, View
 
@@ -98,14 +98,14 @@ def test_refinement_ends_at_the_truth_from_wherever_a_start_may_be_off(seed: int
     # pixels of 11 mm at 3 m are told apart to a tenth
     assert_at_truth(found, metres=0.002, radians=0.001)
     assert found.plane_agreement > 0.8
-    assert found.correlation > 0.9
+    assert found.brightness_correlation > 0.9
 
 
 @pytest.mark.parametrize(("gain", "bias"), [(0.7, 20), (1.3, -30), (0.6, 0)])
 def test_refinement_ends_at_the_truth_when_the_exposure_changes(gain: float, bias: float) -> None:
     found = refine(perturbed(0), the_model(), relit(the_source(), gain, bias), CONFIG)
     assert_at_truth(found, metres=0.002, radians=0.001)
-    assert found.correlation > 0.9
+    assert found.brightness_correlation > 0.9
 
 
 def test_planes_alone_end_near_the_truth_in_a_room_with_corners() -> None:
@@ -114,7 +114,7 @@ def test_planes_alone_end_near_the_truth_in_a_room_with_corners() -> None:
     found = refine(perturbed(0), the_model(), dark, config)
     assert_at_truth(found, metres=0.01, radians=0.005)
     assert found.plane_agreement > 0.8
-    assert found.correlation == 0.0
+    assert found.brightness_correlation == 0.0
 
 
 def test_pixels_alone_end_at_the_truth_when_the_frame_has_no_depth() -> None:
@@ -128,18 +128,18 @@ def test_no_steps_leave_the_start_as_it_is_and_only_judge_it() -> None:
     start = perturbed(0)
     found = refine(start, the_model(), the_source(), replace(CONFIG, iterations=0))
     np.testing.assert_array_equal(found.T_model_source, start)
-    judged = judge(start, the_model(), the_source(), CONFIG)
-    assert found.plane_agreement == judged.plane_agreement
+    evaluated = evaluate_pose(start, the_model(), the_source(), CONFIG)
+    assert found.plane_agreement == evaluated.plane_agreement
     # under the light of coarser levels
-    assert found.correlation == pytest.approx(judged.correlation, abs=0.05)
+    assert found.brightness_correlation == pytest.approx(evaluated.brightness_correlation, abs=0.05)
 
 
 @pytest.mark.parametrize("twist", np.eye(6)[[2, 3, 4]] * 0.1, ids=["forward", "pitch", "yaw"])
 def test_a_wrong_pose_shows_in_planes_and_pixels(twist: Float64) -> None:
-    right = judge(true_transform(), the_model(), the_source(), CONFIG)
-    wrong = judge(true_transform() @ se3.exp(twist), the_model(), the_source(), CONFIG)
+    right = evaluate_pose(true_transform(), the_model(), the_source(), CONFIG)
+    wrong = evaluate_pose(true_transform() @ se3.exp(twist), the_model(), the_source(), CONFIG)
     assert wrong.plane_agreement < 0.5 * right.plane_agreement
-    assert wrong.correlation < right.correlation - 0.1
+    assert wrong.brightness_correlation < right.brightness_correlation - 0.1
 
 
 def test_a_covered_camera_agrees_with_nothing() -> None:
@@ -147,7 +147,7 @@ def test_a_covered_camera_agrees_with_nothing() -> None:
     covered = View(np.full(size, 17, np.uint8), np.full(size, 0.3, np.float32), CAMERA)
     found = refine(perturbed(0), the_model(), covered, CONFIG)
     assert found.plane_agreement < 0.1
-    assert found.correlation == pytest.approx(0.0, abs=0.1)
+    assert found.brightness_correlation == pytest.approx(0.0, abs=0.1)
     assert np.isfinite(found.T_model_source).all()
 
 
@@ -156,7 +156,7 @@ def test_where_nothing_of_the_model_is_seen_the_start_stays() -> None:
     for model in (the_model().moved(elsewhere), without_anything(the_model())):
         found = refine(perturbed(0), model, the_source(), CONFIG)
         np.testing.assert_allclose(found.T_model_source, perturbed(0), atol=1e-12)
-        assert (found.planes_seen, found.pixels_seen, found.correlation) == (0, 0, 0.0)
+        assert (found.planes_seen, found.pixels_seen, found.brightness_correlation) == (0, 0, 0.0)
         assert (found.information == 0).all()
 
 
@@ -183,7 +183,7 @@ def test_one_wall_without_texture_leaves_three_directions_open() -> None:
     size = CAMERA.height, CAMERA.width
     wall = View(np.full(size, 90, np.uint8), np.full(size, 2.0, np.float32), CAMERA)
     # moving a little keeps every residual zero, but for what the window's rim adds
-    information = judge(np.eye(4), model_of(wall, STEP), wall, CONFIG).information
+    information = evaluate_pose(np.eye(4), model_of(wall, STEP), wall, CONFIG).information
     known = np.diag(information) > 1e-6 * np.diag(information).max()
     assert list(known) == [False, False, True, True, True, False]
 
@@ -213,8 +213,8 @@ def test_a_blend_of_models_has_every_other_plane_and_pixel_of_both() -> None:
 def test_a_blend_judges_a_pose_as_its_models_do() -> None:
     T = true_transform()
     one, two = the_model(), model_of(the_source(), STEP).moved(T)
-    alone = [judge(T, model, the_source(), CONFIG) for model in (one, two)]
-    both = judge(T, blend([one, two]), the_source(), CONFIG)
+    alone = [evaluate_pose(T, model, the_source(), CONFIG) for model in (one, two)]
+    both = evaluate_pose(T, blend([one, two]), the_source(), CONFIG)
     agreements = [found.plane_agreement for found in alone]
     assert min(agreements) - 0.02 < both.plane_agreement < max(agreements) + 0.02
     assert both.planes_seen < sum(found.planes_seen for found in alone) / 2 + 50
@@ -237,17 +237,17 @@ def test_planes_that_somebody_hides_are_counted_and_do_not_pull() -> None:
     near[:, : CAMERA.width // 3] = 0.6
     found = refine(perturbed(1), the_model(), replace(source, depth=near), CONFIG)
     assert_at_truth(found, 0.003, 0.002)
-    assert 0.2 < found.planes_hidden / found.planes_seen < 0.5
-    assert found.planes_visible == found.planes_seen - found.planes_hidden
+    assert 0.2 < found.planes_occluded / found.planes_seen < 0.5
+    assert found.planes_visible == found.planes_seen - found.planes_occluded
     assert found.planes_agreeing > 0.9 * found.planes_visible
 
 
 def test_planes_that_are_gone_are_not_hidden() -> None:
     source = the_source()
     far = replace(source, depth=source.depth + np.float32(3.0))
-    found = judge(true_transform(), the_model(), far, CONFIG)
+    found = evaluate_pose(true_transform(), the_model(), far, CONFIG)
     assert found.planes_seen > 0
-    assert found.planes_hidden == 0
+    assert found.planes_occluded == 0
 
 
 def test_pixels_before_which_something_else_is_seen_are_left_out() -> None:
@@ -256,7 +256,9 @@ def test_pixels_before_which_something_else_is_seen_are_left_out() -> None:
     near, painted = source.depth.copy(), source.grey.copy()
     near[:, :width] = 0.6
     painted[:, :width] = np.random.default_rng(0).integers(0, 256, painted[:, :width].shape)
-    found = judge(true_transform(), the_model(), replace(source, grey=painted), CONFIG)
-    hidden = judge(true_transform(), the_model(), replace(source, grey=painted, depth=near), CONFIG)
+    found = evaluate_pose(true_transform(), the_model(), replace(source, grey=painted), CONFIG)
+    hidden = evaluate_pose(
+        true_transform(), the_model(), replace(source, grey=painted, depth=near), CONFIG
+    )
     assert hidden.pixels_seen < 0.7 * found.pixels_seen
-    assert hidden.correlation > 0.9 > found.correlation
+    assert hidden.brightness_correlation > 0.9 > found.brightness_correlation

@@ -12,40 +12,42 @@ from rgbd_glue_ros.geometry import camera, se3
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.refinement.rolling_shutter import velocity_seen
+from rgbd_glue_ros.refinement.rolling_shutter import twist_from_distortion
 from rgbd_glue_ros.types import Float64, View
 
-REFINE = RefineConfig(iterations=15, correlation=1.0)
+REFINE = RefineConfig(iterations=15, residuals_per_independent_one=1.0)
 # the camera moves at half a metre and 20 degrees a second, in different directions
 TIMES = 1.0, 1.3
 LEVEL = 0
 
 
-def view(time_s: float, readout: float, latency: float, twist: Float64) -> View:
-    frame = rolling_frame(time_s, readout, latency)
-    return View(camera.grey(frame.color), frame.depth, CAMERA, twist, readout, -latency)
+def view(time_s: float, readout_time: float, latency: float, twist: Float64) -> View:
+    frame = rolling_frame(time_s, readout_time, latency)
+    return View(camera.grey(frame.color), frame.depth, CAMERA, twist, readout_time, -latency)
 
 
 def seen(
-    readout: float, latency: float, start: Float64, config: RefineConfig = REFINE
+    readout_time: float, latency: float, start: Float64, config: RefineConfig = REFINE
 ) -> tuple[Float64, Float64]:
     """The velocity that the second frame shows, searched for from ``start``."""
-    model = model_of(view(TIMES[0], readout, latency, true_twist(TIMES[0])), 8)
+    model = model_of(view(TIMES[0], readout_time, latency, true_twist(TIMES[0])), 8)
     T = se3.inverse(true_pose(TIMES[0])) @ true_pose(TIMES[1])
     velocity, covariance = start, np.eye(6)
     for _ in range(3):
-        source = view(TIMES[1], readout, latency, velocity)
+        source = view(TIMES[1], readout_time, latency, velocity)
         found = refine(T, model, source, config, [LEVEL])
         T = found.T_model_source
-        velocity, covariance = velocity_seen(found, model, source, config, LEVEL)
+        velocity, covariance = twist_from_distortion(found, model, source, config, LEVEL)
     return velocity, covariance
 
 
-@pytest.mark.parametrize(("readout", "latency"), [(0.03, 0.0), (0.026, 0.017), (-0.03, 0.0)])
-def test_a_rolling_shutter_shows_how_fast_the_camera_moves(readout: float, latency: float) -> None:
+@pytest.mark.parametrize(("readout_time", "latency"), [(0.03, 0.0), (0.026, 0.017), (-0.03, 0.0)])
+def test_a_rolling_shutter_shows_how_fast_the_camera_moves(
+    readout_time: float, latency: float
+) -> None:
     truth = true_twist(TIMES[1])
     assert np.linalg.norm(truth) > 0.3
-    velocity, _ = seen(readout, latency, np.zeros(6))
+    velocity, _ = seen(readout_time, latency, np.zeros(6))
     # the picture is rendered in bands of a few rows, at a resolution of 320 x 240
     assert np.linalg.norm(velocity - truth) < 0.4 * np.linalg.norm(truth)
 
@@ -58,13 +60,16 @@ def test_a_global_shutter_shows_nothing_and_leaves_the_velocity_as_it_was() -> N
 
 
 def test_a_slower_shutter_shows_more() -> None:
-    slow, fast = (np.diag(seen(readout, 0.0, true_twist(TIMES[1]))[1]) for readout in (0.03, 0.015))
+    slow, fast = (
+        np.diag(seen(readout_time, 0.0, true_twist(TIMES[1]))[1]) for readout_time in (0.03, 0.015)
+    )
     np.testing.assert_array_less(slow, fast)
 
 
 def test_residuals_that_err_alike_make_the_velocity_less_certain() -> None:
     start = true_twist(TIMES[1])
     sure, unsure = (
-        np.diag(seen(0.03, 0.0, start, replace(REFINE, correlation=c))[1]) for c in (1.0, 100.0)
+        np.diag(seen(0.03, 0.0, start, replace(REFINE, residuals_per_independent_one=c))[1])
+        for c in (1.0, 100.0)
     )
     np.testing.assert_allclose(unsure, 100 * sure, rtol=0.2)

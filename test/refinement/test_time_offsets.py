@@ -9,29 +9,29 @@ import pytest
 from rigs.room import CAMERA, rolling_frame, room_view, true_pose, true_twist
 
 from rgbd_glue_ros.geometry import camera, se3
-from rgbd_glue_ros.parameters import RefineConfig, TimingConfig
+from rgbd_glue_ros.parameters import RefineConfig, TimeOffsetsConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.refinement.time_offsets import Timing
+from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import Float64, RgbdFrame, View
 
 STEP = 8
 REFINE = RefineConfig(iterations=15)
 # two frames without noise tell as much as they can
-SURE = TimingConfig(correlation=1.0)
+SURE = TimeOffsetsConfig(residuals_per_independent_one=1.0)
 # the camera moves at half a metre and 20 degrees a second, in different directions
 TIMES = 1.0, 1.3
 
 
-def prepared(frame: RgbdFrame, time_s: float, timing: Timing) -> View:
+def prepared(frame: RgbdFrame, time_s: float, timing: TimeOffsets) -> View:
     """The frame as odometry sees it that knows its velocity, and its timing more or less."""
     grey, twist = camera.grey(frame.color), true_twist(time_s)
-    return View(grey, frame.depth, CAMERA, twist, timing.readout, -timing.depth_latency)
+    return View(grey, frame.depth, CAMERA, twist, timing.readout_time, -timing.depth_latency)
 
 
 def found_in(
-    frames: list[RgbdFrame], timing: Timing, config: TimingConfig
-) -> tuple[Timing, Float64]:
+    frames: list[RgbdFrame], timing: TimeOffsets, config: TimeOffsetsConfig
+) -> tuple[TimeOffsets, Float64]:
     """The timing after two frames, and T_model_source."""
     target, source = (prepared(f, t, timing) for f, t in zip(frames, TIMES, strict=True))
     model = model_of(target, STEP)
@@ -46,20 +46,21 @@ def pose_error(T: Float64) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(
-    ("latency", "readout"), [(0.0, 0.0), (0.02, 0.0), (0.0, 0.03), (0.015, 0.026), (-0.01, -0.02)]
+    ("latency", "readout_time"),
+    [(0.0, 0.0), (0.02, 0.0), (0.0, 0.03), (0.015, 0.026), (-0.01, -0.02)],
 )
 def test_latency_and_readout_are_found_and_the_pose_is_right_with_them(
-    latency: float, readout: float
+    latency: float, readout_time: float
 ) -> None:
-    frames = [rolling_frame(t, readout, latency) for t in TIMES]
-    first_guess = timing = Timing.start(SURE, "")
+    frames = [rolling_frame(t, readout_time, latency) for t in TIMES]
+    first_guess = timing = TimeOffsets.start(SURE, "")
     _, T_ignorant = found_in(frames, timing, SURE)
     for _ in range(5):
         timing, T = found_in(frames, replace(timing, covariance=first_guess.covariance), SURE)
     assert timing.depth_latency == pytest.approx(latency, abs=0.002)
-    assert timing.readout == pytest.approx(readout, abs=0.001)
+    assert timing.readout_time == pytest.approx(readout_time, abs=0.001)
     assert pose_error(T)[0] < 0.003
-    if readout:
+    if readout_time:
         assert pose_error(T)[0] < 0.3 * pose_error(T_ignorant)[0]
 
 
@@ -67,33 +68,33 @@ def test_a_camera_that_stands_still_says_nothing_of_its_timing() -> None:
     view = room_view(TIMES[0])
     model = model_of(view, STEP)
     found = refine(np.eye(4), model, view, REFINE)
-    start = Timing.start(TimingConfig(drift=0.0), "")
-    timing = start.corrected(found, model, view, REFINE, TimingConfig(drift=0.0))
-    assert (timing.depth_latency, timing.readout) == (0.0, 0.0)
+    start = TimeOffsets.start(TimeOffsetsConfig(drift=0.0), "")
+    timing = start.corrected(found, model, view, REFINE, TimeOffsetsConfig(drift=0.0))
+    assert (timing.depth_latency, timing.readout_time) == (0.0, 0.0)
     np.testing.assert_allclose(timing.covariance, start.covariance)
 
 
 def test_the_timing_of_cameras_known_by_their_frame_is_settled() -> None:
-    timing = Timing.start(TimingConfig(), "openni_rgb_optical_frame")
+    timing = TimeOffsets.start(TimeOffsetsConfig(), "openni_rgb_optical_frame")
     assert timing.settled
     assert timing.depth_latency > 0
-    assert timing.readout > 0
-    assert not Timing.start(TimingConfig(), "camera_color_optical_frame").settled
+    assert timing.readout_time > 0
+    assert not TimeOffsets.start(TimeOffsetsConfig(), "camera_color_optical_frame").settled
 
 
 def test_a_calibration_of_ones_own_is_kept_for_any_camera() -> None:
-    own = TimingConfig(depth_latency=0.004, readout=0.01, spread=0.0)
+    own = TimeOffsetsConfig(depth_latency=0.004, readout_time=0.01, spread=0.0)
     for frame_id in ("openni_rgb_optical_frame", "camera_color_optical_frame"):
-        timing = Timing.start(own, frame_id)
+        timing = TimeOffsets.start(own, frame_id)
         assert timing.settled
-        assert (timing.depth_latency, timing.readout) == (0.004, 0.01)
+        assert (timing.depth_latency, timing.readout_time) == (0.004, 0.01)
 
 
 def test_a_frame_that_gives_no_finite_number_leaves_the_timing_as_it_was() -> None:
-    timing = Timing.start(SURE, "")
+    timing = TimeOffsets.start(SURE, "")
     view = prepared(rolling_frame(TIMES[0], 0.0, 0.0), TIMES[0], timing)
     model = model_of(view, STEP)
     found = refine(np.eye(4), model, view, REFINE)
-    poisoned = replace(found, light=np.full(3, np.nan))
+    poisoned = replace(found, affine_brightness=np.full(3, np.nan))
     assert timing.corrected(found, model, view, REFINE, SURE) is not timing
     assert timing.corrected(poisoned, model, view, REFINE, SURE) is timing

@@ -23,7 +23,7 @@ from scipy.stats import chi2
 
 from rgbd_glue_ros.evaluation.registration_errors import rotation_deg, translation_cm
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.geometric import Rough
+from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import VisualMatches
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances, procrustes
@@ -168,11 +168,11 @@ class KnownMatches:
 
     def __init__(self, matches: Correspondences) -> None:
         self._matches = matches
-        self.rough: Rough | None = None
+        self.rough: TransformPrior | None = None
 
     def extract(self, view: View) -> None: ...
 
-    def match(self, source: None, target: None, rough: Rough | None) -> Correspondences:
+    def match(self, source: None, target: None, rough: TransformPrior | None) -> Correspondences:
         self.rough = rough
         return self._matches
 
@@ -209,7 +209,7 @@ def told(monkeypatch: pytest.MonkeyPatch) -> Told:
     return make
 
 
-def registered(glue: Glue, prior: Rough | None = None) -> RegistrationResult:
+def registered(glue: Glue, prior: TransformPrior | None = None) -> RegistrationResult:
     source, target = (glue.extract(room_view(time)) for time in TIMES)
     return glue.register(source, target, prior)
 
@@ -247,7 +247,7 @@ def test_the_fit_is_to_the_union_of_visual_inliers_and_credible_matches(told: To
 
 def test_the_geometric_search_is_guided_by_the_rough_transform_and_epsilon(told: Told) -> None:
     glue, feature = told(geometric_matches(right=300, wrong=0), "sift", GlueConfig())
-    result = registered(glue, prior=Rough(np.eye(4), 0.123))
+    result = registered(glue, prior=TransformPrior(np.eye(4), 0.123))
     assert feature.rough is not None
     assert feature.rough.radius == result.epsilon_m
     matches = noisy_matches(np.random.default_rng(0), true_transform(), 100, sigma_m=0.0)
@@ -310,7 +310,7 @@ def test_the_filter_can_be_switched_off(told: Told) -> None:
 
 def test_without_visual_matches_a_prior_takes_the_place_of_the_rough_transform(told: Told) -> None:
     glue, feature = told(geometric_matches(right=300, wrong=700), "none", GlueConfig())
-    prior = Rough(se3.exp(np.array([0.02, 0, 0, 0, 0.005, 0])) @ true_transform(), 0.1)
+    prior = TransformPrior(se3.exp(np.array([0.02, 0, 0, 0, 0.005, 0])) @ true_transform(), 0.1)
     result = registered(glue, prior)
     assert feature.rough is prior
     assert result.filtered
@@ -337,14 +337,14 @@ def test_visual_matches_and_a_prior_go_before_the_fallback(told: Told) -> None:
     patient, _ = told(matches, "sift", fallback)
     assert registered(patient).epsilon_m == registered(glue).epsilon_m
     glue, feature = told(matches, "none", fallback)
-    prior = Rough(true_transform(), 0.123)
+    prior = TransformPrior(true_transform(), 0.123)
     registered(glue, prior)
     assert feature.rough is prior
 
 
-def wrong_prior() -> Rough:
+def wrong_prior() -> TransformPrior:
     """One that many matches agree with by chance alone."""
-    return Rough(se3.exp(np.array([0.5, 0, 0, 0, 0.3, 0])) @ true_transform(), 0.5)
+    return TransformPrior(se3.exp(np.array([0.5, 0, 0, 0, 0.3, 0])) @ true_transform(), 0.5)
 
 
 def test_what_survives_by_chance_alone_does_not_count(told: Told) -> None:
@@ -355,7 +355,7 @@ def test_what_survives_by_chance_alone_does_not_count(told: Told) -> None:
     assert len(by_chance.credible) > 10
     glue, _ = told(matches, "none", GlueConfig(over_chance=2.0))
     assert not registered(glue, wrong_prior()).filtered
-    assert registered(glue, Rough(true_transform(), 0.5)).filtered
+    assert registered(glue, TransformPrior(true_transform(), 0.5)).filtered
 
 
 def test_the_fallback_mends_a_rough_transform_that_geometry_does_not_agree_with(
@@ -448,7 +448,7 @@ def test_two_frames_are_registered(visual: str, geometric: str) -> None:
 def test_geometry_alone_registers_near_a_prior() -> None:
     config = Config(features=FeaturesConfig(visual="none"))
     off = se3.exp(np.array([0.03, -0.02, 0.02, 0.01, 0.01, 0])) @ true_transform()
-    prior = Rough(off, 0.1)
+    prior = TransformPrior(off, 0.1)
     result = registered(Glue(config), prior)
     assert result.T_target_source is not None
     assert result.filtered

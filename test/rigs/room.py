@@ -60,10 +60,10 @@ def room_view(time_s: float) -> View:
 _BAND = 4
 
 
-def rolling_frame(time_s: float, readout: float, depth_latency: float) -> RgbdFrame:
+def rolling_frame(time_s: float, readout_time: float, depth_latency: float) -> RgbdFrame:
     """A frame whose rows are read one after the other, and whose depth is older than its colour."""
     bands = [
-        _band(top, time_s + readout * ((top + _BAND / 2) / CAMERA.height - 0.5), depth_latency)
+        _band(top, time_s + readout_time * ((top + _BAND / 2) / CAMERA.height - 0.5), depth_latency)
         for top in range(0, CAMERA.height, _BAND)
     ]
     color = np.concatenate([color for color, _ in bands])
