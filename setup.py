@@ -100,6 +100,8 @@ setup(
         "completion": [
             "argcomplete>=3.1",
         ],
+        # learned features; their weights come by 'rgbd-glue weights'
+        "learned": ["torch>=2.3"],
         # pairs and replays on many processes or machines
         "scale": [
             "dask>=2024.8",

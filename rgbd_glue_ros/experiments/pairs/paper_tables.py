@@ -14,11 +14,12 @@ from typing import Any
 
 import yaml
 
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM
 from rgbd_glue_ros.experiments.pairs.methods import Estimator
 from rgbd_glue_ros.experiments.report import markdown
+from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.parameters import Config, with_values
 
 _LEARNED_VISUAL = frozenset({"lightglue", "superglue"})
@@ -144,15 +145,18 @@ class Row:
         """What measures the row.
 
         Raises:
-            InputError: a feature is not to be had.
+            InputError: a feature or its weights are not to be had.
+            MissingExtraError: nor is its library.
         """
         if not self.features:
             return self.peer
         visual, geometric = self.features.split()
-        return with_values(
+        config = with_values(
             base,
             {"features.visual": visual, "features.geometric": geometric, "glue.k": float(self._k)},
         )
+        require(config.features)
+        return config
 
 
 @dataclass(frozen=True)
@@ -193,6 +197,8 @@ def _add(row: Row, base: Config, estimators: dict[str, Estimator], absent: dict[
         estimators[row.method] = row.estimator(base)
     except InputError as error:
         absent[row.method] = f"{error.where} {error.cause}"
+    except MissingExtraError as error:
+        absent[row.method] = f"{error.library} is not installed"
 
 
 @lru_cache(maxsize=1)

@@ -1,0 +1,142 @@
+"""ALIKE (Zhao et al. 2022): a small network for keypoints and descriptors, matched mutually."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm, convolution
+from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
+from rgbd_glue_ros.features.torch_library import F, device_of, inference, torch
+from rgbd_glue_ros.features.visual import DescribedKeypoints, VisualMatches
+from rgbd_glue_ros.features.weights import load
+from rgbd_glue_ros.parameters import FeaturesConfig
+from rgbd_glue_ros.types import View
+
+_RADIUS = 2
+"""Pixels to each side in which a keypoint is the only one, and over which it is placed."""
+
+_TEMPERATURE = 0.1
+"""How soft the maximum is that places a keypoint between pixels."""
+
+_SCORE = 0.2
+"""Keypoints below this score are not taken: the authors' demonstration."""
+
+_STRIDE = 32
+"""The network halves an image five times, so its sides are filled up to multiples of this."""
+
+
+class Alike:
+    """Keypoints and descriptors of ALIKE, the smallest model; mutual nearest neighbours."""
+
+    def __init__(self, config: FeaturesConfig) -> None:
+        self._device = device_of(config.device)
+        self._weights = load("alike_t.pth", config, self._device)
+        self._most = config.keypoints
+
+    def extract(self, view: View) -> DescribedKeypoints:
+        """The keypoints with the greatest scores."""
+        with inference(self._device):
+            image = torch.from_numpy(view.grey).to(self._device).float() / 255
+            scores, descriptors = alike(image.expand(1, 3, *image.shape), self._weights)
+            uv, found = keypoints(scores.float()[0, 0], descriptors.float()[0], self._most)
+        return DescribedKeypoints(uv.cpu().numpy(), found.cpu().numpy())
+
+    def match(self, source: DescribedKeypoints, target: DescribedKeypoints) -> VisualMatches:
+        """Those that are each other's nearest, weighted by 1 - r of equation 1."""
+        if len(source.uv) < 2 or len(target.uv) < 2:
+            return VisualMatches.empty()
+        forth, distances = nearest_two(source.descriptors, target.descriptors)
+        back, _ = nearest_two(target.descriptors, source.descriptors)
+        kept = np.flatnonzero(back[forth] == np.arange(len(forth)))
+        weights = 1.0 - distance_ratio(distances[kept])
+        return VisualMatches(source.uv[kept], target.uv[forth[kept]], weights)
+
+
+def alike(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
+    """The network.
+
+    Args:
+        image: [B, 3, H, W] in [0, 1].
+        w: of a model with one head (tiny, small or normal).
+
+    Returns:
+        Scores [B, 1, H, W] in [0, 1] and unit descriptors [B, D, H, W] of every pixel.
+    """
+    height, width = image.shape[-2:]
+    x = F.pad(image, (0, -width % _STRIDE, 0, -height % _STRIDE))
+    size = x.shape[-2:]
+    levels = []
+    for number, pooling in ((1, 1), (2, 2), (3, 4), (4, 4)):
+        x = _block(F.max_pool2d(x, pooling), w.below(f"block{number}"))
+        level = F.relu(convolution(x, w.below(f"conv{number}")))
+        levels.append(F.interpolate(level, size, mode="bilinear", align_corners=True))
+    x = convolution(torch.cat(levels, dim=1), w.below("convhead2"))[..., :height, :width]
+    return torch.sigmoid(x[:, -1:]), F.normalize(x[:, :-1], dim=1)
+
+
+def _block(x: Tensor, w: Weights) -> Tensor:
+    """Two convolutions; all blocks but the first add a projection of what came in."""
+    y = F.relu(batch_norm(convolution(x, w.below("conv1"), padding=1), w.below("bn1")))
+    y = batch_norm(convolution(y, w.below("conv2"), padding=1), w.below("bn2"))
+    if w.get("downsample.weight") is not None:
+        y = y + convolution(x, w.below("downsample"))
+    return F.relu(y)
+
+
+def keypoints(scores: Tensor, descriptors: Tensor, most: int) -> tuple[Tensor, Tensor]:
+    """Local maxima of the scores between pixels, the greatest first, and what describes them.
+
+    Args:
+        scores: [H, W].
+        descriptors: [D, H, W].
+        most: keypoints, at most.
+
+    Returns:
+        Pixels [N, 2] and unit descriptors [N, D].
+    """
+    height, width = scores.shape
+    if min(height, width) <= 2 * _RADIUS + 1:
+        return scores.new_empty((0, 2)), scores.new_empty((0, len(descriptors)))
+    peaks = local_maxima(scores, _RADIUS)
+    # the window around a keypoint lies in the image
+    inside = torch.zeros_like(peaks)
+    inside[_RADIUS + 1 : -_RADIUS, _RADIUS + 1 : -_RADIUS] = True
+    rows, columns = torch.nonzero(peaks & inside & (scores > _SCORE), as_tuple=True)
+    strongest = torch.argsort(scores[rows, columns], descending=True, stable=True)[:most]
+    rows, columns = rows[strongest], columns[strongest]
+    uv = torch.stack([columns, rows], dim=1) + _soft_offsets(scores, rows, columns)
+    return uv, F.normalize(_sample(descriptors, uv), dim=1)
+
+
+def local_maxima(scores: Tensor, radius: int) -> Tensor:
+    """Mask [H, W] of the greatest scores around; where one rules, lesser ones next to it may too.
+
+    Twice more, maxima are looked for in what no maximum found so far is near to.
+    """
+
+    def greatest(x: Tensor) -> Tensor:
+        return F.max_pool2d(x[None, None], 2 * radius + 1, stride=1, padding=radius)[0, 0]
+
+    found = scores == greatest(scores)
+    for _ in range(2):
+        near = greatest(found.float()) > 0
+        rest = torch.where(near, 0.0, scores)
+        found = found | ((rest == greatest(rest)) & ~near)
+    return found
+
+
+def _soft_offsets(scores: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
+    """Where in the window around each peak the scores' soft maximum lies, [N, 2] in x and y."""
+    steps = torch.arange(-_RADIUS, _RADIUS + 1, device=scores.device)
+    dy, dx = (grid.reshape(-1) for grid in torch.meshgrid(steps, steps, indexing="ij"))
+    window = scores[rows[:, None] + dy, columns[:, None] + dx]
+    part = torch.softmax(window / _TEMPERATURE, dim=1)
+    return part @ torch.stack([dx, dy], dim=1).to(part.dtype)
+
+
+def _sample(maps: Tensor, uv: Tensor) -> Tensor:
+    """Maps [D, H, W] between pixels, [N, D]."""
+    height, width = maps.shape[1:]
+    size = torch.tensor([width - 1, height - 1], device=uv.device)
+    grid = (uv / size * 2 - 1)[None, None]
+    return F.grid_sample(maps[None], grid, mode="bilinear", align_corners=True)[0, :, 0].T

@@ -1,0 +1,60 @@
+"""Layers of neural networks as functions of an input and the numbers that were learned.
+
+A network here is a function, its weights a table of tensors by the names that their authors gave
+them. So a checkpoint is read as it was published, and nothing holds state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rgbd_glue_ros.features.torch_library import F
+
+Tensor = Any
+"""A ``torch.Tensor``; torch is optional, and so are its types."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What a network learned: tensors by name, or those below one name.
+
+    Attributes:
+        tensors: of the whole network.
+        prefix: what stands before every name, "" or ending in a dot.
+    """
+
+    tensors: Mapping[str, Tensor]
+    prefix: str = ""
+
+    def __getitem__(self, name: str) -> Tensor:
+        return self.tensors[self.prefix + name]
+
+    def get(self, name: str) -> Tensor | None:
+        """The tensor of a name, or None: not every layer has a bias."""
+        return self.tensors.get(self.prefix + name)
+
+    def below(self, *names: str | int) -> Weights:
+        """The weights of a part, ``below("block1", 0)`` those that begin with block1.0."""
+        return Weights(self.tensors, self.prefix + "".join(f"{name}." for name in names))
+
+
+def convolution(x: Tensor, w: Weights, stride: int = 1, padding: int = 0) -> Tensor:
+    """A 2D convolution of images [B, C, H, W]."""
+    return F.conv2d(x, w["weight"], w.get("bias"), stride, padding)
+
+
+def batch_norm(x: Tensor, w: Weights) -> Tensor:
+    """Batch normalisation by the statistics of the training, channels second."""
+    return F.batch_norm(x, w["running_mean"], w["running_var"], w.get("weight"), w.get("bias"))
+
+
+def linear(x: Tensor, w: Weights) -> Tensor:
+    """A linear map of the last dimension."""
+    return F.linear(x, w["weight"], w.get("bias"))
+
+
+def layer_norm(x: Tensor, w: Weights) -> Tensor:
+    """Layer normalisation of the last dimension."""
+    return F.layer_norm(x, x.shape[-1:], w["weight"], w["bias"])

@@ -1,0 +1,168 @@
+"""LightGlue (Lindenberger, Sarlin and Pollefeys 2023): a transformer that matches keypoints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.features.layers import Tensor, Weights, layer_norm, linear
+from rgbd_glue_ros.features.torch_library import F, inference, torch
+from rgbd_glue_ros.features.visual import VisualMatches
+
+_CONFIDENCE = 0.1
+"""Matches below this are not taken: the authors' default."""
+
+
+@dataclass(frozen=True)
+class LearnedKeypoints:
+    """Keypoints and descriptors on the device that computed them.
+
+    Attributes:
+        uv: [N, 2], pixels.
+        descriptors: [N, D], unit vectors.
+        width: of the image, pixels.
+        height: of the image, pixels.
+    """
+
+    uv: Tensor
+    descriptors: Tensor
+    width: int
+    height: int
+
+
+class LightGlue:
+    """The matcher, without the pruning of points and layers that its authors offer for speed.
+
+    So its time depends on the number of keypoints alone, and every match has seen every keypoint.
+    """
+
+    def __init__(self, weights: Weights, heads: int, device: Any) -> None:
+        self._weights = weights
+        self._heads = heads
+        self._device = device
+
+    def match(self, source: LearnedKeypoints, target: LearnedKeypoints) -> VisualMatches:
+        """Matches one to one, weighted by the network's confidence."""
+        if len(source.uv) == 0 or len(target.uv) == 0:
+            return VisualMatches.empty()
+        with inference(self._device):
+            log_probability = log_assignment(source, target, self._weights, self._heads)
+            rows, columns, confidence = mutual(log_probability)
+        return VisualMatches(
+            source.uv[rows].cpu().numpy(),
+            target.uv[columns].cpu().numpy(),
+            confidence.cpu().numpy().astype(np.float64),
+        )
+
+
+def mutual(log_probability: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Rows and columns of the entries that are greatest in both, and their probabilities."""
+    best, columns = log_probability.max(dim=1)
+    back = log_probability.argmax(dim=0)
+    confidence = best.exp()
+    every = torch.arange(len(columns), device=columns.device)
+    rows = torch.nonzero((back[columns] == every) & (confidence > _CONFIDENCE))[:, 0]
+    return rows, columns[rows], confidence[rows]
+
+
+def log_assignment(
+    source: LearnedKeypoints, target: LearnedKeypoints, w: Weights, heads: int
+) -> Tensor:
+    """The network: the logarithm of the probability that keypoints match.
+
+    Args:
+        source: N of them.
+        target: M of them.
+        w: of LightGlue, its layers called as its authors do today.
+        heads: of the attention.
+
+    Returns:
+        [N, M].
+    """
+    sets = [
+        (_projected(points.descriptors, w), _rotation(points, w)) for points in (source, target)
+    ]
+    (x0, r0), (x1, r1) = sets
+    for layer in range(_layers(w)):
+        block = w.below("transformers", layer)
+        x0 = _self_attention(x0, r0, block.below("self_attn"), heads)
+        x1 = _self_attention(x1, r1, block.below("self_attn"), heads)
+        x0, x1 = _cross_attention(x0, x1, block.below("cross_attn"), heads)
+    return _assignment(x0.float(), x1.float(), w.below("log_assignment", layer))
+
+
+def _layers(w: Weights) -> int:
+    """How many there are."""
+    count = 0
+    while w.get(f"transformers.{count}.self_attn.Wqkv.weight") is not None:
+        count += 1
+    return count
+
+
+def _projected(descriptors: Tensor, w: Weights) -> Tensor:
+    """Descriptors in the width of the network; those of that width are taken as they are."""
+    if w.get("input_proj.weight") is None:
+        return descriptors
+    return linear(descriptors, w.below("input_proj"))
+
+
+def _rotation(points: LearnedKeypoints, w: Weights) -> tuple[Tensor, Tensor]:
+    """Cosines and sines [N, d] that turn queries and keys by where their keypoints are."""
+    size = points.uv.new_tensor([points.width, points.height])
+    centred = (points.uv - size / 2) / (size.max() / 2)
+    angle = linear(centred, w.below("posenc", "Wr")).repeat_interleave(2, dim=-1)
+    return angle.cos(), angle.sin()
+
+
+def _turned(x: Tensor, rotation: tuple[Tensor, Tensor]) -> Tensor:
+    """Pairs of neighbouring channels as points of a plane that is turned."""
+    cosine, sine = rotation
+    pairs = x.unflatten(-1, (-1, 2))
+    quarter = torch.stack([-pairs[..., 1], pairs[..., 0]], dim=-1).flatten(-2)
+    return x * cosine + quarter * sine
+
+
+def _self_attention(x: Tensor, rotation: tuple[Tensor, Tensor], w: Weights, heads: int) -> Tensor:
+    # queries, keys and values are interleaved in the last dimension
+    qkv = linear(x, w.below("Wqkv")).unflatten(-1, (heads, -1, 3)).transpose(0, 1)
+    q, k, v = (qkv[..., i] for i in range(3))
+    seen = F.scaled_dot_product_attention(_turned(q, rotation), _turned(k, rotation), v)
+    return _updated(x, linear(_joined(seen), w.below("out_proj")), w.below("ffn"))
+
+
+def _cross_attention(x0: Tensor, x1: Tensor, w: Weights, heads: int) -> tuple[Tensor, Tensor]:
+    """Each set sees the other; one similarity serves both directions."""
+    (qk0, v0), (qk1, v1) = (
+        tuple(
+            linear(x, w.below(name)).unflatten(-1, (heads, -1)).transpose(0, 1)
+            for name in ("to_qk", "to_v")
+        )
+        for x in (x0, x1)
+    )
+    seen0 = F.scaled_dot_product_attention(qk0, qk1, v1)
+    seen1 = F.scaled_dot_product_attention(qk1, qk0, v0)
+    return (
+        _updated(x0, linear(_joined(seen0), w.below("to_out")), w.below("ffn")),
+        _updated(x1, linear(_joined(seen1), w.below("to_out")), w.below("ffn")),
+    )
+
+
+def _joined(x: Tensor) -> Tensor:
+    """Heads [h, N, d] side by side, [N, h d]."""
+    return x.transpose(0, 1).flatten(-2)
+
+
+def _updated(x: Tensor, message: Tensor, w: Weights) -> Tensor:
+    y = linear(torch.cat([x, message], dim=-1), w.below(0))
+    return x + linear(F.gelu(layer_norm(y, w.below(1))), w.below(3))
+
+
+def _assignment(x0: Tensor, x1: Tensor, w: Weights) -> Tensor:
+    """Softmax over rows and over columns, times how matchable each keypoint is."""
+    scale = x0.shape[-1] ** 0.25
+    m0, m1 = (linear(x, w.below("final_proj")) / scale for x in (x0, x1))
+    similarity = m0 @ m1.T
+    z0, z1 = (F.logsigmoid(linear(x, w.below("matchability"))) for x in (x0, x1))
+    return F.log_softmax(similarity, dim=1) + F.log_softmax(similarity, dim=0) + z0 + z1.T

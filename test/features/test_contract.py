@@ -1,0 +1,235 @@
+"""What every feature keeps to, whatever computes it: both tables, one contract."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rigs.room import CAMERA, room_view, true_pose
+
+from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.features import GEOMETRIC, VISUAL
+from rgbd_glue_ros.features.geometric import Rough
+from rgbd_glue_ros.features.visual import VisualMatches, lift
+from rgbd_glue_ros.features.weights import require
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.fitting import distances
+from rgbd_glue_ros.parameters import FeaturesConfig
+from rgbd_glue_ros.types import Correspondences, Float32, Float64, UInt8, View
+
+SOMETHING = [name for name in VISUAL if name != "none"]
+SHAPED = [name for name in GEOMETRIC if name != "none"]
+# 0.3 s of the hand-held motion are 11 cm and 2 degrees
+TIMES = 0.0, 0.3
+
+
+@pytest.fixture(scope="module")
+def features(weights_folder: Path) -> Any:
+    """Makes a feature by its name, each once, or skips where what it needs is not there."""
+    made: dict[str, Any] = {}
+
+    def make(name: str) -> Any:
+        config = FeaturesConfig(
+            visual=name if name in VISUAL else "none",
+            geometric=name if name in GEOMETRIC else "none",
+            keypoints=300,
+            device="cpu",
+            weights=str(weights_folder),
+        )
+        try:
+            require(config)
+        except (InputError, MissingExtraError) as error:
+            pytest.skip(f"{name}: {error}")
+        if name not in made:
+            table: dict[str, Any] = VISUAL if name in VISUAL else GEOMETRIC
+            made[name] = table[name](config)
+        return made[name]
+
+    return make
+
+
+def true_transform() -> Float64:
+    """T_target_source of the two views."""
+    return se3.inverse(true_pose(TIMES[1])) @ true_pose(TIMES[0])
+
+
+def view(grey: UInt8, depth: Float32 | None = None) -> View:
+    """A view of a camera as wide as the image; without depth unless it is given."""
+    height, width = grey.shape
+    if depth is None:
+        depth = np.full(grey.shape, np.nan, np.float32)
+    return View(grey, depth, CAMERA.scaled(width, height))
+
+
+def blank(level: int = 0) -> View:
+    return view(np.full((CAMERA.height, CAMERA.width), level, np.uint8))
+
+
+def one_spot() -> View:
+    """A white square on black, which looks the same from four sides."""
+    grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
+    grey[118:124, 158:164] = 255
+    return view(grey)
+
+
+def noise(height: int, width: int) -> View:
+    return view(np.random.default_rng(0).integers(0, 256, (height, width), np.uint8))
+
+
+def check(matches: VisualMatches, source: View, target: View) -> None:
+    """Shapes and types, pixels of the images, weights in [0, 1]."""
+    for uv, seen in ((matches.source_uv, source), (matches.target_uv, target)):
+        assert uv.dtype == np.float32
+        assert uv.shape == (len(matches), 2)
+        size = seen.grey.shape[::-1]
+        assert ((uv >= -0.5) & (uv <= np.array(size) - 0.5)).all()
+    assert matches.weights.dtype == np.float64
+    assert matches.weights.shape == (len(matches),)
+    assert ((matches.weights >= 0) & (matches.weights <= 1)).all()
+
+
+@pytest.mark.parametrize("name", SOMETHING)
+def test_two_views_of_a_room_are_matched_mostly_right(features: Any, name: str) -> None:
+    feature = features(name)
+    source, target = (room_view(time) for time in TIMES)
+    pixels = feature.match(feature.extract(source), feature.extract(target))
+    check(pixels, source, target)
+    matches = lift(pixels, source, target)
+    assert len(matches) > 40
+    assert (distances(true_transform(), matches) < 0.05).mean() > 0.6
+
+
+@pytest.mark.parametrize("name", SOMETHING)
+def test_the_same_image_gives_the_same_bits(features: Any, name: str) -> None:
+    feature = features(name)
+    first, second = (
+        feature.match(*(feature.extract(room_view(time)) for time in TIMES)) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.source_uv, second.source_uv)
+    np.testing.assert_array_equal(first.target_uv, second.target_uv)
+    np.testing.assert_array_equal(first.weights, second.weights)
+
+
+@pytest.mark.parametrize("name", SOMETHING)
+def test_where_nothing_is_seen_little_is_matched(features: Any, name: str) -> None:
+    feature = features(name)
+    room = room_view(0.0)
+    for source, target in ((room, blank()), (blank(), room), (blank(), blank(255))):
+        matches = feature.match(feature.extract(source), feature.extract(target))
+        check(matches, source, target)
+        # a network may see something at the borders of nothing
+        assert len(matches) < 10
+
+
+@pytest.mark.parametrize("name", SOMETHING)
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (15, 16), (31, 33), (64, 40), (240, 1)])
+def test_an_image_of_a_few_pixels_breaks_nothing(
+    features: Any, name: str, size: tuple[int, int]
+) -> None:
+    feature = features(name)
+    small, room = noise(*size), room_view(0.0)
+    for source, target in ((small, room), (room, small), (small, small)):
+        check(feature.match(feature.extract(source), feature.extract(target)), source, target)
+
+
+@pytest.mark.parametrize("name", SOMETHING)
+def test_one_spot_and_points_that_all_look_equal_break_nothing(features: Any, name: str) -> None:
+    feature = features(name)
+    spot = one_spot()
+    board = view(np.kron(np.indices((15, 20)).sum(0) % 2, np.ones((16, 16))).astype(np.uint8) * 255)
+    for seen in (spot, board):
+        described = feature.extract(seen)
+        check(feature.match(described, described), seen, seen)
+
+
+@pytest.mark.parametrize("name", SOMETHING)
+def test_without_depth_matches_are_found_and_none_is_lifted(features: Any, name: str) -> None:
+    feature = features(name)
+    flat = view(room_view(0.0).grey)
+    matches = feature.match(feature.extract(flat), feature.extract(flat))
+    assert len(matches) > 100
+    assert len(lift(matches, flat, flat)) == 0
+
+
+# geometric
+
+
+def check_geometry(matches: Correspondences) -> None:
+    for points in (matches.source, matches.target):
+        assert points.dtype == np.float64
+        assert points.shape == (len(matches), 3)
+        assert np.isfinite(points).all()
+    assert ((matches.weights >= 0) & (matches.weights <= 1)).all()
+
+
+def right(matches: Correspondences) -> float:
+    """The part of the matches that are right within 10 cm."""
+    return float((distances(true_transform(), matches) < 0.1).mean())
+
+
+def at_random(matches: Correspondences) -> Correspondences:
+    """The same points, matched without looking."""
+    order = np.random.default_rng(0).permutation(len(matches))
+    return replace(matches, target=matches.target[order])
+
+
+def measured(time: float) -> View:
+    """A view with the noise of a depth camera: exactly flat walls look exactly alike."""
+    seen = room_view(time)
+    rng = np.random.default_rng(round(time * 10))
+    return replace(seen, depth=seen.depth + rng.normal(0, 0.003, seen.depth.shape).astype("f4"))
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_geometry_of_two_views_is_matched_better_than_by_chance(features: Any, name: str) -> None:
+    feature = features(name)
+    source, target = (feature.extract(measured(time)) for time in TIMES)
+    for rough in (None, Rough(true_transform(), 0.1)):
+        matches = feature.match(source, target, rough)
+        check_geometry(matches)
+        assert len(matches) > 100
+        assert right(matches) > 3 * right(at_random(matches))
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_the_same_depth_gives_the_same_bits(features: Any, name: str) -> None:
+    feature = features(name)
+    first, second = (
+        feature.match(*(feature.extract(measured(time)) for time in TIMES), None) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.source, second.source)
+    np.testing.assert_array_equal(first.target, second.target)
+    np.testing.assert_array_equal(first.weights, second.weights)
+
+
+def with_depth(kind: str) -> View:
+    depth = np.full((CAMERA.height, CAMERA.width), np.nan, np.float32)
+    if kind == "one point":
+        depth[100, 100] = 2.0
+    elif kind == "two points":
+        depth[100, 100], depth[60, 200] = 2.0, 1.0
+    elif kind == "all points in one voxel":
+        depth[118:121, 158:161] = 0.5
+    return view(room_view(0.0).grey, depth)
+
+
+@pytest.mark.parametrize("name", SHAPED)
+@pytest.mark.parametrize("kind", ["no depth", "one point", "two points", "all points in one voxel"])
+def test_hardly_any_depth_breaks_nothing(features: Any, name: str, kind: str) -> None:
+    feature = features(name)
+    little, room = feature.extract(with_depth(kind)), feature.extract(measured(0.0))
+    for source, target in ((little, room), (room, little), (little, little)):
+        for rough in (None, Rough(np.eye(4), 0.1)):
+            check_geometry(feature.match(source, target, rough))
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_a_plane_where_all_points_look_equal_breaks_nothing(features: Any, name: str) -> None:
+    feature = features(name)
+    wall = feature.extract(
+        view(blank().grey, np.full((CAMERA.height, CAMERA.width), 2.0, np.float32))
+    )
+    check_geometry(feature.match(wall, wall, None))
