@@ -58,7 +58,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"rgbd-glue = {NAME}.cli.main:main",
-            f"odometry = {NAME}.node.node:main",
+            f"odometry = {NAME}.cli.odometry:main",
         ]
     },
     zip_safe=True,

@@ -30,10 +30,12 @@ class Command:
     Attributes:
         name: on the command line, and of the module in this folder.
         summary: one line for the help.
+        is_ros_node: whether it takes the arguments of ROS too; ``args.ros`` are those.
     """
 
     name: str
     summary: str
+    is_ros_node: bool = False
 
     @property
     def module(self) -> CommandModule:
@@ -43,6 +45,7 @@ class Command:
 
 COMMANDS = (
     Command("demo", "play the bundled bag to the node over DDS"),
+    Command("odometry", "run the ROS node", is_ros_node=True),
     Command("replay", "run the odometry over a recording"),
     Command("evaluate", "compare a trajectory with the truth"),
     Command("convert", "turn a data set into a rosbag2, or a bag into a TUM RGB-D folder"),

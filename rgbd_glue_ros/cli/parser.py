@@ -58,16 +58,33 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     Ends the process where they make no sense, and where help or the version is asked for.
     """
     parser = _program()
-    chosen = next((word for word in words if not word.startswith("-")), None)
-    names = [command.name for command in COMMANDS]
-    if chosen is None and words and words[0] not in parser.options:
+    known = {command.name: command for command in COMMANDS}
+    name = next((word for word in words if not word.startswith("-")), None)
+    if name is None and words and words[0] not in parser.options:
         parser.refuse(words[0])
-    if chosen is not None and chosen not in names:
-        parser.error(f"{chosen}: no such command{did_you_mean(chosen, names)}")
-    _add_commands(parser, chosen)
-    args = parser.parse_args(words)
-    args.words = list(words)
+    if name is not None and name not in known:
+        parser.error(f"{name}: no such command{did_you_mean(name, known)}")
+    _add_commands(parser, name)
+    is_ros_node = name is not None and known[name].is_ros_node
+    own, ros = split_ros_arguments(words) if is_ros_node else (words, [])
+    args = parser.parse_args(own)
+    args.words, args.ros = list(words), ros
     return args
+
+
+def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The words of a program and those of ROS, which lie between ``--ros-args`` and ``--``."""
+    own: list[str] = []
+    ros: list[str] = []
+    is_for_ros = False
+    for word in words:
+        if word == "--ros-args":
+            is_for_ros = True
+        elif word == "--" and is_for_ros:
+            is_for_ros = False
+        else:
+            (ros if is_for_ros else own).append(word)
+    return own, ros
 
 
 def complete() -> None:

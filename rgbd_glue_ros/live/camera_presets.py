@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -41,17 +43,21 @@ def camera_names() -> list[str]:
 
 
 def load_camera(name: str) -> Camera:
-    """The preset of that name.
+    """The preset of that name, or in the file of that name (``.yaml``).
 
     Raises:
         InputError: there is none, or its file holds what no preset has.
     """
-    if name not in camera_names():
-        raise InputError(
-            f"camera {name!r}", "is not known", f"take one of {', '.join(camera_names())}"
-        )
-    path = cfg.share_directory() / "config" / "cameras" / f"{name}.yaml"
-    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    path = Path(name)
+    if path.suffix != ".yaml":
+        if name not in camera_names():
+            raise InputError(
+                f"camera {name!r}",
+                "is not known",
+                f"take one of {', '.join(camera_names())}, or a file",
+            )
+        path = cfg.share_directory() / "config" / "cameras" / f"{name}.yaml"
+    content = _content(path)
     unknown = set(content["topics"]) - set(TOPIC_ARGUMENTS)
     if unknown:
         raise InputError(path, f"no such topics: {unknown}", f"take {', '.join(TOPIC_ARGUMENTS)}")
@@ -62,6 +68,18 @@ def load_camera(name: str) -> Camera:
             raise cfg.unknown_parameter(parameter, declared)
         parameters[parameter] = declared[parameter].convert(value)
     return Camera(content["topics"], parameters)
+
+
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return {part: {**content.get(part, {})} for part in ("topics", "parameters")}
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, TypeError) as error:
+        raise InputError(
+            path,
+            f"is no preset of a camera ({str(error).splitlines()[0]})",
+            "give a file with topics and parameters, like those in config/cameras",
+        ) from error
 
 
 def remappings(camera: Camera | None, given: Mapping[str, str]) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""``python -m rgbd_glue_ros.node`` is the executable ``odometry``."""
+"""``python -m rgbd_glue_ros.node`` runs the node by ROS arguments alone."""
 
 import sys
 

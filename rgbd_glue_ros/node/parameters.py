@@ -24,7 +24,7 @@ def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
     declared, take a misspelt name for nothing, and know no preset below them.
 
     Raises:
-        InputError: a parameter has a value that it cannot have.
+        InputError: a parameter has a value that it cannot have, or there is no such parameter.
     """
     # rclpy has no other way to them
     overrides = node._parameter_overrides  # noqa: SLF001
@@ -47,9 +47,9 @@ def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
             ignore_override=True,
         )
     for name in given:
-        # rclpy declares some by itself, as use_sim_time
-        if not node.has_parameter(name):
-            node.get_logger().error(str(cfg.unknown_parameter(name, resolved)))
+        # rclpy declares some by itself, as use_sim_time, and these with the publisher of the topic
+        if not node.has_parameter(name) and not name.startswith("qos_overrides."):
+            raise cfg.unknown_parameter(name, resolved)
     return node_config, odometry_config
 
 

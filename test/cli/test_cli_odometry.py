@@ -1,0 +1,93 @@
+"""``odometry``: the node as an executable, with its help, its faults, and cameras."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rigs.paths import ROOT
+
+from rgbd_glue_ros.cli.parser import split_ros_arguments
+from rgbd_glue_ros.experiments.demo.node_process import ros_environment
+
+ODOMETRY = (sys.executable, "-m", "rgbd_glue_ros", "odometry")
+
+
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*ODOMETRY, *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+def test_its_help_shows_how_ros_arguments_are_given() -> None:
+    done = run("--help")
+    assert done.returncode == 0
+    assert "--ros-args -p frame_id:=base_link" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--camara", "oak_d"], "--camara: no such option, did you mean --camera?"),
+        (["rgb"], "rgb: an argument too many"),
+        (["--ros-args", "-p", "glue.k:=3", "--", "rgb"], "rgb: an argument too many"),
+        (["--camera", "oak"], "camera 'oak': is not known; take one of azure_kinect"),
+        (["--camera", "absent.yaml"], "absent.yaml: is no preset of a camera"),
+    ],
+)
+def test_words_that_make_no_sense_end_it_with_one_line(words: list[str], says: str) -> None:
+    done = run(*words)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert says in line
+
+
+def test_without_ros_it_says_in_one_line_what_to_install() -> None:
+    program = (
+        "import sys\n"
+        "sys.modules['rclpy'] = None\n"
+        "from rgbd_glue_ros.cli.odometry import main\n"
+        "sys.exit(main())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "rclpy is not installed" in line
+    assert "[ros]" in line
+
+
+def test_the_words_of_ros_may_come_in_groups_as_launch_gives_them() -> None:
+    words = ["a", "--ros-args", "-p", "b:=1", "--", "c", "--ros-args", "-r", "d:=e"]
+    assert split_ros_arguments(words) == (["a", "c"], ["-p", "b:=1", "-r", "d:=e"])
+
+
+def test_a_camera_gives_topics_and_parameters_and_ros_arguments_win(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    camera = tmp_path / "mine.yaml"
+    camera.write_text(
+        "topics: {color: /mine/color, depth: /mine/depth}\n"
+        "parameters: {odom_frame_id: from_preset, frame_id: base, camera_pose: 0 0 0 0 0 0}\n"
+    )
+    given = ["-r", "rgb/image:=/ours/color", "-p", "odom_frame_id:=ours"]
+    with subprocess.Popen(
+        [*ODOMETRY, "--camera", str(camera), "--ros-args", *given],
+        cwd=ROOT,
+        env={**os.environ, **ros_environment(ros_domain)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        line = next(line for line in process.stdout if "Subscribed" in line)
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+    assert "Subscribed to /ours/color, /mine/depth, /rgb/camera_info" in line
+    assert "publishing ours -> base" in line
+    assert process.returncode == 0
