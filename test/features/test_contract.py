@@ -12,7 +12,7 @@ from rigs.room import CAMERA, room_view, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.geometric import Rough
+from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import VisualMatches, lift
 from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.geometry import se3
@@ -187,7 +187,7 @@ def measured(time: float) -> View:
 def test_geometry_of_two_views_is_matched_better_than_by_chance(features: Any, name: str) -> None:
     feature = features(name)
     source, target = (feature.extract(measured(time)) for time in TIMES)
-    for rough in (None, Rough(true_transform(), 0.1)):
+    for rough in (None, TransformPrior(true_transform(), 0.1)):
         matches = feature.match(source, target, rough)
         check_geometry(matches)
         assert len(matches) > 100
@@ -222,7 +222,7 @@ def test_hardly_any_depth_breaks_nothing(features: Any, name: str, kind: str) ->
     feature = features(name)
     little, room = feature.extract(with_depth(kind)), feature.extract(measured(0.0))
     for source, target in ((little, room), (room, little), (little, little)):
-        for rough in (None, Rough(np.eye(4), 0.1)):
+        for rough in (None, TransformPrior(np.eye(4), 0.1)):
             check_geometry(feature.match(source, target, rough))
 
 
