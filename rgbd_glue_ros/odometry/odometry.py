@@ -249,6 +249,16 @@ class Odometry:
             )
         return True
 
+    @property
+    def newest_keyframe(self) -> Keyframe | None:
+        """The keyframe made last; None before the first."""
+        return next(iter(self._keyframes.latest(1)), None)
+
+    @property
+    def refine_config(self) -> RefineConfig:
+        """How poses are refined, as the camera is known by now."""
+        return self._refining
+
     def new_edges(self) -> tuple[PoseGraphEdge, ...]:
         """What was measured between keyframes since the last call.
 

@@ -1,0 +1,113 @@
+"""Which earlier keyframes look like a new one: candidates of loops, found without any pose.
+
+A Hamming binary search tree (Schlegel and Grisetti 2018) holds the ORB descriptors of all
+keyframes; nothing is trained beforehand, and a search takes a few milliseconds however many there
+are. What it finds is a candidate and no more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from rgbd_glue_ros.errors import MissingExtraError
+from rgbd_glue_ros.features.matching import nearest_two
+from rgbd_glue_ros.types import UInt8
+
+DESCRIPTORS = 200
+"""The strongest so many describe an image."""
+
+MAX_DISTANCE_BITS = 50
+"""Of 256: descriptors farther apart are of different points."""
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How much an earlier keyframe looks like the new one.
+
+    Attributes:
+        number: of the earlier keyframe.
+        matches: descriptors of the new one that it has, too.
+    """
+
+    number: int
+    matches: int
+
+
+class Appearance(Protocol):
+    """Keyframes by what they look like."""
+
+    def add(self, number: int, descriptors: UInt8) -> None:
+        """Adds a keyframe with binary descriptors [N, 32], strongest first."""
+
+    def like(self, descriptors: UInt8) -> list[Likeness]:
+        """All keyframes that share a descriptor with these [N, 32], most alike first."""
+
+
+class SearchTree:
+    """The binary search tree of pyHBST."""
+
+    def __init__(self) -> None:
+        """An empty one.
+
+        Raises:
+            MissingExtraError: pyHBST is not installed.
+        """
+        try:
+            import pyhbst  # noqa: PLC0415
+        except ImportError as error:
+            raise MissingExtraError("pyHBST", "slam", "recognising places") from error
+        self._tree: Any = pyhbst.BinarySearchTree256()
+        self._split = pyhbst.SplittingStrategy.SplitEven
+
+    def add(self, number: int, descriptors: UInt8) -> None:
+        """Adds a keyframe with binary descriptors [N, 32], strongest first."""
+        bits = _bits(descriptors)
+        if bits:
+            self._tree.add([(0.0, 0.0)] * len(bits), bits, number, self._split)
+
+    def like(self, descriptors: UInt8) -> list[Likeness]:
+        """All keyframes that share a descriptor with these [N, 32], most alike first."""
+        bits = _bits(descriptors)
+        if not bits or not self._tree.trainedIdentifiers():
+            return []
+        places = [(0.0, 0.0)] * len(bits)
+        nobody = 2**31
+        scores = self._tree.getScorePerImage(places, bits, nobody, True, MAX_DISTANCE_BITS)
+        return _sorted({s.identifier_reference: s.number_of_matches for s in scores})
+
+
+class HammingVotes:
+    """Every descriptor votes for the keyframe that has the nearest one: simple, and linear."""
+
+    def __init__(self) -> None:
+        self._descriptors: list[UInt8] = []
+        self._numbers: list[int] = []
+
+    def add(self, number: int, descriptors: UInt8) -> None:
+        """Adds a keyframe with binary descriptors [N, 32], strongest first."""
+        strongest = descriptors[:DESCRIPTORS]
+        self._descriptors.append(strongest)
+        self._numbers += [number] * len(strongest)
+
+    def like(self, descriptors: UInt8) -> list[Likeness]:
+        """All keyframes that share a descriptor with these [N, 32], most alike first."""
+        if len(self._numbers) < 2 or not len(descriptors):
+            return []
+        reference = np.concatenate(self._descriptors)
+        nearest, distances = nearest_two(descriptors[:DESCRIPTORS], reference)
+        voted = nearest[distances[:, 0] <= MAX_DISTANCE_BITS]
+        numbers, votes = np.unique(np.array(self._numbers)[voted], return_counts=True)
+        return _sorted(dict(zip(numbers.tolist(), votes.tolist(), strict=True)))
+
+
+def _bits(descriptors: UInt8) -> list[list[bool]]:
+    bits: list[list[bool]] = np.unpackbits(descriptors[:DESCRIPTORS], axis=1).astype(bool).tolist()
+    return bits
+
+
+def _sorted(matches: dict[int, int]) -> list[Likeness]:
+    found = [Likeness(number, count) for number, count in matches.items() if count]
+    return sorted(found, key=lambda likeness: (-likeness.matches, likeness.number))

@@ -1,0 +1,66 @@
+"""Whether two keyframes show the same place, and where they were taken from each other.
+
+A candidate becomes a loop when RGBD-Glue finds a transform in the two images alone, the refinement
+from there is certain of it, and so is the refinement of the first on the second, at the same place.
+A place that looks like another may pass one of these; two rooms never passed all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.acceptance import certain
+from rgbd_glue_ros.odometry.keyframe_edges import refined_covariance
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
+from rgbd_glue_ros.registration.glue import Glue
+from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
+
+# Metres plus radians that the two refinements may differ by: several times their errors.
+_SAME = 0.05
+
+
+def loop_edge(
+    parent: MapKeyframe,
+    child: MapKeyframe,
+    glue: Glue,
+    config: Config,
+    T_parent_child_expected: Float64 | None = None,
+) -> PoseGraphEdge | None:
+    """The edge between two keyframes, or None where they do not surely show the same place.
+
+    Args:
+        parent: the earlier one.
+        child: the later one.
+        glue: registers.
+        config: how poses are refined, and when they are believed.
+        T_parent_child_expected: float64 [4, 4], from the graph; the search starts there where
+            the images give no transform. None if nothing is known.
+    """
+    result = glue.register(child.features, parent.features)
+    T = result.T_target_source
+    if T is None or len(result.visual_inliers) < config.odometry.recovery_inliers:
+        T = T_parent_child_expected
+    if T is None:
+        return None
+    found = _refined(T, parent, child, config)
+    if found is None:
+        return None
+    back = _refined(se3.inverse(found.T_model_source), child, parent, config)
+    if back is None:
+        return None
+    T = found.T_model_source
+    if se3.difference(T, se3.inverse(back.T_model_source)) > _SAME:
+        return None
+    covariance = refined_covariance(found, np.eye(4), child.features.view.twist, config)
+    return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
+
+
+def _refined(
+    T: Float64, model: MapKeyframe, source: MapKeyframe, config: Config
+) -> Refinement | None:
+    """The pose of one keyframe on the model of another, if planes and pixels are sure of it."""
+    found = refine(T, model.model, source.features.view, config.refine)
+    return found if certain(found, config.odometry) else None

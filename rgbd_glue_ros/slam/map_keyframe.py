@@ -1,0 +1,38 @@
+"""A keyframe as the map keeps it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.types import Float64
+
+
+@dataclass(frozen=True)
+class MapKeyframe:
+    """A keyframe as the map keeps it.
+
+    Attributes:
+        number: row in the pose graph.
+        stamp_ns: of the frame.
+        T_odom_camera: float64 [4, 4], as the odometry published it.
+        features: of the frame.
+        model: its planes and pixels, in its own camera's frame.
+    """
+
+    number: int
+    stamp_ns: int
+    T_odom_camera: Float64
+    features: FrameFeatures
+    model: Model
+
+    @staticmethod
+    def of(keyframe: Keyframe, T_odom_camera: Float64) -> MapKeyframe:
+        """A keyframe of the odometry, published with the pose ``T_odom_camera`` [4, 4]."""
+        model = keyframe.model.moved(se3.inverse(keyframe.T_odom_camera))
+        return MapKeyframe(
+            keyframe.number, keyframe.stamp_ns, T_odom_camera, keyframe.features, model
+        )

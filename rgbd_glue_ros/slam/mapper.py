@@ -1,0 +1,110 @@
+"""Keyframes in, loops and an optimal pose graph out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
+from rgbd_glue_ros.features.visual import orb
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.parameters import Config, RefineConfig
+from rgbd_glue_ros.registration.glue import Glue
+from rgbd_glue_ros.slam.appearance import Appearance
+from rgbd_glue_ros.slam.loop_closure import loop_edge
+from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
+from rgbd_glue_ros.slam.optimiser import Optimum, optimise
+from rgbd_glue_ros.types import Float64, PoseGraphEdge, Trajectory, UInt8
+
+# Candidates that a keyframe is compared with, by likeness and by nearness: each costs as much as
+# tracking a frame.
+_MOST_ALIKE, _NEAREST = 2, 2
+# Fewer common descriptors than this are common to any two images.
+_MIN_MATCHES = 12
+# Keyframes nearer than this, metres and radians added, see the same.
+_NEAR = 0.8
+
+
+class Mapper:
+    """Collects keyframes and edges, and closes loops.
+
+    Attributes:
+        keyframes: all so far, by number.
+        edges: of the odometry and of loops.
+    """
+
+    def __init__(self, config: Config, appearance: Appearance) -> None:
+        self._config = config
+        self._glue = Glue(config)
+        self._appearance = appearance
+        self._orb = orb(config.features)
+        self.keyframes: list[MapKeyframe] = []
+        self.edges: list[PoseGraphEdge] = []
+
+    def add_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
+        """Takes what the odometry measured."""
+        self.edges += edges
+
+    def add(self, keyframe: MapKeyframe, refine: RefineConfig) -> tuple[PoseGraphEdge, ...]:
+        """Takes a keyframe, and looks for places that it looks like.
+
+        Args:
+            keyframe: its number is the next one.
+            refine: how poses are refined, as the odometry knows the camera by now.
+
+        Returns:
+            The loops found.
+        """
+        self._config = replace(self._config, refine=refine)
+        descriptors = self._descriptors(keyframe)
+        alike = self._appearance.like(descriptors)
+        self._appearance.add(keyframe.number, descriptors)
+        self.keyframes.append(keyframe)
+        last = keyframe.number - self._config.odometry.window
+        candidates = [a.number for a in alike if a.number < last and a.matches >= _MIN_MATCHES]
+        found = [
+            loop_edge(self.keyframes[number], keyframe, self._glue, self._config)
+            for number in candidates[:_MOST_ALIKE]
+            if not self._is_linked(number, keyframe.number)
+        ]
+        loops = tuple(edge for edge in found if edge is not None)
+        self.edges += loops
+        return loops
+
+    @property
+    def graph(self) -> PoseGraph:
+        """The pose graph, with poses as the odometry published them."""
+        stamps = np.array([keyframe.stamp_ns for keyframe in self.keyframes], np.int64)
+        poses = np.array([keyframe.T_odom_camera for keyframe in self.keyframes])
+        return PoseGraph(Trajectory(stamps, poses.reshape(-1, 4, 4)), tuple(self.edges))
+
+    def finish(self) -> Optimum:
+        """The optimum, after keyframes that it takes near each other were compared, too."""
+        first = optimise(self.graph)
+        before = len(self.edges)
+        self._close_near(first.graph.keyframes.poses)
+        return first if len(self.edges) == before else optimise(self.graph)
+
+    def _close_near(self, poses: Float64) -> None:
+        """Compares each keyframe with the nearest earlier ones that it is not linked to."""
+        for child in self.keyframes:
+            earlier = range(child.number - self._config.odometry.window)
+            apart = {n: se3.difference(poses[n], poses[child.number]) for n in earlier}
+            near = sorted((n for n in earlier if apart[n] < _NEAR), key=apart.__getitem__)
+            unlinked = [n for n in near if not self._is_linked(n, child.number)]
+            for number in unlinked[:_NEAREST]:
+                expected = se3.inverse(poses[number]) @ poses[child.number]
+                parent = self.keyframes[number]
+                edge = loop_edge(parent, child, self._glue, self._config, expected)
+                if edge is not None:
+                    self.edges.append(edge)
+
+    def _is_linked(self, parent: int, child: int) -> bool:
+        return any(edge.parent == parent and edge.child == child for edge in self.edges)
+
+    def _descriptors(self, keyframe: MapKeyframe) -> UInt8:
+        """ORB descriptors [N, 32], strongest first."""
+        described = self._orb.extract(keyframe.features.view)
+        nothing = np.empty((0, 32), np.uint8)
+        return np.asarray(described.descriptors, np.uint8) if len(described.uv) else nothing
