@@ -50,6 +50,16 @@ def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str 
     )
 
 
+def add_ground_truth(parser: argparse.ArgumentParser) -> None:
+    """``--ground-truth``."""
+    parser.add_argument(
+        "--ground-truth",
+        metavar="FILE",
+        type=path,
+        help="true trajectory (TUM format) in place of the recording's",
+    )
+
+
 def add_limit(parser: argparse.ArgumentParser) -> None:
     """``--limit``."""
     parser.add_argument("--limit", metavar="N", type=positive, help="stop after N frames")

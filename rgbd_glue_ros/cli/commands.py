@@ -47,6 +47,7 @@ COMMANDS = (
     Command("demo", "play the bundled bag to the node over DDS"),
     Command("odometry", "run the ROS node", is_ros_node=True),
     Command("replay", "run the odometry over a recording"),
+    Command("map", "close the loops of a recording and make a map of it"),
     Command("evaluate", "compare a trajectory with the truth"),
     Command("convert", "turn a data set into a rosbag2, or a bag into a TUM RGB-D folder"),
     Command("pairs", "register pairs of frames as in the paper's experiments"),

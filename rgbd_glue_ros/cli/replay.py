@@ -24,12 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_recordings(parser)
     arguments.add_config(parser)
     arguments.add_output(parser, None, f"{OUTPUT}/NAME of one SRC, {OUTPUT} of many")
-    parser.add_argument(
-        "--ground-truth",
-        metavar="FILE",
-        type=arguments.path,
-        help="true trajectory (TUM format) in place of the recording's",
-    )
+    arguments.add_ground_truth(parser)
     arguments.add_limit(parser)
     arguments.add_workers(parser)
 

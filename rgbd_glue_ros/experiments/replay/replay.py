@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
@@ -17,6 +17,7 @@ from rgbd_glue_ros.evaluation.run_record import Run, metrics
 from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.report import render
+from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, to_yaml
 from rgbd_glue_ros.recordings import Recording
@@ -37,6 +38,8 @@ def replay(
     ground_truth: Trajectory | None = None,
     limit: int | None = None,
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
+    sinks: Sequence[FrameSink] = (),
+    odometry: Odometry | None = None,
 ) -> Run:
     """Runs the odometry over ``sequence`` as fast as it goes; no frame is dropped.
 
@@ -50,13 +53,15 @@ def replay(
         ground_truth: T_world_camera; None takes what the sequence knows.
         limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
+        sinks: take each frame and its estimate, and are closed in the end.
+        odometry: a new one of ``config``, for who wants to look into it; None makes one.
 
     Raises:
         InputError: the folder cannot be written, or a frame cannot be read.
     """
     start_results(config, folder)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
-    odometry = Odometry(config)
+    odometry = odometry or Odometry(config)
     start = perf_counter()
     try:
         with TumWriter(folder / TRAJECTORY) as trajectory:
@@ -68,11 +73,15 @@ def replay(
                 run.wall_s = now - start
                 if estimate.T_odom_camera is not None:
                     trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
+                for sink in sinks:
+                    sink.add(frame, estimate)
                 on_frame(estimate)
     except InputError as error:
         done = f"{error.remedy}; the {len(run.frames)} frames before it are done"
         raise InputError(error.where, error.cause, done) from error
     finally:
+        for sink in sinks:
+            sink.close()
         if run.frames:
             write_results(run, folder)
     if not run.frames:

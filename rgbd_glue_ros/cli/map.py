@@ -1,0 +1,64 @@
+"""``rgbd-glue map``: a recording as a map."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli.replay import summary
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.types import OdometryEstimate
+
+logger = logging.getLogger(__name__)
+
+OUTPUT = Path("out/map")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """A recording, parameters, output and truth."""
+    arguments.add_recording(parser)
+    arguments.add_config(parser)
+    arguments.add_output(parser, None, f"{OUTPUT}/NAME")
+    arguments.add_ground_truth(parser)
+    arguments.add_limit(parser)
+
+
+def run(args: argparse.Namespace) -> str:
+    """Makes the map and returns the figures."""
+    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.evaluation.trajectory import read_tum
+    from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, map_recording
+    from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
+
+    config = arguments.config(args)
+    truth = read_tum(args.ground_truth) if args.ground_truth else None
+    folder = args.output or OUTPUT / args.recording.resolve().stem
+    with arguments.opener(args)(args.recording) as recording:
+        total = min(recording.frame_count, args.limit or recording.frame_count)
+        with bar(" frames", total) as shown:
+
+            def show(estimate: OdometryEstimate) -> None:
+                shown.set_postfix_str(estimate.state.value, refresh=False)
+                shown.update()
+
+            mapped = map_recording(
+                recording,
+                config,
+                folder,
+                ground_truth=truth,
+                limit=args.limit,
+                on_frame=show,
+            )
+    figures = mapped.figures
+    loops = "{found} found, {refused} of them refused by the optimiser".format(**figures["loops"])
+    text = f"{summary(figures)}loops    {loops}\n"
+    if figures["odometry"]:
+        text += f"before   {figures['odometry']['ape']['rmse_m']:.4f} m rmse (APE of odometry)\n"
+    return (
+        f"{text}map      {folder / CLOUD}, {figures['map_points']} points\n"
+        f"path     {folder / TRAJECTORY}\nreport   {folder / REPORT}\n"
+    )

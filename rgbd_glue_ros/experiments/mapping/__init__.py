@@ -1,0 +1,1 @@
+"""A recording made into a map: odometry, loops, corrected trajectory, cloud."""

@@ -1,0 +1,184 @@
+"""Makes a map of a recording and leaves it in a folder."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.run_record import Run
+from rgbd_glue_ros.evaluation.trajectory import write_tum
+from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, replay, write_results
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.slam.appearance import SearchTree
+from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused, write_ply
+from rgbd_glue_ros.slam.correction import corrected
+from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
+from rgbd_glue_ros.slam.mapper import Mapper
+from rgbd_glue_ros.slam.optimiser import Optimum, load_gtsam
+from rgbd_glue_ros.types import (
+    EdgeOrigin,
+    OdometryEstimate,
+    PoseGraphEdge,
+    RgbdFrame,
+    Trajectory,
+)
+
+ODOMETRY, CLOUD = "odometry.txt", "map.ply"
+"""The trajectory before loops were closed, and the coloured cloud."""
+
+
+class MappingSink:
+    """Gives the keyframes of an odometry to a mapper, and keeps what they saw.
+
+    Attributes:
+        clouds: of the keyframes, each in its camera's frame.
+        ms: time spent on each keyframe, milliseconds.
+    """
+
+    def __init__(self, odometry: Odometry, mapper: Mapper) -> None:
+        self._odometry = odometry
+        self._mapper = mapper
+        self.clouds: list[ColoredCloud] = []
+        self.ms: list[float] = []
+
+    def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        """Takes a frame."""
+        self._mapper.add_edges(estimate.edges)
+        keyframe = self._odometry.newest_keyframe
+        if not estimate.is_keyframe or keyframe is None or estimate.T_odom_camera is None:
+            return
+        start = perf_counter()
+        kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
+        self._mapper.add(kept, self._odometry.refine_config)
+        self.ms.append(1000 * (perf_counter() - start))
+        self.clouds.append(cloud_of(frame))
+
+    def close(self) -> None:
+        """Nothing: the map is made when all is known."""
+
+
+@dataclass(frozen=True)
+class MappedRun:
+    """What mapping a recording gave.
+
+    Attributes:
+        run: its frames where the optimum puts them, and the edges of loops.
+        optimum: of the pose graph.
+        figures: as in ``metrics.json``.
+    """
+
+    run: Run
+    optimum: Optimum
+    figures: dict[str, Any]
+
+
+def map_recording(
+    sequence: Recording,
+    config: Config,
+    folder: Path,
+    *,
+    ground_truth: Trajectory | None = None,
+    limit: int | None = None,
+    on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
+) -> MappedRun:
+    """Runs the odometry, closes loops, and writes what is corrected by them.
+
+    What a replay leaves is there as soon as the odometry is done; of what loops correct, the
+    earlier version is replaced. The odometry's own trajectory stays as ``odometry.txt``.
+
+    Args:
+        sequence: where the frames come from.
+        config: of the odometry.
+        folder: where the results go; created if it is not there.
+        ground_truth: T_world_camera; None takes what the sequence knows.
+        limit: number of frames to stop after; None takes all.
+        on_frame: called after each frame.
+
+    Raises:
+        InputError: the folder cannot be written, or a frame cannot be read.
+        MissingExtraError: the libraries of the extra slam are not installed.
+    """
+    load_gtsam()
+    odometry, mapper = Odometry(config), Mapper(config, SearchTree())
+    sink = MappingSink(odometry, mapper)
+    run = replay(
+        sequence,
+        config,
+        folder,
+        ground_truth=ground_truth,
+        limit=limit,
+        on_frame=on_frame,
+        sinks=[sink],
+        odometry=odometry,
+    )
+    if not mapper.keyframes:
+        raise InputError(
+            sequence.name, "no frame shows enough for a keyframe", "see report.html for why"
+        )
+    shutil.copyfile(folder / TRAJECTORY, folder / ODOMETRY)
+    start = perf_counter()
+    optimum = mapper.finish()
+    finish_ms = 1000 * (perf_counter() - start)
+    mapped = _mapped(run, mapper, optimum)
+    write_tum(folder / TRAJECTORY, mapped.trajectory)
+    cloud = fused(sink.clouds, optimum.graph.keyframes.poses)
+    write_ply(folder / CLOUD, cloud)
+    figures = write_results(
+        mapped,
+        folder,
+        {
+            "odometry": _errors(run),
+            "loops": _loops(optimum),
+            "mapping_ms": {"keyframe_p50": float(np.median(sink.ms)), "finish": finish_ms},
+            "map_points": len(cloud),
+        },
+    )
+    return MappedRun(mapped, optimum, figures)
+
+
+def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
+    """The run with every pose where the optimum puts it, and with the loops."""
+    moved = corrected(run.trajectory, mapper.graph.keyframes, optimum.graph.keyframes)
+    poses = dict(zip(moved.stamps_ns.tolist(), moved.poses, strict=True))
+    frames = [replace(f, T_odom_camera=poses.get(f.stamp_ns)) for f in run.frames]
+    frames[-1] = replace(frames[-1], edges=(*frames[-1].edges, *believed_loops(optimum)))
+    return replace(run, frames=frames)
+
+
+def believed_loops(optimum: Optimum) -> tuple[PoseGraphEdge, ...]:
+    """The loops that the optimum believes."""
+    edges = zip(optimum.graph.edges, optimum.weights, strict=True)
+    return tuple(edge for edge, w in edges if w > 0.5 and edge.origin is EdgeOrigin.LOOP)
+
+
+def _loops(optimum: Optimum) -> dict[str, Any]:
+    found = sum(edge.origin is EdgeOrigin.LOOP for edge in optimum.graph.edges)
+    believed = len(believed_loops(optimum))
+    degrees = optimum.degrees_of_freedom
+    return {
+        "found": found,
+        "refused": found - believed,
+        "chi2_per_dof": optimum.chi_squared / degrees if degrees > 0 else None,
+    }
+
+
+def _errors(run: Run) -> dict[str, Any] | None:
+    """APE and RPE before loops were closed; None without ground truth."""
+    if run.ground_truth is None:
+        return None
+    try:
+        evaluation = evaluate(run.trajectory, run.ground_truth)
+    except InputError:
+        return None
+    rpe = asdict(evaluation.rpe) if evaluation.rpe else None
+    return {"ape": asdict(evaluation.ape), "rpe": rpe}

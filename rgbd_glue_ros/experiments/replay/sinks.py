@@ -1,0 +1,17 @@
+"""What takes the frames of a replay and their estimates, to write them elsewhere."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame
+
+
+class FrameSink(Protocol):
+    """Takes every frame with its estimate, in order."""
+
+    def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        """Takes a frame."""
+
+    def close(self) -> None:
+        """Finishes what is written; called however the replay ends."""

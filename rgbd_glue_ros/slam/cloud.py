@@ -1,0 +1,128 @@
+"""A coloured cloud of what keyframes saw, fused along a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.camera import DEPTH_EDGE_SIGMAS, back_project, depth_sigma, rectified
+from rgbd_glue_ros.types import Float32, Float64, Int64, RgbdFrame, UInt8
+
+VOXEL_M = 0.01
+"""Points nearer together than this become one."""
+
+# Every so many pixels give a point.
+_STRIDE_PX = 2
+# Structured light and stereo bend walls beyond; what is farther is seen nearer by another keyframe.
+_FARTHEST_M = 4.0
+# What recedes by this part of its depth from one pixel to the next is still one surface.
+_SLOPE = 0.03
+# So many bits for a voxel's number along an axis: 20 km in both directions at 1 cm.
+_BITS = 21
+
+
+@dataclass(frozen=True)
+class ColoredCloud:
+    """Points with colours.
+
+    Attributes:
+        points: float32 [N, 3], metres.
+        colors: uint8 [N, 3], RGB.
+    """
+
+    points: Float32
+    colors: UInt8
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def cloud_of(frame: RgbdFrame, voxel_m: float = VOXEL_M) -> ColoredCloud:
+    """What a frame shows within 4 m, in its optical frame, without the edges of its depth.
+
+    Pixels at an edge have a depth that is on neither side of it.
+    """
+    frame = rectified(frame)
+    depth = frame.depth[::_STRIDE_PX, ::_STRIDE_PX]
+    color = frame.color[::_STRIDE_PX, ::_STRIDE_PX]
+    v, u = np.nonzero((depth > 0) & (depth < _FARTHEST_M) & ~_edges(depth))
+    z = depth[v, u].astype(np.float64)
+    uv = _STRIDE_PX * np.column_stack([u, v]).astype(np.float64)
+    colors = color[v, u] if color.ndim == 3 else np.repeat(color[v, u, None], 3, axis=1)
+    return _averaged(back_project(uv, z, frame.intrinsics), colors, voxel_m, 1)
+
+
+def fused(clouds: Sequence[ColoredCloud], poses: Float64, voxel_m: float = VOXEL_M) -> ColoredCloud:
+    """The clouds in one frame, a point a voxel, without voxels that one point alone speaks for.
+
+    Args:
+        clouds: each in its camera's frame.
+        poses: T_map_camera of each, float64 [N, 4, 4].
+        voxel_m: edge of the voxels, metres.
+    """
+    if not clouds:
+        return ColoredCloud(np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8))
+    points = [
+        se3.transform(T, cloud.points.astype(np.float64))
+        for T, cloud in zip(poses, clouds, strict=True)
+    ]
+    colors = np.concatenate([cloud.colors for cloud in clouds])
+    least = 2 if len(clouds) > 1 else 1
+    return _averaged(np.concatenate(points), colors, voxel_m, least)
+
+
+def write_ply(path: Path, cloud: ColoredCloud) -> None:
+    """Writes a binary PLY, which MeshLab, CloudCompare, Blender and Open3D read.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(cloud)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
+    )
+    rows = np.empty(len(cloud), [("points", "<f4", 3), ("colors", "u1", 3)])
+    rows["points"], rows["colors"] = cloud.points, cloud.colors
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(header.encode("ascii") + rows.tobytes())
+    except OSError as error:
+        raise InputError(
+            path, f"cannot be written ({error.strerror})", "give another file"
+        ) from error
+
+
+def _edges(depth: Float32) -> np.typing.NDArray[np.bool_]:
+    """Where depth [H, W] differs from a neighbour's by more than noise and slope explain."""
+    noise = np.vectorize(depth_sigma, otypes=[np.float32])(depth)
+    allowed = np.maximum(DEPTH_EDGE_SIGMAS * noise, _SLOPE * depth)
+    edge = np.zeros(depth.shape, bool)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            edge |= np.abs(depth - np.roll(depth, step, axis)) > allowed
+    return edge
+
+
+def _averaged(points: Float64, colors: UInt8, voxel_m: float, least: int) -> ColoredCloud:
+    """The mean of each voxel that has ``least`` points."""
+    _, voxel, counts = np.unique(_voxels(points, voxel_m), return_inverse=True, return_counts=True)
+    kept = counts >= least
+    columns = [
+        np.bincount(voxel, weights, len(counts))[kept] / counts[kept]
+        for weights in (*points.T, *colors.T.astype(np.float64))
+    ]
+    means = np.stack(columns, axis=1) if len(points) else np.empty((0, 6))
+    return ColoredCloud(means[:, :3].astype(np.float32), np.rint(means[:, 3:]).astype(np.uint8))
+
+
+def _voxels(points: Float64, voxel_m: float) -> Int64:
+    """A number for the voxel of each point [N, 3]."""
+    cells = np.floor(points / voxel_m).astype(np.int64) + (1 << (_BITS - 1))
+    numbers: Int64 = (cells[:, 0] << 2 * _BITS) | (cells[:, 1] << _BITS) | cells[:, 2]
+    return numbers

@@ -1,0 +1,62 @@
+"""``map`` leaves what a replay leaves, corrected, and the map."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import make_bag
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.pose_graph import read_graph
+from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.experiments.mapping.mapping import map_recording
+from rgbd_glue_ros.parameters import Config, load_preset, with_values
+from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.types import EdgeOrigin, OdometryEstimate
+
+pytest.importorskip("gtsam", reason="GTSAM is not installed")
+pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+
+
+def config() -> Config:
+    near = {"odometry.keyframe_translation": 0.06, "odometry.window": 2}
+    return with_values(load_preset("live"), near)
+
+
+def test_a_recording_that_comes_back_is_mapped_with_its_loops(tmp_path: Path) -> None:
+    seen: list[OdometryEstimate] = []
+    with open_recording(make_bag.FOLDER) as recording:
+        mapped = map_recording(recording, config(), tmp_path, on_frame=seen.append)
+    assert len(seen) == make_bag.FRAME_COUNT
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("trajectory.txt", "odometry.txt", "metrics.json", "params.yaml", "report.html"),
+        *("keyframes.g2o", "keyframes_gtsam.g2o", "map.ply"),
+    }
+    figures = json.loads((tmp_path / "metrics.json").read_text())
+    assert figures == mapped.figures
+    assert figures["loops"]["found"] > 0
+    assert figures["loops"]["refused"] == 0
+    assert figures["ape"]["rmse_m"] < 0.002
+    assert figures["odometry"]["ape"]["rmse_m"] < 0.002
+    assert figures["map_points"] > 10_000
+
+    graph = read_graph(tmp_path / "keyframes.g2o")
+    loops = sum(edge.origin is EdgeOrigin.LOOP for edge in graph.edges)
+    assert loops == figures["loops"]["found"]
+    trajectory, odometry = (read_tum(tmp_path / f"{n}.txt") for n in ("trajectory", "odometry"))
+    np.testing.assert_array_equal(trajectory.stamps_ns, odometry.stamps_ns)
+    # the graph's keyframes lie on the corrected trajectory
+    rows = np.searchsorted(trajectory.stamps_ns, graph.keyframes.stamps_ns)
+    np.testing.assert_allclose(trajectory.poses[rows], graph.keyframes.poses, atol=1e-9)
+
+
+def test_a_recording_too_dark_for_a_keyframe_is_refused(tmp_path: Path) -> None:
+    blind = with_values(config(), {"odometry.min_planes": 1_000_000})
+    with (
+        open_recording(make_bag.FOLDER) as recording,
+        pytest.raises(InputError, match="no frame shows enough"),
+    ):
+        map_recording(recording, blind, tmp_path, limit=3)
