@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.acceptance import certain
+from rgbd_glue_ros.odometry.acceptance import is_conclusive
 from rgbd_glue_ros.odometry.keyframe_edges import refined_covariance
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
@@ -41,7 +41,7 @@ def loop_edge(
     """
     result = glue.register(child.features, parent.features)
     T = result.T_target_source
-    if T is None or len(result.visual_inliers) < config.odometry.recovery_inliers:
+    if T is None or len(result.visual_inliers) < config.odometry.relocalisation_inliers:
         T = T_parent_child_expected
     if T is None:
         return None
@@ -63,4 +63,4 @@ def _refined(
 ) -> Refinement | None:
     """The pose of one keyframe on the model of another, if planes and pixels are sure of it."""
     found = refine(T, model.model, source.features.view, config.refine)
-    return found if certain(found, config.odometry) else None
+    return found if is_conclusive(found, config.odometry) else None

@@ -32,7 +32,7 @@ class MapKeyframe:
     @staticmethod
     def of(keyframe: Keyframe, T_odom_camera: Float64) -> MapKeyframe:
         """A keyframe of the odometry, published with the pose ``T_odom_camera`` [4, 4]."""
-        model = keyframe.model.moved(se3.inverse(keyframe.T_odom_camera))
+        model = keyframe.model.moved(se3.inverse(keyframe.T_track_camera))
         return MapKeyframe(
             keyframe.number, keyframe.stamp_ns, T_odom_camera, keyframe.features, model
         )
