@@ -44,6 +44,7 @@ _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
         "perspective",
         "opencv",
         "full_opencv",
+        "rectified",
         "standard",
     ),
     LensModel.INVERSE_BROWN_CONRADY: ("inverse_brown_conrady",),
@@ -54,6 +55,7 @@ _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
         "opencv_fisheye",
         "kannala_brandt",
         "kannala_brandt4",
+        "kannala_brandt8",
         "kb4",
     ),
 }

@@ -1,4 +1,6 @@
-"""PNG and JPEG bytes <-> arrays: damaged and absurdly large ones are refused before decoding.
+"""Image files <-> arrays: damaged and absurdly large ones are refused before decoding.
+
+What a file is shows in its first bytes; its name may say anything.
 
 OpenCV alone would fill the missing part of a truncated image with grey (as versions before 4.13
 do) and write about it to stderr, and it would allocate whatever size a header claims.
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -28,28 +31,29 @@ _JPEG_START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_START_OF_SCAN = 0xDA
 _JPEG_END = b"\xff\xd9"
 
+# Byte orders by the first bytes; the types of numbers and the tags that are looked at
+_TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
+_TIFF_NUMBERS = {3: "H", 4: "I"}
+_WIDTH, _HEIGHT, _STRIP_STARTS, _STRIP_LENGTHS = 256, 257, 273, 279
+_TIFF_TAGS = frozenset({_WIDTH, _HEIGHT, _STRIP_STARTS, _STRIP_LENGTHS})
+
 
 def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
-    """The image in PNG or JPEG bytes, of the channels and depth it has.
+    """The image in the bytes of a PNG, JPEG, WebP or TIFF file, of the channels and depth it has.
 
     Args:
         data: the file's content.
         where: what to name in an error.
 
     Returns:
-        uint8 or uint16, [H, W] or [H, W, 3] BGR or [H, W, 4] BGRA.
+        uint8 or uint16, [H, W] or [H, W, 3] BGR or [H, W, 4] BGRA; of a TIFF file also others.
 
     Raises:
-        InputError: neither PNG nor JPEG, damaged, cut off, or larger than ``MAX_PIXELS``.
+        InputError: none of these, damaged, cut off, or larger than ``MAX_PIXELS``.
     """
     view = memoryview(data).cast("B")
     try:
-        if view[: len(PNG_SIGNATURE)] == PNG_SIGNATURE:
-            width, height = _checked_png(view)
-        elif view[: len(JPEG_SIGNATURE)] == JPEG_SIGNATURE:
-            width, height = _checked_jpeg(view)
-        else:
-            raise InputError(where, "the data are neither PNG nor JPEG", "publish one of these")
+        width, height = _checker(view, where)(view)
     except (struct.error, IndexError, _DamagedError) as error:
         cause = str(error) if isinstance(error, _DamagedError) else "it is cut off"
         raise InputError(
@@ -58,7 +62,10 @@ def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
             "check the recording or the network",
         ) from error
     check_size(width, height, where)
-    image = cv2.imdecode(np.frombuffer(view, np.uint8), cv2.IMREAD_UNCHANGED)
+    try:
+        image = cv2.imdecode(np.frombuffer(view, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
     if image is None or image.shape[:2] != (height, width):
         raise InputError(where, "damaged image: it cannot be decoded", "check the recording")
     return np.asarray(image)
@@ -103,6 +110,22 @@ class _DamagedError(Exception):
     """What is wrong with the bytes of an image."""
 
 
+def _checker(data: memoryview, where: str) -> Callable[[memoryview], tuple[int, int]]:
+    """Who looks over a file of this kind and gives its width and height."""
+    head = bytes(data[:16])
+    if head.startswith(PNG_SIGNATURE):
+        return _checked_png
+    if head.startswith(JPEG_SIGNATURE):
+        return _checked_jpeg
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
+        return _checked_webp
+    if head[:4] in _TIFF_ORDERS:
+        return _checked_tiff
+    raise InputError(
+        where, "the data are neither PNG nor JPEG, WebP or TIFF", "publish one of these"
+    )
+
+
 def _checked_png(data: memoryview) -> tuple[int, int]:
     """Width and height of a PNG whose chunks are all there and have the right checksums."""
     width = height = 0
@@ -140,3 +163,46 @@ def _checked_jpeg(data: memoryview) -> tuple[int, int]:
     if bytes(data).rfind(_JPEG_END, position) < 0:
         raise _DamagedError("the JPEG is cut off")
     return width, height
+
+
+def _checked_webp(data: memoryview) -> tuple[int, int]:
+    """Width and height of a WebP (RFC 9649) that is as long as it says."""
+    (length,) = struct.unpack_from("<I", data, 4)
+    if len(data) < 8 + length:
+        raise _DamagedError("it is cut off")
+    kind = bytes(data[12:16])
+    if kind == b"VP8X":
+        sides = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+    elif kind == b"VP8L":
+        (bits,) = struct.unpack_from("<I", data, 21)
+        sides = ((bits >> shift & 0x3FFF) + 1 for shift in (0, 14))
+    else:
+        sides = (side & 0x3FFF for side in struct.unpack_from("<HH", data, 26))
+    width, height = sides
+    return width, height
+
+
+def _checked_tiff(data: memoryview) -> tuple[int, int]:
+    """Width and height of the first image of a TIFF 6.0 file, whose pixels are all there."""
+    order = _TIFF_ORDERS[bytes(data[:4])]
+    (directory,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, directory)
+    tags: dict[int, tuple[int, ...]] = {}
+    for at in range(directory + 2, directory + 2 + 12 * count, 12):
+        tag, kind, values = struct.unpack_from(f"{order}HHI", data, at)
+        letter = _TIFF_NUMBERS.get(kind)
+        if letter is None or tag not in _TIFF_TAGS:
+            continue
+        form = f"{order}{min(values, MAX_PIXELS)}{letter}"
+        # what does not fit into four bytes lies elsewhere
+        if struct.calcsize(form) > 4:
+            (place,) = struct.unpack_from(f"{order}I", data, at + 8)
+        else:
+            place = at + 8
+        tags[tag] = struct.unpack_from(form, data, place)
+    if not {_WIDTH, _HEIGHT} <= tags.keys():
+        raise _DamagedError("the TIFF tells no size")
+    starts, lengths = tags.get(_STRIP_STARTS, ()), tags.get(_STRIP_LENGTHS, ())
+    if any(a + n > len(data) for a, n in zip(starts, lengths, strict=False)):
+        raise _DamagedError("the TIFF is cut off")
+    return tags[_WIDTH][0], tags[_HEIGHT][0]

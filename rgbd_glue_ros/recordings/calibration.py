@@ -1,7 +1,17 @@
-"""Camera calibration files: the format of ROS camera_calibration, or a CameraInfo as text."""
+"""Camera calibration files, by whatever program they were written.
+
+Read are those of ROS (``camera_calibration``, and a CameraInfo as ``ros2 topic echo`` prints it),
+OpenCV, ORB-SLAM2 and 3, Kalibr, Open3D, NICE-SLAM, Record3D, nerfstudio and the RealSense SDK, and
+bare numbers: a matrix [3, 3] or [4, 4], or fx fy cx cy. They agree in what they tell and differ in
+the names, so a file is taken for a tree of names and values, and the names are known by heart.
+"""
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,49 +21,221 @@ import yaml
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
 from rgbd_glue_ros.messages.fields import CameraInfo, header
-from rgbd_glue_ros.types import CameraIntrinsics
+from rgbd_glue_ros.types import CameraIntrinsics, Float64
+
+_MATRIX = ("camera_matrix", "cameramatrix", "intrinsic_matrix", "k", "intrinsics", "intrinsic")
+_COEFFICIENTS = (
+    "distortion_coefficients",
+    "distortion_coeffs",
+    "distcoeffs",
+    "dist_coeffs",
+    "distortion",
+    "coeffs",
+    "d",
+)
+_MODEL = ("distortion_model", "model", "type", "camera_type", "camera_model")
+_WIDTH, _HEIGHT = ("image_width", "width", "w"), ("image_height", "height", "h")
+_SIZE = ("resolution", "image_size", "image_resolution")
+_FOCAL_AND_CENTRE = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
+_DEPTH_SCALE = ("depthmapfactor", "png_depth_scale", "depth_scale", "scale")
+# By name, where no list holds them
+_PLUMB_BOB = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_EQUIDISTANT = ("k1", "k2", "k3", "k4")
+# Lenses that no model here comes near
+_UNKNOWN_CAMERAS = {"omni", "ds", "eucm", "mei", "scaramuzza"}
+
+_REMEDY = (
+    "give width, height, and fx, fy, cx, cy or a camera_matrix, in YAML or JSON, or a bare 3x3 "
+    "matrix as text"
+)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a calibration file tells.
+
+    Attributes:
+        intrinsics: the camera; width and height are 0 where the file does not tell them.
+        depth_scale: metres of one unit of the depth images; None if the file does not tell.
+    """
+
+    intrinsics: CameraIntrinsics
+    depth_scale: float | None = None
 
 
 def load_calibration(path: Path) -> CameraIntrinsics:
-    """The camera in a YAML or JSON file.
+    """The camera in a calibration file, as of ``read_calibration``."""
+    return read_calibration(path).intrinsics
 
-    Either as ``camera_calibration`` writes it (``camera_matrix: {data: […]}``) or as
-    ``ros2 topic echo`` prints a CameraInfo message (``k: […]``).
+
+def read_calibration(path: Path) -> Calibration:
+    """What a calibration file tells.
 
     Raises:
-        InputError: the file cannot be read, lacks a field, or the numbers are no pinhole camera.
+        InputError: the file cannot be read, tells of no camera or of several, or the numbers are
+            none that a camera has.
     """
     try:
-        content = next(yaml.safe_load_all(path.read_text(encoding="utf-8")))
-        info = _camera_info(content)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = _content(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(path, f"cannot be read ({reason})", "give a YAML or JSON file") from error
-    except (KeyError, TypeError, ValueError, StopIteration) as error:
+    cameras = list(_cameras("", content))
+    if len(cameras) > 1:
+        names = ", ".join(name or "one without a name" for name, _ in cameras)
         raise InputError(
-            path,
-            f"is no camera calibration ({error})",
-            "give image_width, image_height, camera_matrix, distortion_model and "
-            "distortion_coefficients",
-        ) from error
-    return intrinsics_from_message(info, str(path))
+            path, f"holds {len(cameras)} cameras ({names})", "leave that of the colour images alone"
+        )
+    if not cameras:
+        raise InputError(path, "is no camera calibration", _REMEDY)
+    values = cameras[0][1]
+    try:
+        info, depth_scale = _camera_info(values), _depth_scale(values, content)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(path, f"is no camera calibration ({error})", _REMEDY) from error
+    return Calibration(intrinsics_from_message(info, str(path)), depth_scale)
 
 
-def _camera_info(content: Any) -> CameraInfo:
-    if "camera_matrix" in content:
-        width, height = content["image_width"], content["image_height"]
-        K, D = content["camera_matrix"]["data"], content["distortion_coefficients"]["data"]
-    else:
-        width, height = content["width"], content["height"]
-        # ROS 2 writes small letters, ROS 1 capitals
-        K, D = content.get("k", content.get("K")), content.get("d", content.get("D"))
+def metres_per_unit(scale: float) -> float:
+    """A depth scale as metres of one unit: some write 0.001 for millimetres, others 1000.
+
+    Raises:
+        ValueError: it is not above zero.
+    """
+    if not 0 < scale < np.inf:
+        raise ValueError(f"a depth scale of {scale}")
+    return scale if scale <= 1 else 1 / scale
+
+
+def _content(text: str) -> Any:
+    """The tree of a YAML or JSON file, or the numbers of a text."""
+    numbers = _numbers(text)
+    if numbers is not None:
+        return {"k": numbers}
+    try:
+        return json.loads(text)
+    except ValueError:
+        pass
+    # YAML 1.0 as OpenCV writes it begins with a line that YAML 1.1 does not know
+    plain = re.sub(r"^%.*$", "", text, flags=re.MULTILINE).expandtabs(4)
+    return next((part for part in yaml.load_all(plain, _Loader) if part is not None), None)
+
+
+def _numbers(text: str) -> list[float] | None:
+    """All numbers of a text, None if it holds anything else."""
+    words = re.sub(r"[\[\](),;]", " ", re.sub(r"#.*", "", text)).split()
+    try:
+        return [float(word) for word in words] or None
+    except ValueError:
+        return None
+
+
+class _Loader(yaml.SafeLoader):
+    """Takes OpenCV's matrices for the mappings that they are."""
+
+
+def _mapping(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    return loader.construct_mapping(node, deep=True)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _mapping)
+
+
+def _cameras(name: str, content: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Name and values of every camera in a tree."""
+    if not isinstance(content, Mapping):
+        return
+    values = _named_plainly(content)
+    if _first(values, _FOCAL_AND_CENTRE[0]) is not None or any(
+        isinstance(values.get(key), list) or _is_matrix(values.get(key)) for key in _MATRIX
+    ):
+        yield name, values
+        return
+    for key, value in content.items():
+        yield from _cameras(str(key), value)
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, Mapping) and "data" in value
+
+
+def _named_plainly(content: Mapping[Any, Any]) -> dict[str, Any]:
+    """Names in small letters, without what ORB-SLAM puts before each."""
+    return {
+        re.sub(r"^(camera1?|rgbd)\.", "", str(key).lower()): value for key, value in content.items()
+    }
+
+
+def _first(values: Mapping[str, Any], names: tuple[str, ...]) -> Any:
+    return next((values[name] for name in names if name in values), None)
+
+
+def _camera_info(values: Mapping[str, Any]) -> CameraInfo:
+    width, height = _size(values)
+    model = str(_first(values, _MODEL) or "")
+    if str(values.get("camera_model", "")).lower() in _UNKNOWN_CAMERAS:
+        raise ValueError(f"camera model {values['camera_model']!r} is not supported")
     return CameraInfo(
         header=header(0, ""),
-        height=int(height),
-        width=int(width),
-        distortion_model=str(content["distortion_model"]),
-        d=np.array(D, np.float64),
-        k=np.array(K, np.float64).reshape(9),
+        height=height,
+        width=width,
+        distortion_model=model,
+        d=_coefficients(values, model),
+        k=_matrix(values).ravel(),
         r=np.eye(3).ravel(),
         p=np.zeros(12),
     )
+
+
+def _size(values: Mapping[str, Any]) -> tuple[int, int]:
+    """Width and height; 0 where they are not told."""
+    both = _first(values, _SIZE)
+    if both is not None:
+        return int(both[0]), int(both[1])
+    names = [next((name for name in side if name in values), None) for side in (_WIDTH, _HEIGHT)]
+    width, height = (0 if name is None else int(values[name]) for name in names)
+    return width, height
+
+
+def _matrix(values: Mapping[str, Any]) -> Float64:
+    """The camera matrix [3, 3]."""
+    fx, fy, cx, cy = (_first(values, names) for names in _FOCAL_AND_CENTRE)
+    if fx is None:
+        numbers = _array(_first(values, _MATRIX))
+        if numbers.size != 4:
+            return _of_matrix(numbers)
+        fx, fy, cx, cy = numbers
+    # some calibrate one focal length
+    return np.array([[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1]], np.float64)
+
+
+def _of_matrix(numbers: Float64) -> Float64:
+    """The camera matrix out of 9, 12 (P) or 16 numbers, by rows or by columns."""
+    shapes = {9: (3, 3), 12: (3, 4), 16: (4, 4)}
+    if numbers.size not in shapes:
+        raise ValueError(f"a camera matrix of {numbers.size} numbers")
+    K = numbers.reshape(shapes[numbers.size])[:3, :3]
+    # the centre is in the last column; where it is in the last row, columns were written
+    return K.T if K[2, :2].any() and not K[:2, 2].any() else K
+
+
+def _coefficients(values: Mapping[str, Any], model: str) -> Float64:
+    given = _first(values, _COEFFICIENTS)
+    if given is not None:
+        return _array(given)
+    is_fisheye = "kannala" in model.lower() or "fisheye" in model.lower() or "equi" in model.lower()
+    names = _EQUIDISTANT if is_fisheye else _PLUMB_BOB
+    return np.array([float(values.get(name, 0)) for name in names])
+
+
+def _array(value: Any) -> Float64:
+    """The numbers in a list, in a list of rows, or under ``data``."""
+    numbers: Float64 = np.array(value["data"] if _is_matrix(value) else value, np.float64).ravel()
+    return numbers
+
+
+def _depth_scale(camera: Mapping[str, Any], content: Mapping[str, Any]) -> float | None:
+    """Metres of one unit; some tell it beside the camera."""
+    beside = _named_plainly(content)
+    scale = _first(camera, _DEPTH_SCALE) or _first(beside, _DEPTH_SCALE)
+    return None if scale is None else metres_per_unit(float(scale))

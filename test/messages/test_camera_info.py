@@ -1,0 +1,153 @@
+"""Camera infos as drivers fill them: one lens under many names, lengths and sizes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
+from rgbd_glue_ros.messages.fields import (
+    CameraInfo,
+    RegionOfInterest,
+    camera_info,
+    color_image,
+    depth_image,
+    header,
+)
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
+from rgbd_glue_ros.types import CameraIntrinsics, LensModel
+
+HEAD = header(1, "camera")
+TOPICS = FrameTopics("/color", "/depth", "/info")
+CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
+D5 = (0.02, -0.03, 0.0005, -0.0004, 0.01)
+BROWN, FISHEYE = LensModel.BROWN_CONRADY, LensModel.KANNALA_BRANDT
+
+
+def info(model: str, d: tuple[float, ...]) -> CameraInfo:
+    message = camera_info(CAMERA, HEAD)
+    return replace(message, distortion_model=model, d=np.array(d, np.float64))
+
+
+# name, coefficients, and the lens they are
+LENSES: list[tuple[str, tuple[float, ...], LensModel, tuple[float, ...]]] = [
+    ("plumb_bob", D5, BROWN, D5),
+    # what Orbbec's driver sends
+    ("plumb_bob", (*D5, 0, 0, 0), BROWN, (*D5, 0, 0, 0)),
+    ("plumb_bob", (*D5, 0.1, 0.2, 0.3), BROWN, (*D5, 0.1, 0.2, 0.3)),
+    ("plumb_bob", D5[:2], BROWN, (*D5[:2], 0, 0)),
+    ("plumb_bob", (*D5, 0), BROWN, D5),
+    ("plumb_bob", (*D5, 0.1), BROWN, (*D5, 0.1, 0, 0)),
+    ("rational_polynomial", D5, BROWN, D5),
+    ("rational_polynomial", (*D5, 0.1, 0.2, 0.3), BROWN, (*D5, 0.1, 0.2, 0.3)),
+    ("rational_polynomial", (*D5, *[0] * 7), BROWN, (*D5, *[0] * 7)),
+    ("rational_polynomial", (*D5, *[0] * 9), BROWN, (*D5, *[0] * 9)),
+    ("rational_polynomial", (*D5, *[0] * 30), BROWN, D5),
+    ("thin_prism", (*D5, 0, 0, 0, 1e-4, 0, 0, 0), BROWN, (*D5, 0, 0, 0, 1e-4, 0, 0, 0)),
+    ("", D5, BROWN, D5),
+    ("radtan", D5[:4], BROWN, D5[:4]),
+    ("radial-tangential", D5[:4], BROWN, D5[:4]),
+    ("Plumb Bob", D5, BROWN, D5),
+    ("PLUMB_BOB", D5, BROWN, D5),
+    ("Brown Conrady", D5, BROWN, D5),
+    ("Modified Brown Conrady", D5, BROWN, D5),
+    ("pinhole", D5, BROWN, D5),
+    ("Inverse Brown Conrady", D5, LensModel.INVERSE_BROWN_CONRADY, D5),
+    ("equidistant", D5[:4], FISHEYE, D5[:4]),
+    ("fisheye", D5[:4], FISHEYE, D5[:4]),
+    ("Kannala Brandt4", D5[:4], FISHEYE, D5[:4]),
+    ("equidistant", (*D5[:4], 0), FISHEYE, D5[:4]),
+    # whatever the model is, this is none
+    ("wobbly", (0.0,) * 5, BROWN, ()),
+    ("wobbly", (), BROWN, ()),
+    ("plumb_bob", (), BROWN, ()),
+]
+
+
+@pytest.mark.parametrize(("model", "d", "lens", "expected"), LENSES)
+def test_a_lens_is_known_by_the_family_of_its_name_and_what_its_coefficients_say(
+    model: str, d: tuple[float, ...], lens: LensModel, expected: tuple[float, ...]
+) -> None:
+    camera = intrinsics_from_message(info(model, d), "/info")
+    assert (camera.lens, camera.distortion) == (lens, expected)
+
+
+@pytest.mark.parametrize(
+    ("model", "d"),
+    [("wobbly", D5), ("equidistant", D5), ("plumb_bob", (0.1,) * 15), ("fov", (0.9,))],
+)
+def test_a_lens_that_cannot_be_undone_is_refused_with_the_names_that_can(
+    model: str, d: tuple[float, ...]
+) -> None:
+    with pytest.raises(InputError, match=r"are not supported; rectify .* plumb_bob, .*equidistant"):
+        intrinsics_from_message(info(model, d), "/info")
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        replace(CAMERA, distortion=D5, lens=lens)
+        if lens is not FISHEYE
+        else replace(CAMERA, distortion=D5[:4], lens=lens)
+        for lens in LensModel
+    ],
+    ids=lambda camera: camera.lens.name,
+)
+def test_every_lens_survives_the_way_through_a_message(camera: CameraIntrinsics) -> None:
+    assert intrinsics_from_message(camera_info(camera, HEAD), "/info") == camera
+
+
+COLOR = color_image(np.zeros((48, 64, 3), np.uint8), HEAD)
+DEPTH = depth_image(np.ones((48, 64), np.float32), HEAD)
+
+
+def camera_of(message: CameraInfo, color: str = "/color") -> CameraIntrinsics:
+    topics = replace(TOPICS, color=color)
+    return frame_from_messages(COLOR, DEPTH, message, topics).intrinsics
+
+
+PLAIN = camera_info(CAMERA, HEAD)
+
+# whatever it says besides, the camera is this one
+SIZES: dict[str, tuple[CameraInfo, str]] = {
+    "as it should be": (PLAIN, "/color"),
+    "without P, of a rectified image": (replace(PLAIN, p=np.zeros(12)), "/image_rect"),
+    "without size": (replace(PLAIN, width=0, height=0), "/color"),
+    "of the full image, in bins": (
+        replace(camera_info(CAMERA.scaled(128, 96), HEAD), binning_x=2, binning_y=2),
+        "/color",
+    ),
+    "of the full image, halved": (camera_info(CAMERA.scaled(128, 96), HEAD), "/color"),
+    "of a region": (
+        replace(
+            camera_info(replace(CAMERA, width=90, height=60, cx=41.5, cy=28.5), HEAD),
+            roi=RegionOfInterest(x_offset=10, y_offset=5, width=64, height=48),
+        ),
+        "/color",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_the_camera_is_that_of_the_image_as_it_came(name: str) -> None:
+    camera = camera_of(*SIZES[name])
+    assert (camera.width, camera.height) == (64, 48)
+    np.testing.assert_allclose(camera.matrix, CAMERA.matrix)
+
+
+@pytest.mark.parametrize(
+    ("message", "cause"),
+    [
+        (replace(PLAIN, width=0, height=0, k=PLAIN.k + [0, 0, 60, 0, 0, 0, 0, 0, 0]), "no size"),
+        (replace(PLAIN, width=0), "an image of 0x48 pixels"),
+        (replace(PLAIN, k=np.zeros(9), p=np.zeros(12)), "is not calibrated"),
+        (camera_info(replace(CAMERA, width=64, height=40), HEAD), "64x40 pixels, but /color of"),
+    ],
+)
+def test_an_info_that_cannot_be_of_the_image_is_refused(message: CameraInfo, cause: str) -> None:
+    with pytest.raises(InputError, match=r"^/info: ") as error:
+        camera_of(message)
+    assert cause in str(error.value)
