@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from rgbd_glue_ros.parameters import Config
+    from rgbd_glue_ros.parameters import Config, InputConfig, Parameter
     from rgbd_glue_ros.recordings import Recording
 
 RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder of a data set"
@@ -102,8 +102,27 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         "--calibration",
         metavar="FILE",
         type=path,
-        help="camera info (YAML or JSON) in place of the recording's",
+        help="camera of the colour images in place of the recording's: a file of ROS, OpenCV, "
+        "ORB-SLAM, Kalibr or Open3D, or a 3x3 matrix",
     )
+    parser.add_argument(
+        "--depth-scale",
+        metavar="M",
+        type=positive_number,
+        help="metres of one unit of the depth images, as 0.001 for millimetres, or units of a "
+        "metre, as TUM's 5000; the same as --set depth_scale=M",
+    )
+
+
+def add_set(parser: argparse.ArgumentParser) -> None:
+    """``--set``."""
+    parser.add_argument(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="set a parameter, as in --set glue.k=3; may be repeated",
+    ).completer = _assignments  # type: ignore[attr-defined]
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
@@ -130,13 +149,7 @@ def add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
         default=preset,
         help="preset to start from: live or paper (default: %(default)s)",
     ).completer = _presets  # type: ignore[attr-defined]
-    parser.add_argument(
-        "--set",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        help="set a parameter, as in --set glue.k=3; may be repeated",
-    ).completer = _assignments  # type: ignore[attr-defined]
+    add_set(parser)
 
 
 def sources(args: argparse.Namespace) -> list[Path]:
@@ -151,45 +164,76 @@ def sources(args: argparse.Namespace) -> list[Path]:
 
 
 def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
-    """Opens recordings as the arguments say, in this process or another."""
+    """Opens recordings as the arguments say, in this process or another.
+
+    Raises:
+        InputError: the calibration cannot be read, or a parameter is not known or allowed.
+    """
     from rgbd_glue_ros.recordings import Topics, load_calibration, open_recording
 
     topics = Topics(args.color_topic, args.depth_topic, args.info_topic, args.truth_topic)
     calibration = load_calibration(args.calibration) if args.calibration else None
-    return partial(open_recording, topics=topics, calibration=calibration)
+    return partial(open_recording, topics=topics, calibration=calibration, inputs=_inputs(args))
 
 
 def config(args: argparse.Namespace) -> Config:
-    """The preset with what ``--set`` changes.
+    """The preset with what ``--set`` changes of the method.
 
     Raises:
         InputError: there is no such preset or parameter, or a value is not allowed.
     """
-    from rgbd_glue_ros.parameters import load_preset, parse_assignment, with_values
+    from rgbd_glue_ros.parameters import InputConfig, load_preset, with_values
 
-    return with_values(load_preset(args.preset), dict(map(parse_assignment, args.set)))
+    inputs, method = _assigned(args)
+    with_values(InputConfig(), inputs)
+    return with_values(load_preset(args.preset), method)
+
+
+def _inputs(args: argparse.Namespace) -> InputConfig:
+    """What ``--set`` changes of how images are read."""
+    from rgbd_glue_ros.parameters import Config, InputConfig, with_values
+
+    inputs, method = _assigned(args)
+    with_values(Config(), method)
+    if args.depth_scale is not None:
+        inputs["depth_scale"] = args.depth_scale
+    return with_values(InputConfig(), inputs)
+
+
+def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:
+    """What ``--set`` gives, apart: parameters of the inputs, and those of the method."""
+    from rgbd_glue_ros.parameters import InputConfig, parse_assignment, values
+
+    # some commands read recordings and have no parameters
+    given = dict(map(parse_assignment, vars(args).get("set", ())))
+    own = values(InputConfig())
+    inputs = {name: value for name, value in given.items() if name in own}
+    return inputs, {name: value for name, value in given.items() if name not in own}
 
 
 def parameter_names(prefix: str = "", **_: object) -> list[str]:
     """The names of all parameters that begin with ``prefix``, for the shell to complete."""
-    from rgbd_glue_ros.parameters import Config, parameters
-
-    return [p.name for p in parameters(Config()) if p.name.startswith(prefix)]
+    return [p.name for p in _parameters() if p.name.startswith(prefix)]
 
 
 def _assignments(prefix: str, **_: object) -> list[str]:
     """``NAME=``, and after it the values that a parameter can have, where these can be listed."""
-    from rgbd_glue_ros.parameters import Config, parameters
-
     given = prefix.partition("=")[0]
     if "=" not in prefix:
         return [f"{name}=" for name in parameter_names(prefix)]
     return [
         f"{p.name}={value}"
-        for p in parameters(Config())
+        for p in _parameters()
         if p.name == given
         for value in (p.choices or (("true", "false") if p.type is bool else ()))
     ]
+
+
+def _parameters() -> Iterator[Parameter]:
+    from rgbd_glue_ros.parameters import Config, InputConfig, parameters
+
+    for part in (Config(), InputConfig()):
+        yield from parameters(part)
 
 
 def _presets(**_: object) -> list[str]:

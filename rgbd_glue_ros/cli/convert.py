@@ -10,6 +10,7 @@ from rgbd_glue_ros.cli import arguments
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """A recording and a new folder."""
     arguments.add_recording(parser)
+    arguments.add_set(parser)
     parser.add_argument("target", metavar="DST", type=arguments.path, help="new folder to write to")
     parser.add_argument(
         "--compressed",

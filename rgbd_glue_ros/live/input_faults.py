@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rgbd_glue_ros.messages.stamps import explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
 
 
@@ -60,11 +61,7 @@ def explain_silence(
             "topics fit"
         )
     elif closest_miss_ns is not None:
-        remedy = (
-            f"the stamps of colour and depth are {closest_miss_ns / 1e6:.1f} ms apart at best, "
-            f"and pair up to {max_interval_ns / 1e6:.1f} ms: synchronise the camera's streams, or "
-            "raise approx_sync_max_interval (with approx_sync)"
-        )
+        remedy = explain_miss(closest_miss_ns, max_interval_ns)
     else:
         remedy = "the stamps of colour, depth and camera info do not meet"
     return f"{seen}; {remedy}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from rgbd_glue_ros.messages.images import (
     depth_from_message,
 )
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
+from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.types import Float32, RgbdFrame
 
 
@@ -96,6 +98,19 @@ def frame_from_messages(
         frame_id=frame_of(color.header),
         depth_delay_ns=stamp_ns(depth.header.stamp) - stamp_ns(color.header.stamp),
     )
+
+
+def frame_of_match(
+    match: Match[Any],
+    topics: FrameTopics,
+    depth_camera: DepthCamera | None,
+    depth_scale: float | None,
+) -> RgbdFrame:
+    """``frame_from_messages`` of messages that were paired, with the stamps they were paired by."""
+    frame = frame_from_messages(
+        match.color, match.depth, match.info, topics, depth_camera, depth_scale
+    )
+    return replace(frame, stamp_ns=match.stamp_ns, depth_delay_ns=match.interval_ns)
 
 
 def registration_doubt(color: AnyImage, depth: AnyImage, topics: FrameTopics) -> str | None:

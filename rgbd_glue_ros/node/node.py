@@ -32,8 +32,9 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import pose_parameter
 from rgbd_glue_ros.live.monitor import Drop, Monitor
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
-from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
@@ -89,9 +90,9 @@ class OdometryNode(Node):  # type: ignore[misc]
         self.monitor = Monitor()
         self._last_stamp_ns: int | None = None
         self._last_taken_ns: int | None = None
-        approximate_ns = round(self._node_config.approx_sync_max_interval * NANOSECONDS)
+        self._stamps = StampSource(self._node_config.stamps)
         self._synchronizer: Synchronizer[Any] = Synchronizer(
-            approximate_ns if self._node_config.approx_sync else 0,
+            round(self._node_config.max_interval_s * NANOSECONDS),
             self._node_config.sync_queue_size,
         )
         # what is to be done on the worker's thread, before the next frame
@@ -173,7 +174,9 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _receive(self, channel: Channel, message: Any) -> None:
         arrived_ns = time.monotonic_ns()
-        stamp = stamp_ns(message.header.stamp)
+        stamp = self._stamps.of(
+            channel, stamp_ns(message.header.stamp), self.get_clock().now().nanoseconds
+        )
         for match in self._synchronizer.add(channel, stamp, message):
             if self.monitor.is_paused:
                 self.monitor.dropped(Drop.PAUSED)
@@ -245,7 +248,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         color, depth, info = (i.topic for i in self._inputs)
         names = FrameTopics(color, depth, info, self._depth_camera.topic)
         taken_by = self._depth_camera.of(match, names)
-        return frame_from_messages(match.color, match.depth, match.info, names, taken_by)
+        return frame_of_match(match, names, taken_by, self._node_config.metres_per_unit)
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
         """Starts anew when time went back; ``Match.restarted`` may have been superseded."""

@@ -18,6 +18,7 @@ from rgbd_glue_ros.parameters.files import (
     to_markdown,
     to_yaml,
 )
+from rgbd_glue_ros.parameters.inputs import InputConfig, metres_per_unit
 from rgbd_glue_ros.parameters.method import (
     FALLBACK_METHODS,
     FIT_METHODS,
@@ -58,6 +59,7 @@ __all__ = [
     "FeaturesConfig",
     "FitConfig",
     "GlueConfig",
+    "InputConfig",
     "MotionConfig",
     "NodeConfig",
     "OdometryConfig",
@@ -70,6 +72,7 @@ __all__ = [
     "explain",
     "load_preset",
     "load_yaml",
+    "metres_per_unit",
     "parameters",
     "parse_assignment",
     "share_directory",

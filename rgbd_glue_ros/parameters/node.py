@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 from rgbd_glue_ros.parameters.checks import FRAME, POSE, or_nothing
+from rgbd_glue_ros.parameters.inputs import InputConfig, read_once
 from rgbd_glue_ros.parameters.parameter import parameter
-
-read_once = partial(parameter, fixed="it is read once, when the node starts")
 
 
 @dataclass(frozen=True)
-class NodeConfig:
+class NodeConfig(InputConfig):
     """What the ROS node alone has: frames, topics, transport."""
 
     preset: str = read_once(
@@ -57,11 +55,6 @@ class NodeConfig:
     depth_transport: str = read_once(
         "raw", "Transport of the depth image.", choices=("raw", "compressedDepth")
     )
-    depth_is_registered: bool = read_once(
-        False,
-        "Depth is registered to colour whatever its frame says, and depth/camera_info of no "
-        "interest. Without it, depth in another frame than colour is registered here or refused.",
-    )
     depth_camera_pose: str = read_once(
         "",
         "Pose of the depth camera in the colour camera, between the optical frames, for depth that "
@@ -81,15 +74,6 @@ class NodeConfig:
     )
     sync_queue_size: int = read_once(
         10, "Messages of a topic that wait for their partners, at most.", minimum=1, maximum=1000
-    )
-    approx_sync: bool = read_once(
-        True, "Whether stamps of colour and depth may differ; without it only equal ones pair."
-    )
-    approx_sync_max_interval: float = read_once(
-        0.02,
-        "Stamps of colour and depth that are further apart than this do not belong together.",
-        unit="s",
-        minimum=0.0,
     )
     always_process_most_recent_frame: bool = read_once(
         True,

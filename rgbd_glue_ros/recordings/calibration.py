@@ -21,6 +21,7 @@ import yaml
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
 from rgbd_glue_ros.messages.fields import CameraInfo, header
+from rgbd_glue_ros.parameters import metres_per_unit
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 _MATRIX = ("camera_matrix", "cameramatrix", "intrinsic_matrix", "k", "intrinsics", "intrinsic")
@@ -94,17 +95,6 @@ def read_calibration(path: Path) -> Calibration:
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(path, f"is no camera calibration ({error})", _REMEDY) from error
     return Calibration(intrinsics_from_message(info, str(path)), depth_scale)
-
-
-def metres_per_unit(scale: float) -> float:
-    """A depth scale as metres of one unit: some write 0.001 for millimetres, others 1000.
-
-    Raises:
-        ValueError: it is not above zero.
-    """
-    if not 0 < scale < np.inf:
-        raise ValueError(f"a depth scale of {scale}")
-    return scale if scale <= 1 else 1 / scale
 
 
 def _content(text: str) -> Any:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, tum
 from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
@@ -22,29 +23,38 @@ class Format:
         name: of the format.
         signature: what it is known by, in words.
         matches: whether a path is of this format.
-        open: opens it, given topics (bags alone have any) and the camera if known.
+        open: opens it, given topics (bags alone have any), the camera if known, and how images are
+            understood.
     """
 
     name: str
     signature: str
     matches: Callable[[Path], bool]
-    open: Callable[[Path, Topics | None, CameraIntrinsics | None], Recording]
+    open: Callable[[Path, Topics | None, CameraIntrinsics | None, InputConfig], Recording]
 
 
-def _open_tum(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Recording:
-    return tum.open_tum(path, camera)
+def _open_tum(
+    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
+) -> Recording:
+    return tum.open_tum(path, camera).with_depth_scale(inputs.metres_per_unit)
 
 
-def _open_icl(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Recording:
-    return icl_nuim.open_icl_nuim(path, camera)
+def _open_icl(
+    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
+) -> Recording:
+    return icl_nuim.open_icl_nuim(path, camera).with_depth_scale(inputs.metres_per_unit)
 
 
-def _open_seven(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Recording:
-    return seven_scenes.open_seven_scenes(path, camera)
+def _open_seven(
+    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
+) -> Recording:
+    return seven_scenes.open_seven_scenes(path, camera).with_depth_scale(inputs.metres_per_unit)
 
 
-def _open_scannet(path: Path, _: Topics | None, camera: CameraIntrinsics | None) -> Recording:
-    return scannet.open_scannet(path, camera)
+def _open_scannet(
+    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
+) -> Recording:
+    return scannet.open_scannet(path, camera).with_depth_scale(inputs.metres_per_unit)
 
 
 FORMATS = (
@@ -64,7 +74,10 @@ def format_of(path: Path) -> Format | None:
 
 
 def open_recording(
-    path: Path, topics: Topics | None = None, calibration: CameraIntrinsics | None = None
+    path: Path,
+    topics: Topics | None = None,
+    calibration: CameraIntrinsics | None = None,
+    inputs: InputConfig | None = None,
 ) -> Recording:
     """Opens a recording of any known format.
 
@@ -72,6 +85,7 @@ def open_recording(
         path: a bag, or the folder of a data set.
         topics: of a bag; None finds them by type and name.
         calibration: of the camera; None takes what the recording says.
+        inputs: how images are understood and paired; None as by default.
 
     Raises:
         InputError: there is nothing there, it is of no known format, or it cannot be used.
@@ -80,6 +94,6 @@ def open_recording(
         raise InputError(path, "does not exist", "give a bag or the folder of a data set")
     kind = format_of(path)
     if kind is not None:
-        return kind.open(path, topics, calibration)
+        return kind.open(path, topics, calibration, inputs or InputConfig())
     looked_for = "; ".join(f"{kind.signature} ({kind.name})" for kind in FORMATS)
     raise InputError(path, "is no recording of a known format", f"looked for {looked_for}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
@@ -39,6 +40,12 @@ class DepthEncoding:
 
     units_per_metre: float
     invalid: tuple[int, ...]
+
+    def with_scale(self, metres_per_unit: float | None) -> DepthEncoding:
+        """The same in other units; None leaves them as they are."""
+        if metres_per_unit is None:
+            return self
+        return replace(self, units_per_metre=1 / metres_per_unit)
 
     def metres(self, image: NDArray[np.uint16]) -> Float32:
         """float32 [H, W] metres with NaN for unknown, from uint16 [H, W]."""
@@ -86,6 +93,10 @@ class ImageSequence:
         """How many frames it holds."""
         return len(self.pairs)
 
+    def with_depth_scale(self, metres_per_unit: float | None) -> ImageSequence:
+        """The same with depth in other units; None leaves them as they are."""
+        return replace(self, encoding=self.encoding.with_scale(metres_per_unit))
+
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time.
 
@@ -99,22 +110,25 @@ class ImageSequence:
         return mapped_ahead(self._read, (self.pairs[i] for i in indices if i < self.frame_count))
 
     def _read(self, pair: ImagePair) -> RgbdFrame:
+        color = self._color(pair.color)
+        size = (self.intrinsics.height, self.intrinsics.width)
+        shape = size if any(size) else color.shape[:2]
+        camera = of_image_size(self.intrinsics, shape, self.name, str(pair.color))
         return RgbdFrame(
             pair.stamp_ns,
-            self._color(pair.color),
-            self._depth(pair.depth),
-            self.intrinsics,
+            reduced(color, camera),
+            self._depth(pair.depth, camera),
+            camera,
             self.frame_id,
             depth_delay_ns=pair.depth_stamp_ns - pair.stamp_ns,
         )
 
     def _color(self, path: Path) -> UInt8:
-        camera = self.intrinsics
-        image = self._decoded(path, self.color_size or (camera.width, camera.height))
-        return reduced(to_rgb(image, str(path)), camera)
+        own = self.intrinsics.width, self.intrinsics.height
+        return to_rgb(self._decoded(path, self.color_size or own), str(path))
 
-    def _depth(self, path: Path) -> Float32:
-        image = self._decoded(path, (self.intrinsics.width, self.intrinsics.height))
+    def _depth(self, path: Path, camera: CameraIntrinsics) -> Float32:
+        image = self._decoded(path, (camera.width, camera.height))
         if image.dtype != np.uint16 or image.ndim != 2:
             raise InputError(
                 path,
@@ -124,6 +138,7 @@ class ImageSequence:
         return self.encoding.metres(image)
 
     def _decoded(self, path: Path, expected: tuple[int, int]) -> NDArray[Any]:
+        """The image, of the expected width and height; of any where a calibration tells none."""
         try:
             data = path.read_bytes()
         except OSError as error:
@@ -132,7 +147,7 @@ class ImageSequence:
             ) from error
         image = decode(data, str(path))
         height, width = image.shape[:2]
-        if (width, height) != expected:
+        if any(expected) and (width, height) != expected:
             raise InputError(
                 path,
                 f"is {width}x{height}, but the camera is {expected[0]}x{expected[1]}",

@@ -6,7 +6,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -112,6 +112,12 @@ class SensSequence:
         self.ground_truth: Trajectory | None = (
             Trajectory(stamps[known], poses[known]) if known.any() else None
         )
+
+    def with_depth_scale(self, metres_per_unit: float | None) -> SensSequence:
+        """Takes depth to be in other units than the file says; None leaves them."""
+        encoding = self._header.encoding.with_scale(metres_per_unit)
+        self._header = replace(self._header, encoding=encoding)
+        return self
 
     @property
     def name(self) -> str:

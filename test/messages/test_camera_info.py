@@ -141,7 +141,7 @@ def test_the_camera_is_that_of_the_image_as_it_came(name: str) -> None:
 @pytest.mark.parametrize(
     ("message", "cause"),
     [
-        (replace(PLAIN, width=0, height=0, k=PLAIN.k + [0, 0, 60, 0, 0, 0, 0, 0, 0]), "no size"),
+        (camera_info(replace(CAMERA, width=0, height=0, cx=90.0), HEAD), "tells no size"),
         (replace(PLAIN, width=0), "an image of 0x48 pixels"),
         (replace(PLAIN, k=np.zeros(9), p=np.zeros(12)), "is not calibrated"),
         (camera_info(replace(CAMERA, width=64, height=40), HEAD), "64x40 pixels, but /color of"),

@@ -250,7 +250,7 @@ def test_images_that_never_pair_are_refused_with_their_distance(tmp_path: Path) 
     messages += [m for m in recorded(late) if m.topic == DEPTH]
     with (
         BagRecording(write_rosbag2(tmp_path / "bag", messages)) as sequence,
-        pytest.raises(InputError, match=r"the nearest are 25\.0 ms apart"),
+        pytest.raises(InputError, match=r"are 25\.0 ms apart at best, and pair up to 20\.0 ms"),
     ):
         list(sequence)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.recordings.calibration import metres_per_unit, read_calibration
+from rgbd_glue_ros.parameters import metres_per_unit
+from rgbd_glue_ros.recordings.calibration import read_calibration
 from rgbd_glue_ros.types import LensModel
 
 K = (600.0, 601.0, 320.5, 240.5)

@@ -14,11 +14,12 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import camera_info, header
-from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages, registration_doubt
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match, registration_doubt
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.messages.stamps import StampSource, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
-from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings.bag.depth_camera import RecordedDepthCamera
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.topics import (
@@ -53,7 +54,11 @@ class BagRecording:
     """
 
     def __init__(
-        self, path: Path, topics: Topics | None = None, calibration: CameraIntrinsics | None = None
+        self,
+        path: Path,
+        topics: Topics | None = None,
+        calibration: CameraIntrinsics | None = None,
+        inputs: InputConfig | None = None,
     ) -> None:
         """Opens the bag and finds its topics.
 
@@ -61,6 +66,7 @@ class BagRecording:
             path: a rosbag2 folder or storage file, or a ROS 1 bag.
             topics: those to take; None, and any that is None, is found by type and name.
             calibration: of the colour camera; None takes the bag's camera info.
+            inputs: how images are understood and paired; None as by default.
 
         Raises:
             InputError: it is no bag or an empty one, or the topics are missing or ambiguous.
@@ -68,6 +74,7 @@ class BagRecording:
         wanted = topics or Topics()
         self._bag = BagFile(path)
         self._calibration = calibration
+        self._inputs = inputs or InputConfig()
         self.skipped = 0
         have = self._bag.topics
         try:
@@ -132,7 +139,7 @@ class BagRecording:
         is_empty = True
         faults = _Faults()
         sync: Synchronizer[Any] = Synchronizer(
-            round(NodeConfig().approx_sync_max_interval * NANOSECONDS), QUEUE_SIZE
+            round(self._inputs.max_interval_s * NANOSECONDS), QUEUE_SIZE
         )
         depth_camera = RecordedDepthCamera(self._bag, self._topics)
         matches = self._watched(self._matches(sync, faults), depth_camera)
@@ -179,15 +186,21 @@ class BagRecording:
             channels[self._topics.info] = Channel.INFO
         else:
             sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
+        stamps = StampSource(self._inputs.stamps)
         for recorded in self._bag.messages(channels):
             try:
                 message = self._bag.deserialize(recorded)
             except InputError as error:
                 faults.add(error)
                 continue
-            stamp = stamp_ns(message.header.stamp)
-            yield from sync.add(channels[recorded.topic], stamp, message)
+            channel = channels[recorded.topic]
+            stamp = stamps.of(channel, stamp_ns(message.header.stamp), recorded.stamp_ns)
+            yield from sync.add(channel, stamp, message)
         yield from sync.flush()
+        if Channel.COLOR in stamps.unstamped:
+            logger.warning(
+                "%s: images bear no stamp; those of their recording were taken", self._topics.color
+            )
 
     def _watched(
         self, matches: Iterator[Match[Any]], depth_camera: RecordedDepthCamera
@@ -205,8 +218,9 @@ class BagRecording:
         self, depth_camera: RecordedDepthCamera, match: Match[Any]
     ) -> RgbdFrame | InputError:
         try:
-            return frame_from_messages(
-                match.color, match.depth, match.info, depth_camera.topics, depth_camera.of(match)
+            taken_by = None if self._inputs.depth_is_registered else depth_camera.of(match)
+            return frame_of_match(
+                match, depth_camera.topics, taken_by, self._inputs.metres_per_unit
             )
         except InputError as error:
             return error
@@ -235,7 +249,6 @@ def _nothing_paired(path: Path, topics: FrameTopics, sync: Synchronizer[Any]) ->
         return InputError(path, f"no frame is complete (messages: {received})", "record all topics")
     return InputError(
         path,
-        f"no image of {topics.color} has one of {topics.depth} near its stamp; the nearest are "
-        f"{sync.closest_miss_ns / 1e6:.1f} ms apart",
-        "record with synchronised streams",
+        f"no image of {topics.color} has one of {topics.depth} near its stamp",
+        explain_miss(sync.closest_miss_ns, sync.max_interval_ns),
     )

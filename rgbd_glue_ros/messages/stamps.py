@@ -1,0 +1,67 @@
+"""Which time a message is of: its header's, or that of its receipt where this says nothing."""
+
+from __future__ import annotations
+
+from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.parameters.inputs import RECEIPT
+from rgbd_glue_ros.types import NANOSECONDS
+
+# Streams of one clock are never so far apart: that is two clocks.
+OTHER_CLOCK_NS = NANOSECONDS
+
+
+class StampSource:
+    """Gives messages their stamps; keeps in mind which streams bear some.
+
+    Attributes:
+        unstamped: channels whose messages bore no stamp so far.
+    """
+
+    def __init__(self, source: str) -> None:
+        """Takes a source.
+
+        Args:
+            source: one of ``InputConfig.stamps``.
+        """
+        self.unstamped: set[Channel] = set()
+        self._is_receipt = source == RECEIPT
+        self._stamped: set[Channel] = set()
+
+    def of(self, channel: Channel, stamp_ns: int, receipt_ns: int) -> int:
+        """The stamp that a message is paired by, nanoseconds.
+
+        Args:
+            channel: what it carries.
+            stamp_ns: in its header.
+            receipt_ns: when it was received or recorded.
+        """
+        if self._is_receipt:
+            return receipt_ns
+        if stamp_ns:
+            self._stamped.add(channel)
+        # in a stream that bears stamps, zero is a wrong one
+        if stamp_ns or channel in self._stamped:
+            self.unstamped.discard(channel)
+            return stamp_ns
+        self.unstamped.add(channel)
+        return receipt_ns
+
+
+def explain_miss(closest_miss_ns: int, max_interval_ns: int) -> str:
+    """Why no images pair, and what to do.
+
+    Args:
+        closest_miss_ns: least distance of colour and depth stamps that did not pair, nanoseconds.
+        max_interval_ns: distance up to which they pair, nanoseconds.
+    """
+    if closest_miss_ns > OTHER_CLOCK_NS:
+        return (
+            f"the stamps of colour and depth are {closest_miss_ns / NANOSECONDS:.1f} s apart at "
+            "best, so they are of two clocks: have the driver stamp both by one, or set stamps to "
+            "receipt to pair images by when they were received"
+        )
+    return (
+        f"the stamps of colour and depth are {closest_miss_ns / 1e6:.1f} ms apart at best, and "
+        f"pair up to {max_interval_ns / 1e6:.1f} ms: synchronise the camera's streams, or raise "
+        "approx_sync_max_interval (with approx_sync)"
+    )
