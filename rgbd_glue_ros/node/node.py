@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
@@ -23,16 +24,18 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, Trigger
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.extrinsics import pose_parameter
+from rgbd_glue_ros.live.extrinsics import Extrinsics, pose_parameter
+from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
 from rgbd_glue_ros.live.monitor import Drop, Monitor
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
+from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
@@ -100,6 +103,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._worker = self._create_worker()
         self._inputs: list[NodeInput] = []
         self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
+        self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
         watch = NodeWatch(self, self._synchronizer, self._inputs)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, watch)
@@ -109,6 +113,7 @@ class OdometryNode(Node):  # type: ignore[misc]
             (topics.RESUME_SERVICE, self._serve_resume),
         ):
             self.create_service(Empty, name, serve)
+        self.create_service(Trigger, topics.SAVE_GRAPH_SERVICE, self._serve_save_graph)
         follow_changes(self, self._node_config, self._config, self._take_parameters)
         self._warmed_up = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
@@ -155,6 +160,15 @@ class OdometryNode(Node):  # type: ignore[misc]
     def _serve_resume(self, _request: object, response: Empty.Response) -> Empty.Response:
         self.monitor.is_paused = False
         self.get_logger().info("Resumed")
+        return response
+
+    def _serve_save_graph(self, _request: object, response: Trigger.Response) -> Trigger.Response:
+        try:
+            response.message = self._graph.save(Path(self._node_config.graph_file).expanduser())
+            response.success = True
+        except InputError as fault:
+            response.message = str(fault)
+        self.get_logger().info(f"Told to save the graph: {response.message}")
         return response
 
     # Input
@@ -226,14 +240,17 @@ class OdometryNode(Node):  # type: ignore[misc]
             return
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
         self._announce(state_before, estimate)
-        self._update_map(estimate, pose)
+        self._update_map(estimate, pose, extrinsics)
 
-    def _update_map(self, estimate: OdometryEstimate, pose: PoseStamped | None) -> None:
+    def _update_map(
+        self, estimate: OdometryEstimate, pose: PoseStamped | None, extrinsics: Extrinsics
+    ) -> None:
         """Does what only the next frame needs, now that the pose is on its way.
 
         Args:
             estimate: of the frame.
             pose: as published; None if there was none.
+            extrinsics: that it was published with.
         """
         try:
             is_keyframe = self._odometry.update_map() or estimate.is_keyframe
@@ -241,8 +258,16 @@ class OdometryNode(Node):  # type: ignore[misc]
             if self.monitor.is_news("a keyframe", repr(error)):
                 logger.exception("A keyframe could not be made; going on without it")
             return
-        if is_keyframe and pose is not None:
+        keyframe = self._odometry.newest_keyframe
+        if is_keyframe and pose is not None and keyframe is not None:
             self._outputs.publish_keyframe(pose)
+            self._graph.add(keyframe.number, keyframe.stamp_ns, pose_from_message(pose, "pose"))
+        for edge in self._odometry.new_edges():
+            between_children = moved_edge(edge, extrinsics.T_camera_child)
+            self._graph.add_edge(between_children)
+            stamp_ns = self._graph.stamp_ns(edge.child)
+            if stamp_ns is not None:
+                self._outputs.publish_edge(between_children, stamp_ns)
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)
@@ -264,6 +289,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._odometry.reset()
         self._extrinsics.start_at(pose_parameter("initial_pose", self._node_config.initial_pose))
         self._outputs.forget_path()
+        self._graph.clear()
         self._last_stamp_ns = None
 
     def _announce(self, before: TrackingState, estimate: OdometryEstimate) -> None:

@@ -23,7 +23,7 @@ from rgbd_glue_ros.node.inputs import qos_words
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.node.tf import Broadcaster
 from rgbd_glue_ros.parameters import NodeConfig
-from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame
+from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, PoseGraphEdge, RgbdFrame
 
 # As rtabmap_odom has it.
 NULL_VARIANCE = 9999.0
@@ -52,6 +52,7 @@ class NodeOutputs:
         self._pose = self._publisher(PoseStamped, topics.POSE)
         self._odom = self._publisher(OdometryMessage, topics.ODOM)
         self._keyframe = self._publisher(PoseStamped, topics.KEYFRAME_POSE)
+        self._edges = self._publisher(OdometryMessage, topics.KEYFRAME_EDGES)
         self._path = self._publisher(Path, topics.PATH)
         self._matches = self._publisher(Image, topics.MATCHES)
         self._way: deque[PoseStamped] = deque(maxlen=config.path_poses)
@@ -110,6 +111,22 @@ class NodeOutputs:
     def publish_keyframe(self, pose: PoseStamped) -> None:
         """Publishes the pose of a frame that became a keyframe."""
         self._keyframe.publish(pose)
+
+    def publish_edge(self, edge: PoseGraphEdge, stamp_ns: int) -> None:
+        """Publishes the pose of a keyframe in another one, with its covariance.
+
+        Args:
+            edge: between the published frames of the two keyframes.
+            stamp_ns: of the child.
+        """
+        T = edge.T_parent_child
+        head = fields.header(stamp_ns, topics.KEYFRAME_FRAME.format(edge.parent))
+        message = OdometryMessage()
+        stamped = fields.copy_fields(fields.pose_stamped(T, head), PoseStamped())
+        message.header, message.pose.pose = stamped.header, stamped.pose
+        message.child_frame_id = topics.KEYFRAME_FRAME.format(edge.child)
+        message.pose.covariance = se3.pose_covariance(T, edge.covariance).ravel()
+        self._edges.publish(message)
 
     def _publish_odom(
         self, estimate: OdometryEstimate, extrinsics: Extrinsics, pose: PoseStamped, child: str

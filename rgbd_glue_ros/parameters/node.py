@@ -102,6 +102,11 @@ class NodeConfig(InputConfig):
         unit="s",
         minimum=0.0,
     )
+    graph_file: str = parameter(
+        "~/.ros/keyframes.g2o",
+        "File that ~/save_graph writes for g2o. That for GTSAM is beside it, with _gtsam in its "
+        "name.",
+    )
     initial_pose: str = parameter(
         "",
         "Pose in odom_frame_id that the odometry starts at, and from the next reset on starts anew "

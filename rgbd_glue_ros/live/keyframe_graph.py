@@ -1,0 +1,103 @@
+"""The pose graph of a running node: keyframes of the published frame, and what lies between them.
+
+A keyframe costs some hundred bytes, so a day of them is a few megabytes.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.pose_graph import GraphReader, PoseGraph, write_graph
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.types import Float64, PoseGraphEdge, Trajectory
+
+
+def moved_edge(edge: PoseGraphEdge, T_camera_child: Float64) -> PoseGraphEdge:
+    """An edge between cameras as one between frames that are fixed to them.
+
+    Args:
+        edge: between the optical frames.
+        T_camera_child: pose of the other frame in the optical frame, float64 [4, 4].
+    """
+    T_child_camera = se3.inverse(T_camera_child)
+    A = se3.adjoint(T_child_camera)
+    T = T_child_camera @ edge.T_parent_child @ T_camera_child
+    return replace(edge, T_parent_child=T, covariance=A @ edge.covariance @ A.T)
+
+
+class KeyframeGraph:
+    """Grows on the thread that tracks, and is written by another."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.clear()
+
+    def clear(self) -> None:
+        """Begins anew, as after a reset."""
+        with self._lock:
+            self._poses: dict[int, tuple[int, Float64]] = {}
+            self._edges: list[PoseGraphEdge] = []
+
+    def add(self, number: int, stamp_ns: int, T_odom_child: Float64) -> None:
+        """Adds a keyframe with the pose [4, 4] that was published."""
+        with self._lock:
+            self._poses[number] = stamp_ns, T_odom_child
+
+    def add_edge(self, edge: PoseGraphEdge) -> None:
+        """Adds an edge between keyframes, by their numbers."""
+        with self._lock:
+            self._edges.append(edge)
+
+    def stamp_ns(self, number: int) -> int | None:
+        """The stamp of a keyframe; None if it is not known."""
+        with self._lock:
+            return self._poses[number][0] if number in self._poses else None
+
+    @property
+    def graph(self) -> PoseGraph:
+        """The graph so far; edges whose keyframes are not known are left out."""
+        with self._lock:
+            poses, edges = dict(sorted(self._poses.items())), tuple(self._edges)
+        rows = {number: row for row, number in enumerate(poses)}
+        keyframes = Trajectory(
+            np.array([stamp for stamp, _ in poses.values()], np.int64),
+            np.array([T for _, T in poses.values()]).reshape(-1, 4, 4),
+        )
+        renumbered = (
+            replace(edge, parent=rows[edge.parent], child=rows[edge.child])
+            for edge in edges
+            if edge.parent in rows and edge.child in rows
+        )
+        return PoseGraph(keyframes, tuple(renumbered))
+
+    def save(self, file: Path) -> str:
+        """Writes the graph for g2o, and beside it for GTSAM.
+
+        Args:
+            file: for g2o; that for GTSAM has ``_gtsam`` in its name. Folders are made.
+
+        Returns:
+            What was written, for a person.
+
+        Raises:
+            InputError: there is no keyframe yet, or the files cannot be written.
+        """
+        graph = self.graph
+        if not len(graph.keyframes):
+            raise InputError(file, "there is no keyframe yet", "wait for the first pose")
+        for_gtsam = file.with_name(f"{file.stem}_gtsam{file.suffix}")
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_graph(file, graph, GraphReader.G2O)
+            write_graph(for_gtsam, graph, GraphReader.GTSAM)
+        except OSError as error:
+            raise InputError(
+                file, f"cannot be written ({error.strerror})", "set graph_file to another"
+            ) from error
+        counts = f"{len(graph.keyframes)} keyframes and {len(graph.edges)} edges"
+        return f"{counts} in {file} (g2o) and {for_gtsam} (GTSAM)"
