@@ -52,6 +52,7 @@ COMMANDS = (
     Command("convert", "turn a data set into a rosbag2, or a bag into a TUM RGB-D folder"),
     Command("pairs", "register pairs of frames as in the paper's experiments"),
     Command("fetch", "download public data sets"),
+    Command("weights", "list, bring and check the weights of learned features"),
     Command("bench", "measure speed and error beside others, in one run"),
     Command("params", "print parameters with unit, range and meaning"),
 )

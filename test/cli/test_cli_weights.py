@@ -1,0 +1,98 @@
+"""``rgbd-glue weights``: real files where they are at hand, and made-up ones."""
+
+from __future__ import annotations
+
+import hashlib
+import http.server
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from rgbd_glue_ros.cli.main import OK, main
+from rgbd_glue_ros.cli.parser import BAD_INPUT
+from rgbd_glue_ros.features import weights
+from rgbd_glue_ros.features.weights import FILES
+
+CONTENT = b"what a network learned" * 1000
+
+
+@pytest.fixture
+def published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The folder of a server that publishes what the catalogue says is ALIKE."""
+    folder = tmp_path / "published"
+    folder.mkdir()
+    (folder / "alike-t.pth").write_bytes(CONTENT)
+    handler = partial(http.server.SimpleHTTPRequestHandler, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        entry = replace(
+            FILES["alike_t.pth"],
+            url=f"http://127.0.0.1:{server.server_port}/alike-t.pth",
+            bytes=len(CONTENT),
+            sha256=hashlib.sha256(CONTENT).hexdigest(),
+        )
+        monkeypatch.setattr(weights, "FILES", {entry.file: entry})
+        yield folder
+        server.shutdown()
+
+
+def weights_command(folder: Path, *words: str) -> int:
+    return main(["weights", *words, "--folder", str(folder)])
+
+
+def test_all_files_are_listed_with_licence_and_whether_they_are_here(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "xfeat.pt").touch()
+    assert weights_command(tmp_path, "list") == OK
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert lines.keys() == FILES.keys()
+    assert "Apache-2.0  here" in lines["xfeat.pt"]
+    assert "BSD-3-Clause  not here" in lines["alike_t.pth"]
+
+
+def test_what_the_authors_publish_is_brought_and_checked(published: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "weights"
+    assert weights_command(folder, "bring", "alike") == OK
+    assert (folder / "alike_t.pth").read_bytes() == CONTENT
+    assert [path.name for path in folder.iterdir()] == ["alike_t.pth"]
+    assert weights_command(folder, "check") == OK
+
+
+def test_what_is_not_as_published_is_not_taken(
+    published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (published / "alike-t.pth").write_bytes(CONTENT[:-1] + b"!")
+    folder = tmp_path / "weights"
+    assert weights_command(folder, "bring", "alike") == BAD_INPUT
+    assert "not the file that was published" in capsys.readouterr().err
+    assert not (folder / "alike_t.pth").exists()
+
+
+@pytest.mark.parametrize(
+    ("damaged", "says"),
+    [(CONTENT[:-1], "has 21999 bytes of 22000"), (CONTENT[::-1], "is not the file")],
+)
+def test_a_damaged_file_is_told_in_one_line(
+    damaged: bytes,
+    says: str,
+    published: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "alike_t.pth").write_bytes(damaged)
+    assert weights_command(tmp_path, "check") == BAD_INPUT
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+
+
+def test_a_feature_without_weights_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert weights_command(tmp_path, "bring", "orb") == BAD_INPUT
+    assert "orb: has no learned weights; take one of alike" in capsys.readouterr().err
