@@ -215,6 +215,10 @@ class RegistrationResult:
         """This result without a transform, and why."""
         return replace(self, T_target_source=None, covariance=None, status=status)
 
+    def with_stage(self, name: str, milliseconds: float) -> RegistrationResult:
+        """This result with the wall time of one more stage."""
+        return replace(self, stages_ms={**self.stages_ms, name: milliseconds})
+
 
 class TrackingState(Enum):
     """The odometry's state after a frame."""

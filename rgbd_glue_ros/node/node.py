@@ -133,6 +133,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self.get_logger().info(str(self.monitor.summary(time.monotonic_ns())))
         logging.getLogger(cfg.PACKAGE).removeHandler(self._log_handler)
         if ended:
+            self._odometry.close()
             self.destroy_node()
 
     def _create_worker(self) -> Worker[_Arrival]:

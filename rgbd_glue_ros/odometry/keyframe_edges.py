@@ -12,6 +12,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.parameters import Config, OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
@@ -66,6 +67,24 @@ def refined_covariance(
     distance = float(np.linalg.norm(T[:3, 3] - T_model_anchor[:3, 3]))
     A = se3.adjoint(T)
     covariance: Float64 = seen + A @ unseen_covariance(twist, distance, config.odometry) @ A.T
+    return covariance
+
+
+def tracked_covariance(motion: Motion, reference: Keyframe, config: OdometryConfig) -> Float64:
+    """Covariance [6, 6] of a tracked pose, perturbation on the left, track frame.
+
+    That of its keyframe, that of the motion, and what no residual shows.
+
+    Args:
+        motion: with the pose.
+        reference: keyframe that the pose was found from.
+        config: how large errors of time and of scale are.
+    """
+    T = motion.T_track_camera
+    distance = float(np.linalg.norm(T[:3, 3] - reference.T_track_camera[:3, 3]))
+    unseen = unseen_covariance(motion.twist, distance, config)
+    A = se3.adjoint(T)
+    covariance: Float64 = reference.covariance + A @ (motion.covariance[:6, :6] + unseen) @ A.T
     return covariance
 
 

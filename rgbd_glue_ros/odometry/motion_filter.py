@@ -23,6 +23,11 @@ _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 _CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
 # No camera is moved faster and sees anything: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
+LOST_SPREAD = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
+"""How far a pose may be off a second after it was lost, float64 [6, 6], m² and rad².
+
+A hand-held camera or a robot indoors.
+"""
 # The two parts of the filter's state.
 _POSE, _TWIST = slice(0, 6), slice(6, 12)
 

@@ -16,9 +16,9 @@ _PERIOD_NS = NANOSECONDS // 30
 def warm_up(config: Config) -> None:
     """Runs an odometry of its own over made-up frames; takes long only where nothing is cached."""
     # every frame becomes a keyframe, as that takes code of its own
-    odometry = Odometry(with_values(config, {"odometry.keyframe_translation": 0.001}))
-    for i in range(4):
-        odometry.process(_frame(i))
+    with Odometry(with_values(config, {"odometry.keyframe_translation": 0.001})) as odometry:
+        for i in range(4):
+            odometry.process(_frame(i))
 
 
 def _frame(i: int) -> RgbdFrame:

@@ -9,6 +9,8 @@ along with the pose.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
@@ -28,13 +30,26 @@ from rgbd_glue_ros.types import Float64, View
 _UNSEEN_SPEED = 100.0
 
 
+@dataclass(frozen=True)
+class TwistMeasurement:
+    """The velocity of a camera as one frame shows it.
+
+    Attributes:
+        twist: float64 [6], linear and angular in the camera's frame (m/s, rad/s).
+        covariance: float64 [6, 6] of it; great where nothing is distorted.
+    """
+
+    twist: Float64
+    covariance: Float64
+
+
 def twist_from_distortion(
     found: Refinement,
     model: Model,
     source: View,
     config: RefineConfig,
     level: int,
-) -> tuple[Float64, Float64]:
+) -> TwistMeasurement:
     """The velocity of the camera that takes a frame, whatever the pose.
 
     Args:
@@ -43,10 +58,6 @@ def twist_from_distortion(
         source: the frame as it was refined, with the velocity where the search starts.
         config: weights of the residuals.
         level: of the pyramid.
-
-    Returns:
-        The velocity, float64 [6], linear and angular in the camera's frame (m/s, rad/s), and its
-        covariance [6, 6]; great where nothing is distorted.
     """
     T = found.T_model_source
     image = pyramid(source.grey, level + 1)[level]
@@ -62,9 +73,8 @@ def twist_from_distortion(
         + np.eye(6) / _UNSEEN_SPEED**2
     )
     covariance = np.asarray(np.linalg.inv(information), np.float64)
-    return source.twist - covariance @ (
-        to_model.T @ (g / config.residuals_per_independent_one)
-    ), covariance
+    gradient = to_model.T @ (g / config.residuals_per_independent_one)
+    return TwistMeasurement(source.twist - covariance @ gradient, covariance)
 
 
 def _normal_equations(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:

@@ -6,7 +6,7 @@ One function per equation; ``Glue.register`` reads like section 3 of the paper.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -123,17 +123,12 @@ class FrameFeatures:
 
 
 class Glue:
-    """Registers RGB-D frames by the features and parameters of a configuration.
-
-    Attributes:
-        background: one thread for what is done beside the caller's, in the order of submission.
-    """
+    """Registers RGB-D frames by the features and parameters of a configuration."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._visual = VISUAL[config.features.visual](config.features)
         self._geometric = GEOMETRIC[config.features.geometric](config.features)
-        self.background = ThreadPoolExecutor(1, thread_name_prefix="beside")
 
     def reconfigure(self, config: Config) -> None:
         """Takes other parameters, with the same features."""
@@ -144,12 +139,12 @@ class Glue:
         visual = timed(self._visual.extract, view)
         return _features(view, visual, timed(self._geometric.extract, view))
 
-    def extract_on_two_threads(self, view: View) -> FrameFeatures:
-        """The same, sooner where the thread beside has nothing else to do."""
-        geometric = self.background.submit(timed, self._geometric.extract, view)
+    def extract_on_two_threads(self, view: View, executor: Executor) -> FrameFeatures:
+        """The same, with the geometric features extracted by an executor's thread."""
+        geometric = executor.submit(timed, self._geometric.extract, view)
         return _features(view, timed(self._visual.extract, view), geometric.result())
 
-    def seen_anew(self, features: FrameFeatures, view: View) -> FrameFeatures:
+    def with_other_depth(self, features: FrameFeatures, view: View) -> FrameFeatures:
         """The features of a view with the same colours but other depth."""
         return replace(features, view=view, geometric=self._geometric.extract(view))
 

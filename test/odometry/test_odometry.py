@@ -322,7 +322,7 @@ def test_old_keyframes_are_forgotten() -> None:
     odometry = Odometry(config)
     estimates = track(recorded_frames()[:40], odometry=odometry)
     assert sum(estimate.is_keyframe for estimate in estimates) > 4
-    assert len(odometry._keyframes) == 2
+    assert len(odometry._map) == 2
     metres, _ = errors(estimates, true_poses()[:40])
     assert metres.max() < 0.03
 

@@ -37,7 +37,8 @@ def seen(
         source = view(TIMES[1], readout_time, latency, velocity)
         found = refine(T, model, source, config, [LEVEL])
         T = found.T_model_source
-        velocity, covariance = twist_from_distortion(found, model, source, config, LEVEL)
+        measured = twist_from_distortion(found, model, source, config, LEVEL)
+        velocity, covariance = measured.twist, measured.covariance
     return velocity, covariance
 
 

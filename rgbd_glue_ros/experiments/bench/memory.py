@@ -41,13 +41,13 @@ class Memory:
 
     def run(self, step: Callable[[], None]) -> None:
         """Runs the odometry, looking at the memory now and then."""
-        odometry = Odometry(self._config)
-        for i, frame in enumerate(islice(endless(self._recording), self.frame_count), 1):
-            odometry.process(frame)
-            if i % _EVERY == 0 or i == self.frame_count:
-                self._frames.append(i)
-                self._resident_mb.append(resident_mb())
-            step()
+        with Odometry(self._config) as odometry:
+            for i, frame in enumerate(islice(endless(self._recording), self.frame_count), 1):
+                odometry.process(frame)
+                if i % _EVERY == 0 or i == self.frame_count:
+                    self._frames.append(i)
+                    self._resident_mb.append(resident_mb())
+                step()
 
     def figures(self) -> dict[str, Any]:
         """The curve: megabytes after so many frames."""

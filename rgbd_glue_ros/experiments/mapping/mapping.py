@@ -59,7 +59,7 @@ class MappingSink:
             return
         start = perf_counter()
         kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
-        self._mapper.add(kept, self._odometry.refine_config)
+        self._mapper.add(kept, self._odometry.refine_config())
         self.ms.append(1000 * (perf_counter() - start))
         self.clouds.append(cloud_of(frame))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -71,6 +72,7 @@ class GlueMethod:
 
     def __init__(self, config: Config) -> None:
         self._glue = Glue(config)
+        self._second_thread = ThreadPoolExecutor(1)
         self._features = config.features
 
     @property
@@ -80,7 +82,7 @@ class GlueMethod:
 
     def describe(self, view: View) -> Described:
         """Visual and geometric features."""
-        features, milliseconds = timed(self._glue.extract_on_two_threads, view)
+        features, milliseconds = timed(self._glue.extract_on_two_threads, view, self._second_thread)
         return Described(features, milliseconds / 1e3, features.stages_ms)
 
     def register(self, source: Described, target: Described) -> RegistrationResult:

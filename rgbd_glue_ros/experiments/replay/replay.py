@@ -54,7 +54,8 @@ def replay(
         limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
         sinks: take each frame and its estimate, and are closed in the end.
-        odometry: a new one of ``config``, for who wants to look into it; None makes one.
+        odometry: a new one of ``config``, for who wants to look into it; None makes one. It
+            is closed in the end.
 
     Raises:
         InputError: the folder cannot be written, or a frame cannot be read.
@@ -64,7 +65,7 @@ def replay(
     odometry = odometry or Odometry(config)
     start = perf_counter()
     try:
-        with TumWriter(folder / TRAJECTORY) as trajectory:
+        with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
             for frame in islice(sequence, limit):
                 before = perf_counter()
                 estimate = odometry.process(frame)

@@ -1,0 +1,72 @@
+"""The one owner of background work: a second thread, and the values that it brings up to date."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Concatenate, Generic, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+S = TypeVar("S")
+V = TypeVar("V")
+
+
+class BackgroundThread:
+    """One thread for work that the caller does not need at once, done in the order submitted.
+
+    No job waits for another: what a job needs is there before it is submitted.
+    """
+
+    def __init__(self) -> None:
+        self._executor = ThreadPoolExecutor(1, thread_name_prefix="odometry_background")
+
+    def submit(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Future[R]:
+        """Calls a function later; whoever asks the future for its result waits."""
+        return self._executor.submit(function, *args, **kwargs)
+
+    def submit_stages(
+        self, first: Callable[[], R], then: Callable[[R], S]
+    ) -> tuple[Future[R], Future[S]]:
+        """One job of two stages, of which the second takes the result of the first."""
+        first_result: Future[R] = Future()
+
+        def both() -> S:
+            try:
+                result = first()
+            except BaseException as error:
+                first_result.set_exception(error)
+                raise
+            first_result.set_result(result)
+            return then(result)
+
+        return first_result, self._executor.submit(both)
+
+    def close(self) -> None:
+        """Ends the thread once its jobs are done; nothing can be submitted after that."""
+        self._executor.shutdown()
+
+
+class BackgroundValue(Generic[V]):
+    """A value that is read on the caller's thread and updated on the background thread."""
+
+    def __init__(self, background: BackgroundThread, value: V) -> None:
+        self._background = background
+        self._value = value
+        self._update: Future[V] | None = None
+
+    def current(self) -> V:
+        """The value; waits for the update that is under way, if one is."""
+        if self._update is not None:
+            self._value, self._update = self._update.result(), None
+        return self._value
+
+    def replace(self, value: V) -> None:
+        """Another value; an update that is under way is dropped."""
+        self._value, self._update = value, None
+
+    def update_later(
+        self, update: Callable[Concatenate[V, P], V], *args: P.args, **kwargs: P.kwargs
+    ) -> None:
+        """Replaces the value by ``update(value, ...)``, on the background thread."""
+        self._update = self._background.submit(update, self.current(), *args, **kwargs)

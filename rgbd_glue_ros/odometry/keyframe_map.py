@@ -1,0 +1,225 @@
+"""The keyframes as a map: when a frame becomes one, what is measured between them, their drift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
+from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
+from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
+from rgbd_glue_ros.odometry.keyframe_edges import edge_from
+from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
+from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
+from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
+from rgbd_glue_ros.parameters import Config, OdometryConfig
+from rgbd_glue_ros.refinement.model import Model, model_of
+from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge
+
+# The first pose is exact by definition; filters need a covariance that is not singular.
+_ORIGIN_COVARIANCE = np.eye(6) * 1e-8
+
+
+@dataclass(frozen=True)
+class KeyframeCandidate:
+    """A frame with a pose, which may become a keyframe.
+
+    Attributes:
+        stamp_ns: of the frame.
+        T_track_camera: float64 [4, 4].
+        covariance: float64 [6, 6] of the pose, perturbation on the left, track frame.
+        features: of the frame.
+        reference: the keyframe that the pose was found from.
+    """
+
+    stamp_ns: int
+    T_track_camera: Float64
+    covariance: Float64
+    features: FrameFeatures
+    reference: Keyframe
+
+
+class KeyframeMap:
+    """Keyframes, the edges measured between them, and the drift that those show.
+
+    The background thread compares a new keyframe with an anchor while the next frame is tracked;
+    ``finish_revisit`` waits for it.
+    """
+
+    def __init__(self, glue: Glue, background: BackgroundThread, config: Config) -> None:
+        self._glue = glue
+        self._background = background
+        self._config = config
+        self._keyframes = Keyframes(config.odometry)
+        self._edges: list[PoseGraphEdge] = []
+        self._drift = BackgroundValue(background, DriftCorrection.at(np.eye(4)))
+
+    def __len__(self) -> int:
+        return len(self._keyframes)
+
+    def reconfigure(self, config: Config) -> None:
+        """Takes other parameters; the keyframes stay."""
+        self._config = config
+
+    def newest(self) -> Keyframe | None:
+        """The keyframe made last; None before the first."""
+        return next(iter(self._keyframes.latest(1)), None)
+
+    def nearest(self, T_track_camera: Float64) -> list[Keyframe]:
+        """The keyframes that a frame there is compared with, the nearest first."""
+        return self._keyframes.nearest(T_track_camera)[: self._config.odometry.references]
+
+    def in_turn(self, turn: int) -> list[Keyframe]:
+        """The keyframes to relocalise by: the latest first, and every turn others."""
+        return self._keyframes.in_turn(self._config.odometry.relocalisation_attempts, turn)
+
+    def take_edges(self) -> tuple[PoseGraphEdge, ...]:
+        """The edges measured since the last call."""
+        edges, self._edges = tuple(self._edges), []
+        return edges
+
+    def model_if_enough(self, features: FrameFeatures) -> Model | None:
+        """The planes and pixels of a frame; None where it shows too few planes for a keyframe."""
+        model = model_of(features.view, self._config.refine.grid_step)
+        return model if self._shows_enough(model) else None
+
+    def start(self, stamp_ns: int, features: FrameFeatures, model: Model) -> Keyframe:
+        """Makes the first keyframe, which is the origin."""
+        return self._add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
+
+    def start_anew(
+        self,
+        stamp_ns: int,
+        last_motion: Motion,
+        features: FrameFeatures,
+        model: Model,
+    ) -> Keyframe:
+        """Forgets all keyframes for one at the last pose, where the camera is assumed to be.
+
+        Args:
+            stamp_ns: of its frame.
+            last_motion: at the last frame with a pose.
+            features: of its frame.
+            model: of its frame.
+        """
+        (last,) = self._keyframes.latest(1)
+        self._keyframes.forget()
+        T_track_camera = last_motion.T_track_camera
+        seconds = (stamp_ns - last_motion.stamp_ns) / NANOSECONDS
+        adjoint = se3.adjoint(T_track_camera)
+        spread = adjoint @ (LOST_SPREAD * seconds**2) @ adjoint.T
+        keyframe = self._add(stamp_ns, T_track_camera, last.covariance + spread, features, model)
+        edge = edge_from(last, keyframe.number, T_track_camera, spread, EdgeOrigin.ASSUMED)
+        self._edges.append(edge)
+        return keyframe
+
+    def add_if_due(self, candidate: KeyframeCandidate, calibration: SelfCalibration) -> bool:
+        """Makes a keyframe of a frame that is far enough from its reference and shows enough.
+
+        Args:
+            candidate: the frame.
+            calibration: says how the keyframe is refined on an anchor.
+
+        Returns:
+            Whether it became one.
+        """
+        shown = self._shown_if_due(candidate)
+        if shown is None:
+            return False
+        T, covariance = candidate.T_track_camera, candidate.covariance
+        keyframe = self._add(candidate.stamp_ns, T, covariance, *shown)
+        relative = covariance - candidate.reference.covariance
+        self._edges.append(edge_from(candidate.reference, keyframe.number, T, relative))
+        self._compare_with_anchor(keyframe, calibration)
+        return True
+
+    def finish_revisit(self) -> None:
+        """Takes over what the comparison with an anchor measured, if there was one."""
+        drift = self._drift.current()
+        if drift.edge is not None:
+            self._edges.append(drift.edge)
+            self._drift.replace(replace(drift, edge=None))
+
+    def correction(self) -> Float64:
+        """T_odom_track [4, 4], what takes the drift out of poses as tracked."""
+        return self._drift.current().T_odom_track
+
+    def advance_correction(self, reference: Keyframe, T_before: Float64, T_now: Float64) -> Float64:
+        """Moves the correction on towards its target, as the camera has moved.
+
+        Args:
+            reference: keyframe that the pose was found from. A pose found from an anchor has
+                drifted as much as that has, and no more.
+            T_before: T_track_camera of the pose before, float64 [4, 4].
+            T_now: the same of this one.
+
+        Returns:
+            T_odom_track, float64 [4, 4].
+        """
+        drift = self._drift.current()
+        if isinstance(reference, Anchor):
+            drift = DriftCorrection.at(reference.T_odom_track)
+        drift = drift.advanced(T_before, T_now, self._config.odometry.drift_rate)
+        self._drift.replace(drift)
+        return drift.T_odom_track
+
+    def _add(
+        self,
+        stamp_ns: int,
+        T_track_camera: Float64,
+        covariance: Float64,
+        features: FrameFeatures,
+        model: Model,
+    ) -> Keyframe:
+        target = self._drift.current().target
+        return self._keyframes.add(stamp_ns, T_track_camera, covariance, features, model, target)
+
+    def _compare_with_anchor(self, keyframe: Keyframe, calibration: SelfCalibration) -> None:
+        """Starts to look for drift where an anchor saw the same part of the room."""
+        T_odom_camera = self._drift.current().target @ keyframe.T_track_camera
+        anchor = self._keyframes.anchor(T_odom_camera, self._config.odometry.drift_radius)
+        if anchor is not None:
+            config = replace(self._config, refine=calibration.refine_config())
+            self._drift.update_later(DriftCorrection.after_revisit, keyframe, anchor, config)
+
+    def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
+        """What a frame that should become a keyframe shows of the room; None if it should not."""
+        reference = candidate.reference
+        progress = _progress(reference, candidate, self._config.odometry)
+        if progress < 1:
+            return None
+        features, model = self._shown_of_the_room(candidate)
+        if not self._shows_enough(model):
+            return None
+        # a blurred image is a poor keyframe: a sharper one is probably on its way
+        is_blurred = 2 * len(model.pixels[0].points) < len(reference.model.pixels[0].points)
+        return None if is_blurred and progress < 2 else (features, model)
+
+    def _shown_of_the_room(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model]:
+        """A frame's features and model without dynamic objects."""
+        features, grid_step = candidate.features, self._config.refine.grid_step
+        others = [
+            (keyframe.features.view, keyframe.T_track_camera)
+            for keyframe in self.nearest(candidate.T_track_camera)
+        ]
+        view = without_dynamic_objects(features.view, candidate.T_track_camera, others)
+        if view is None:
+            return features, model_of(features.view, grid_step)
+        static_features = self._background.submit(self._glue.with_other_depth, features, view)
+        model = model_of(view, grid_step)
+        return static_features.result(), model
+
+    def _shows_enough(self, model: Model) -> bool:
+        return len(model.planes.points) >= self._config.odometry.min_planes
+
+
+def _progress(reference: Keyframe, candidate: KeyframeCandidate, config: OdometryConfig) -> float:
+    """How far a frame is from its keyframe, in the distances at which it becomes one itself."""
+    T = se3.inverse(reference.T_track_camera) @ candidate.T_track_camera
+    return max(
+        float(np.linalg.norm(T[:3, 3])) / config.keyframe_translation,
+        se3.rotation_angle(T) / config.keyframe_rotation,
+    )

@@ -1,0 +1,119 @@
+"""The pose of one frame, refined from a start: what it rests on and how far it is carried."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.acceptance import is_plausible, score
+from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
+from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
+from rgbd_glue_ros.refinement.gauss_newton import (
+    COARSE_TO_FINE,
+    START_BRIGHTNESS,
+    Refinement,
+    evaluate_pose,
+    refine,
+)
+from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
+from rgbd_glue_ros.types import Float64, View
+
+# Poses refined from different starts are compared at these: the finest level costs most of the
+# time and seldom changes which is the better one.
+SELECTION_LEVELS = COARSE_TO_FINE[:-1]
+# The twist is measured here: fine enough to see the distortion, and one level before it is used.
+VELOCITY_LEVEL = COARSE_TO_FINE[-2]
+# The pose ends here, with the twist that was measured: in fast motion its accuracy depends on that.
+FINAL_LEVEL = COARSE_TO_FINE[-1]
+# Refined from far apart, poses that end nearer than this, metres and radians added, are the same.
+_SAME = 0.01
+
+
+@dataclass(frozen=True)
+class PoseEstimate:
+    """A refined pose, and the twist that the frame's distortion shows.
+
+    Attributes:
+        refinement: the pose, T_track_camera, and how well the frame agrees with it.
+        twist: None where it was not measured.
+    """
+
+    refinement: Refinement
+    twist: TwistMeasurement | None = None
+
+    @property
+    def T_track_camera(self) -> Float64:
+        """The pose as tracked, float64 [4, 4]."""
+        return self.refinement.T_model_source
+
+
+@dataclass(frozen=True)
+class PoseProblem:
+    """What the pose of a frame is refined by.
+
+    Attributes:
+        model: what it is refined against, in the track frame.
+        view: the frame.
+        predicted: its motion before the images are looked at.
+        config: weights and steps.
+    """
+
+    model: Model
+    view: View
+    predicted: Motion
+    config: RefineConfig
+
+    def refined(
+        self,
+        T_track_camera: Float64,
+        levels: Sequence[int],
+        affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
+    ) -> Refinement:
+        """A pose refined from a start, at some levels."""
+        return refine(T_track_camera, self.model, self.view, self.config, levels, affine_brightness)
+
+    def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
+        """The same, with the twist that the motion filter concludes from an estimate."""
+        twist = corrected_motion(self.predicted, estimate, self.config).twist
+        return replace(self, view=replace(self.view, twist=twist))
+
+
+def refine_to_final_level(
+    selected: Refinement, problem: PoseProblem, config: OdometryConfig
+) -> PoseEstimate:
+    """Carries a pose on from the selection levels, with a better twist at each level.
+
+    Where the final level is not plausible, the pose is left as selected.
+    """
+    moving = problem.with_twist_of(PoseEstimate(selected))
+    finer = moving.refined(selected.T_model_source, [VELOCITY_LEVEL])
+    twist = twist_from_distortion(finer, moving.model, moving.view, moving.config, VELOCITY_LEVEL)
+    moving = problem.with_twist_of(PoseEstimate(finer, twist))
+    final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
+    if is_plausible(final, final.planes_visible, config):
+        return PoseEstimate(final, twist)
+    return PoseEstimate(
+        evaluate_pose(selected.T_model_source, problem.model, problem.view, problem.config)
+    )
+
+
+def corrected_motion(predicted: Motion, estimate: PoseEstimate, config: RefineConfig) -> Motion:
+    """The predicted motion, corrected by a pose and by the twist where it was measured."""
+    T = estimate.T_track_camera
+    information = estimate.refinement.information / config.residuals_per_independent_one
+    covariance = np.asarray(np.linalg.inv(information + np.linalg.inv(LOST_SPREAD)), np.float64)
+    to_camera = se3.adjoint(se3.inverse(T))
+    motion = predicted.corrected(T, to_camera @ covariance @ to_camera.T)
+    if estimate.twist is None:
+        return motion
+    return motion.corrected_by_twist(estimate.twist.twist, estimate.twist.covariance)
+
+
+def fits_better(refinement: Refinement, than: Refinement) -> bool:
+    """Whether a refinement ended elsewhere than another one, and fits better."""
+    apart = se3.difference(refinement.T_model_source, than.T_model_source)
+    return apart > _SAME and score(refinement) > score(than)

@@ -1,0 +1,67 @@
+"""Looks for a frame that tracking lost near any of the keyframes, without a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
+from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
+from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix
+from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
+from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+
+
+def relocalise(
+    features: FrameFeatures,
+    keyframes: Iterable[Keyframe],
+    last: Motion,
+    predicted: Motion,
+    glue: Glue,
+    refine_config: RefineConfig,
+    config: OdometryConfig,
+) -> Attempt | None:
+    """The pose of a frame by the first keyframe that gives one which is believed.
+
+    Args:
+        features: of the frame.
+        keyframes: to try, in this order.
+        last: the motion at the last frame with a pose.
+        predicted: the motion at this frame, as far as it is known.
+        glue: registers.
+        refine_config: how poses are refined.
+        config: when a pose is believed: on more evidence than tracking asks for.
+
+    Returns:
+        None where no keyframe gives one.
+    """
+    for keyframe in keyframes:
+        registration = glue.register(features, keyframe.features)
+        T_keyframe_camera = registration.T_target_source
+        inliers = len(registration.visual_inliers)
+        if T_keyframe_camera is None or inliers < config.relocalisation_inliers:
+            continue
+        T_track_camera = keyframe.T_track_camera @ T_keyframe_camera
+        refinement = refine(T_track_camera, keyframe.model, features.view, refine_config)
+        if _is_believed(refinement, last, predicted, config):
+            fix = PoseFix(PoseEstimate(refinement), keyframe, keyframe.model)
+            return Attempt(features, registration, fix)
+    return None
+
+
+def _is_believed(
+    refinement: Refinement, last: Motion, predicted: Motion, config: OdometryConfig
+) -> bool:
+    """Whether planes and pixels both speak for a pose.
+
+    Occluded planes count too: somebody in front of the camera is no evidence of a place.
+    """
+    return (
+        is_plausible(refinement, refinement.planes_seen, config)
+        and refinement.brightness_correlation >= config.brightness_correlation
+        and (
+            last.reaches(refinement.T_model_source, predicted) or is_conclusive(refinement, config)
+        )
+    )
