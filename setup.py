@@ -110,6 +110,7 @@ setup(
         "test": [
             "catkin-pkg>=1.0",
             "hypothesis>=6.98",
+            "mcap-ros2-support>=0.5",
             "pytest>=7.4",
         ],
         "lint": [

@@ -1,0 +1,186 @@
+"""What the node would have published of a replay, as a rosbag2 in MCAP.
+
+Foxglove, RViz and ``ros2 bag play`` open it. Frames are those of a node without a robot frame.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.typesys import Stores, get_typestore
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.live.match_image import match_image
+from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    Float64,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+)
+
+ODOM_FRAME, CAMERA_FRAME = "odom", "camera_color_optical_frame"
+MATCHES = f"{topics.MATCHES}/compressed"
+TF = "/tf"
+_TYPES = {
+    topics.ODOM: "nav_msgs/msg/Odometry",
+    topics.POSE: "geometry_msgs/msg/PoseStamped",
+    topics.KEYFRAME_POSE: "geometry_msgs/msg/PoseStamped",
+    topics.PATH: "nav_msgs/msg/Path",
+    TF: "tf2_msgs/msg/TFMessage",
+    MATCHES: "sensor_msgs/msg/CompressedImage",
+    topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
+}
+# diagnostic_msgs/msg/DiagnosticStatus
+_OK, _WARN, _ERROR = 0, 1, 2
+_LEVELS = {
+    TrackingState.TRACKING: _OK,
+    TrackingState.INITIALIZING: _WARN,
+    TrackingState.LOST: _ERROR,
+}
+_JPEG_QUALITY = 80
+
+
+class BagSink:
+    """Writes every estimate as the node would, and the path in the end."""
+
+    def __init__(self, folder: Path) -> None:
+        """Creates the bag.
+
+        Args:
+            folder: of the bag; must not exist.
+
+        Raises:
+            InputError: it exists or cannot be written.
+        """
+        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._extrinsics = Extrinsics.of_camera("body")
+        self._path: list[fields.PoseStamped] = []
+        self._diagnosed_ns: int | None = None
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = Writer(
+                folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
+            )
+            self._writer.open()
+        except (WriterError, OSError) as error:
+            raise InputError(folder, f"cannot be written ({error})", "give a new folder") from error
+        self._topics = {name: self._topic(name, kind) for name, kind in _TYPES.items()}
+
+    def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        """Takes a frame."""
+        camera = frame.frame_id or CAMERA_FRAME
+        head = fields.header(frame.stamp_ns, camera)
+        image = fields.compressed_color_image(match_image(frame, estimate), head, _JPEG_QUALITY)
+        self._write(MATCHES, frame.stamp_ns, image)
+        self._diagnose(estimate)
+        if estimate.T_odom_camera is None:
+            return
+        pose = fields.pose_stamped(
+            self._extrinsics.pose(estimate.T_odom_camera),
+            fields.header(frame.stamp_ns, ODOM_FRAME),
+        )
+        self._path.append(pose)
+        self._write(topics.POSE, frame.stamp_ns, pose)
+        if estimate.is_keyframe:
+            self._write(topics.KEYFRAME_POSE, frame.stamp_ns, pose)
+        self._write(TF, frame.stamp_ns, self._transform(pose, camera))
+        if estimate.covariance is not None and estimate.twist is not None:
+            self._write(topics.ODOM, frame.stamp_ns, self._odometry(pose, estimate, camera))
+
+    def close(self) -> None:
+        """Writes the path, index and metadata."""
+        if self._path:
+            last = self._path[-1].header
+            path = self._make("nav_msgs/msg/Path", header=last, poses=self._path)
+            self._write(topics.PATH, last.stamp.sec * NANOSECONDS + last.stamp.nanosec, path)
+        self._writer.close()
+
+    def _odometry(self, pose: fields.PoseStamped, estimate: OdometryEstimate, child: str) -> Any:
+        T, covariance, twist = estimate.T_odom_camera, estimate.covariance, estimate.twist
+        twist_covariance = estimate.twist_covariance
+        if T is None or covariance is None or twist is None or twist_covariance is None:
+            raise ValueError("an estimate without a pose has no odometry message")
+        x = self._extrinsics
+        return self._make(
+            "nav_msgs/msg/Odometry",
+            header=pose.header,
+            child_frame_id=child,
+            pose=self._make(
+                "geometry_msgs/msg/PoseWithCovariance",
+                pose=pose.pose,
+                covariance=x.pose_covariance(T, covariance).ravel(),
+            ),
+            twist=self._make(
+                "geometry_msgs/msg/TwistWithCovariance",
+                twist=self._twist(x.twist(twist)),
+                covariance=x.twist_covariance(twist_covariance).ravel(),
+            ),
+        )
+
+    def _twist(self, velocity: Float64) -> Any:
+        linear, angular = (
+            self._make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+            for x, y, z in (velocity[:3], velocity[3:])
+        )
+        return self._make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
+
+    def _transform(self, pose: fields.PoseStamped, child: str) -> Any:
+        at, turn = pose.pose.position, pose.pose.orientation
+        transform = self._make(
+            "geometry_msgs/msg/TransformStamped",
+            header=pose.header,
+            child_frame_id=child,
+            transform=self._make("geometry_msgs/msg/Transform", translation=at, rotation=turn),
+        )
+        return self._make("tf2_msgs/msg/TFMessage", transforms=[transform])
+
+    def _diagnose(self, estimate: OdometryEstimate) -> None:
+        """State and evidence, once a second of the recording."""
+        if self._diagnosed_ns is not None:
+            since = estimate.stamp_ns - self._diagnosed_ns
+            if since < NANOSECONDS:
+                return
+        self._diagnosed_ns = estimate.stamp_ns
+        values = {f"{name}_ms": f"{ms:.2f}" for name, ms in estimate.stages_ms.items()}
+        result = estimate.registration
+        if result is not None:
+            values["visual_inliers"] = str(len(result.visual_inliers))
+            values["credible"] = str(len(result.credible))
+            if np.isfinite(result.epsilon_m):
+                values["epsilon_m"] = f"{result.epsilon_m:.4f}"
+        status = self._make(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=_LEVELS[estimate.state],
+            name="rgbd_odometry: odometry",
+            message=estimate.state.value,
+            hardware_id="",
+            values=[
+                self._make("diagnostic_msgs/msg/KeyValue", key=key, value=value)
+                for key, value in values.items()
+            ],
+        )
+        head = fields.header(estimate.stamp_ns, "")
+        array = self._make("diagnostic_msgs/msg/DiagnosticArray", header=head, status=[status])
+        self._write(topics.DIAGNOSTICS, estimate.stamp_ns, array)
+
+    def _make(self, kind: str, **values: Any) -> Any:
+        return self._store.types[kind](**values)
+
+    def _topic(self, name: str, kind: str) -> Connection:
+        return self._writer.add_connection(_absolute(name), kind, typestore=self._store)
+
+    def _write(self, topic: str, stamp_ns: int, message: object) -> None:
+        data = self._store.serialize_cdr(message, _TYPES[topic])
+        self._writer.write(self._topics[topic], stamp_ns, data)
+
+
+def _absolute(name: str) -> str:
+    return name if name.startswith("/") else f"/{name}"

@@ -1,0 +1,110 @@
+"""What a replay writes for others to look at is what it estimated."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rigs.pan import Pan
+from rosbags.highlevel import AnyReader
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.run_record import Run
+from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
+from rgbd_glue_ros.experiments.replay.cloud_sink import CloudSink
+from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.sinks import FrameSink
+from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.messages.images import color_from_message
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.parameters import load_preset
+
+FRAMES = 40
+
+
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
+    folder = tmp_path_factory.mktemp("replay")
+    sinks: list[FrameSink] = [BagSink(folder / "bag"), CloudSink(folder / "cloud.ply")]
+    return folder, replay(Pan(FRAMES), load_preset("live"), folder / "out", sinks=sinks)
+
+
+def messages(bag: Path) -> dict[str, list[Any]]:
+    found = defaultdict(list)
+    with AnyReader([bag]) as reader:
+        for connection, at_ns, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            found[connection.topic].append(message)
+            if hasattr(message, "header"):
+                assert stamp_ns(message.header.stamp) == at_ns
+    return found
+
+
+def test_the_bag_has_every_topic_of_the_node(replayed: tuple[Path, Run]) -> None:
+    folder, run = replayed
+    found = messages(folder / "bag")
+    keyframes = sum(frame.is_keyframe for frame in run.frames)
+    assert {topic: len(all_of_it) for topic, all_of_it in found.items()} == {
+        "/pose": FRAMES,
+        "/odom": FRAMES - 1,  # the first frame has no velocity
+        "/tf": FRAMES,
+        "/path": 1,
+        "/keyframe/pose": keyframes,
+        "/debug/matches/compressed": FRAMES,
+        "/diagnostics": 2,
+    }
+
+
+def test_poses_transforms_and_path_are_those_of_the_run(replayed: tuple[Path, Run]) -> None:
+    folder, run = replayed
+    found = messages(folder / "bag")
+    poses = [Extrinsics.of_camera("body").pose(T) for T in run.trajectory.poses]
+    (path,) = found["/path"]
+    transforms = [transform for message in found["/tf"] for transform in message.transforms]
+    for series in (found["/pose"], transforms, path.poses):
+        read = [pose_from_message(message, "bag") for message in series]
+        np.testing.assert_allclose(read, poses, atol=1e-12)
+    odom = found["/odom"][-1]
+    np.testing.assert_allclose(pose_from_message(odom, "odom"), poses[-1], atol=1e-12)
+    for covariance in (odom.pose.covariance, odom.twist.covariance):
+        assert np.linalg.eigvalsh(np.reshape(covariance, (6, 6))).min() > 0
+    # 1.5 cm a frame at 30 Hz, to the right of the camera
+    velocity = odom.twist.twist.linear
+    np.testing.assert_allclose([velocity.x, velocity.y, velocity.z], [0.45, 0, 0], atol=0.05)
+
+
+def test_matches_are_images(replayed: tuple[Path, Run]) -> None:
+    folder, _ = replayed
+    image = messages(folder / "bag")["/debug/matches/compressed"][-1]
+    assert color_from_message(image, "matches").shape == (240, 320, 3)
+
+
+def test_another_reader_of_mcap_reads_it(replayed: tuple[Path, Run]) -> None:
+    reader = pytest.importorskip("mcap_ros2.reader", reason="mcap-ros2-support is not installed")
+    folder, run = replayed
+    (file,) = (folder / "bag").glob("*.mcap")
+    read = [m.ros_msg for m in reader.read_ros2_messages(str(file), topics=["/odom"])]
+    at = read[-1].pose.pose.position
+    expected = Extrinsics.of_camera("body").pose(run.trajectory.poses[-1])[:3, 3]
+    np.testing.assert_allclose([at.x, at.y, at.z], expected, atol=1e-12)
+
+
+def test_a_bag_that_is_there_is_not_overwritten(replayed: tuple[Path, Run]) -> None:
+    folder, _ = replayed
+    with pytest.raises(InputError, match="cannot be written"):
+        BagSink(folder / "bag")
+
+
+def test_the_cloud_is_a_wall_at_its_distance(replayed: tuple[Path, Run]) -> None:
+    folder, _ = replayed
+    header, _, data = (folder / "cloud.ply").read_bytes().partition(b"end_header\n")
+    points = np.frombuffer(data, [("points", "<f4", 3), ("colors", "u1", 3)])["points"]
+    assert f"element vertex {len(points)}\n".encode() in header
+    assert len(points) > 1000
+    np.testing.assert_allclose(points[:, 2], 1.5, atol=0.02)
+    # what two keyframes saw: each sees 1.6 m, and they are 25 cm apart
+    assert 1.3 < np.ptp(points[:, 0]) < 2.1
