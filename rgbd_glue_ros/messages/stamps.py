@@ -14,7 +14,7 @@ class StampSource:
     """Gives messages their stamps; keeps in mind which streams bear some.
 
     Attributes:
-        unstamped: channels whose messages bore no stamp so far.
+        unstamped: channels whose messages bear no stamp, by the last of them.
     """
 
     def __init__(self, source: str) -> None:
@@ -25,7 +25,7 @@ class StampSource:
         """
         self.unstamped: set[Channel] = set()
         self._is_receipt = source == RECEIPT
-        self._stamped: set[Channel] = set()
+        self._newest_ns: dict[Channel, int] = {}
 
     def of(self, channel: Channel, stamp_ns: int, receipt_ns: int) -> int:
         """The stamp that a message is paired by, nanoseconds.
@@ -37,14 +37,13 @@ class StampSource:
         """
         if self._is_receipt:
             return receipt_ns
-        if stamp_ns:
-            self._stamped.add(channel)
-        # in a stream that bears stamps, zero is a wrong one
-        if stamp_ns or channel in self._stamped:
-            self.unstamped.discard(channel)
-            return stamp_ns
-        self.unstamped.add(channel)
-        return receipt_ns
+        # simulated time may begin with one zero; in a stream that bears stamps, one is wrong
+        if not stamp_ns and self._newest_ns.get(channel) == 0:
+            self.unstamped.add(channel)
+            return receipt_ns
+        self._newest_ns[channel] = max(stamp_ns, self._newest_ns.get(channel, 0))
+        self.unstamped -= {channel} if stamp_ns else set()
+        return stamp_ns
 
 
 def explain_miss(closest_miss_ns: int, max_interval_ns: int) -> str:

@@ -6,6 +6,7 @@ import logging
 import re
 from collections.abc import Iterable, Iterator
 from functools import cached_property, partial
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,6 +21,7 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import StampSource, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.parameters import InputConfig
+from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.recordings.bag.depth_camera import RecordedDepthCamera
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.topics import (
@@ -186,7 +188,7 @@ class BagRecording:
             channels[self._topics.info] = Channel.INFO
         else:
             sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
-        stamps = StampSource(self._inputs.stamps)
+        stamps = StampSource(self._stamp_source())
         for recorded in self._bag.messages(channels):
             try:
                 message = self._bag.deserialize(recorded)
@@ -197,10 +199,20 @@ class BagRecording:
             stamp = stamps.of(channel, stamp_ns(message.header.stamp), recorded.stamp_ns)
             yield from sync.add(channel, stamp, message)
         yield from sync.flush()
-        if Channel.COLOR in stamps.unstamped:
-            logger.warning(
-                "%s: images bear no stamp; those of their recording were taken", self._topics.color
-            )
+
+    def _stamp_source(self) -> str:
+        """As wanted; where the first images bear no stamp, that of their recording."""
+        first = islice(self._bag.messages([self._topics.color]), 2)
+        try:
+            stamps = [stamp_ns(self._bag.deserialize(m).header.stamp) for m in first]
+        except InputError:
+            return self._inputs.stamps
+        if any(stamps) or self._inputs.stamps == RECEIPT:
+            return self._inputs.stamps
+        logger.warning(
+            "%s: images bear no stamp; those of their recording are taken", self._topics.color
+        )
+        return RECEIPT
 
     def _watched(
         self, matches: Iterator[Match[Any]], depth_camera: RecordedDepthCamera
