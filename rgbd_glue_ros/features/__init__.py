@@ -11,6 +11,7 @@ from rgbd_glue_ros.features.geometric import (
     NoGeometricFeature,
     VoxelFpfh,
 )
+from rgbd_glue_ros.features.minispinnet import MiniSpinNet
 from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk, orb, sift
 from rgbd_glue_ros.features.xfeat import XFeat
 from rgbd_glue_ros.parameters import FeaturesConfig
@@ -30,4 +31,5 @@ GEOMETRIC: dict[str, Callable[[FeaturesConfig], GeometricFeature]] = {
     "none": lambda _: NoGeometricFeature(),
     "fpfh": VoxelFpfh,
     "fpfh_grid": GridFpfh,
+    "minispinnet": MiniSpinNet,
 }

