@@ -10,7 +10,8 @@ import numpy as np
 from rgbd_glue_ros.features import voxels
 from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
-from rgbd_glue_ros.geometry.camera import cloud, displaced_points, seconds_after_color
+from rgbd_glue_ros.geometry.camera import cloud
+from rgbd_glue_ros.geometry.motion_compensation import displaced_points, seconds_after_color
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View

@@ -11,7 +11,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two, one_to_one
-from rgbd_glue_ros.geometry.camera import keypoints_to_points
+from rgbd_glue_ros.geometry.motion_compensation import keypoints_to_points
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import (
     Correspondences,

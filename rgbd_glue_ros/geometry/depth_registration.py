@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
-from rgbd_glue_ros.geometry.camera import DEPTH_EDGE_SIGMAS, depth_sigma
+from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigma
 from rgbd_glue_ros.geometry.lens import rays
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, LensModel
 

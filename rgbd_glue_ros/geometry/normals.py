@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
-from rgbd_glue_ros.geometry.camera import depth_sigma
+from rgbd_glue_ros.geometry.depth import RECEDING, depth_sigma
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
 
 # A plane is fitted to this many pixels to each side of a grid point, every second one.
@@ -56,7 +56,7 @@ def _points_and_normals(
                 continue
             # Inverse depth of a plane is linear in the pixel: 1/z = a + b du + d dv. Least squares
             # in inverse depth also has the right weights, as its noise hardly depends on z.
-            gate = 4.0 * depth_sigma(z0) + 0.02 * z0
+            gate = 4.0 * depth_sigma(z0) + RECEDING * z0
             n = 0
             su = sv = suu = suv = svv = sw = suw = svw = 0.0
             for v in range(max(0, v0 - reach), min(height, v0 + reach + 1), stride):

@@ -16,7 +16,8 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.refinement.residuals import NEAREST_M, apart
+from rgbd_glue_ros.geometry.depth import surface_tolerance
+from rgbd_glue_ros.refinement.residuals import NEAREST_M
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 # Surfaces are compared cell by cell, so that an error of the pose of as many pixels does no harm.
@@ -128,5 +129,5 @@ def _mark_in_front(
             column = math.floor((K_other[0] * right / there + K_other[2]) / _CELL_PX)
             if 0 <= row < nearest.shape[0] and 0 <= column < nearest.shape[1]:
                 seen = nearest[row, column]
-                if there < seen - apart(seen):
+                if there < seen - surface_tolerance(seen):
                     blocks[r, c] = 1

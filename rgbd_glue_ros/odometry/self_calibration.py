@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rgbd_glue_ros.geometry.camera import grey, limit_depth, rectified
+from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
 from rgbd_glue_ros.odometry.tracking import PoseFix
@@ -40,11 +40,10 @@ class SelfCalibration:
             frame: as the camera gave it.
             twist: float64 [6], the velocity that the camera is expected to have.
         """
-        frame = rectified(frame)
-        depth = limit_depth(frame.depth, self._config.camera)
         offsets = self._time_offsets.current()
         delay = frame.depth_delay_ns / NANOSECONDS - offsets.depth_latency
-        return View(grey(frame.color), depth, frame.intrinsics, twist, offsets.readout_time, delay)
+        view = view_of(frame, self._config.camera)
+        return replace(view, twist=twist, readout_time=offsets.readout_time, depth_delay=delay)
 
     def refine_config(self) -> RefineConfig:
         """How poses are refined: with less weight on colour where depth is not registered to it."""

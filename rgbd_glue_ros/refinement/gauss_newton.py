@@ -16,10 +16,10 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.depth import SURFACE_SIGMAS
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.refinement.residuals import (
-    GATE_SIGMAS,
     LevelProblem,
     Six,
     level_problem,
@@ -181,7 +181,7 @@ def _add_planes(T: Float64, problem: LevelProblem, H: Float64, g: Float64) -> tu
         if not is_seen:
             continue
         seen += 1
-        if squared > GATE_SIGMAS**2:
+        if squared > SURFACE_SIGMAS**2:
             hidden += int(is_nearer)
             continue
         if squared < _AGREEING_SIGMAS**2:

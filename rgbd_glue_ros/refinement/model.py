@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import (
-    DEPTH_EDGE_SIGMAS,
+from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, RECEDING, depth_sigma
+from rgbd_glue_ros.geometry.motion_compensation import (
     apparent_velocity,
-    depth_sigma,
     displaced_points,
     keypoints_to_points,
     normalised_row_time,
@@ -31,8 +30,6 @@ _MIN_GRADIENT = 5.0
 # A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
 # seen there moves with the edge and not with the pixel's own depth.
 _OCCLUSION_PX = 3
-# A surface that recedes by this part of its depth within that distance is still one.
-_RECEDING = 0.02
 
 
 @dataclass(frozen=True)
@@ -214,5 +211,5 @@ def _uncovered(depth: Float32, pixels: Int64, reach: int) -> NDArray[np.bool_]:
             for u in range(max(0, column - reach), min(width, column + reach + 1)):
                 nearest = min(nearest, depth[v, u])
         # where depth is unknown this is false
-        free[i] = z - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest) + _RECEDING * nearest
+        free[i] = z - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest) + RECEDING * nearest
     return free

@@ -11,19 +11,21 @@ from typing import NamedTuple
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
-from rgbd_glue_ros.geometry.camera import depth_sigma, displaced_point, sample_depth
+from rgbd_glue_ros.geometry.depth import (
+    SURFACE_SIGMAS,
+    depth_sigma,
+    sample_depth,
+    surface_tolerance,
+)
+from rgbd_glue_ros.geometry.motion_compensation import displaced_point
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
-# Farther than this many sigma of depth apart, two depths are not the same surface.
-GATE_SIGMAS = 10.0
 # Blur of depth edges and lens: a depth belongs to a pixel only to about this accuracy.
 _LATERAL_SIGMA_PX = 0.5
 # Nearer than this nothing is seen.
 NEAREST_M = 0.05
-# By this part of its depth a surface may recede, or be off, within what a pose is wrong.
-_RECEDING = 0.02
 
 
 # A derivative by the pose, and that of what is not seen.
@@ -167,7 +169,7 @@ def _plane_rows(T: Float64, problem: LevelProblem) -> Float64:
         seen, _, squared, w, r, J, row_time = plane_residual(
             T, points, normals, i, depth, K, twist, readout_time, delay, cauchy
         )
-        if seen and squared <= GATE_SIGMAS**2:
+        if seen and squared <= SURFACE_SIGMAS**2:
             _write(table[n], i, w, r, J, row_time)
             n += 1
     return table[:n]
@@ -388,15 +390,6 @@ def gradient_at(image: UInt8, u: float, v: float) -> tuple[float, float]:
 
 
 @compiled
-def apart(z: float) -> float:
-    """How far from a depth z another one is surely another surface, m.
-
-    More than noise: images are not taken at quite the same time, and surfaces recede.
-    """
-    return GATE_SIGMAS * depth_sigma(z) + _RECEDING * z
-
-
-@compiled
 def is_occluded(depth: Float32, K: Float64, x: float, y: float, z: float) -> bool:
     """Whether another surface is seen where a point is expected, in the depth image's own frame.
 
@@ -407,4 +400,4 @@ def is_occluded(depth: Float32, K: Float64, x: float, y: float, z: float) -> boo
     row, column = int(K[1] * y / z + K[3] + 0.5), int(K[0] * x / z + K[2] + 0.5)
     if row < 0 or column < 0 or row >= depth.shape[0] or column >= depth.shape[1]:
         return False
-    return bool(abs(depth[row, column] - z) > apart(z))
+    return bool(abs(depth[row, column] - z) > surface_tolerance(z))

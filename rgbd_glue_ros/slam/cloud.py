@@ -10,7 +10,8 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import DEPTH_EDGE_SIGMAS, back_project, depth_sigma, rectified
+from rgbd_glue_ros.geometry.camera import back_project, rectified
+from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigma
 from rgbd_glue_ros.types import Float32, Float64, Int64, RgbdFrame, UInt8
 
 VOXEL_M = 0.01

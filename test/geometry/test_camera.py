@@ -16,20 +16,15 @@ from rigs.room import CAMERA, room_frame, true_depth, true_pose
 from scipy.ndimage import map_coordinates
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import (
+from rgbd_glue_ros.geometry.camera import back_project, cloud, grey, project, rectified
+from rgbd_glue_ros.geometry.depth import (
     DEPTH_EDGE_SIGMAS,
-    back_project,
-    cloud,
     depth_at,
     depth_sigma,
-    displaced_points,
-    grey,
-    keypoints_to_points,
     limit_depth,
-    project,
-    rectified,
     sample_depth,
 )
+from rgbd_glue_ros.geometry.motion_compensation import displaced_points, keypoints_to_points
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, View
 

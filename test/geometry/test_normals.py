@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rigs.room import CAMERA
 
-from rgbd_glue_ros.geometry.camera import back_project, depth_sigma
+from rgbd_glue_ros.geometry.camera import back_project
+from rgbd_glue_ros.geometry.depth import depth_sigma
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals
 from rgbd_glue_ros.types import Float32, Float64
 

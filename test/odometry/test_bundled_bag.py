@@ -13,7 +13,8 @@ from raycast_room.render import measure
 from rosbags.highlevel import AnyReader
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import back_project, depth_sigma
+from rgbd_glue_ros.geometry.camera import back_project
+from rgbd_glue_ros.geometry.depth import depth_sigma
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.types import Float64, RgbdFrame
 

@@ -12,11 +12,11 @@ import numpy as np
 from rgbd_glue_ros.evaluation.run_record import stage_medians
 from rgbd_glue_ros.experiments.bench.figures import errors, honesty, losses, times
 from rgbd_glue_ros.experiments.peers import NoTransformError, Peer
-from rgbd_glue_ros.geometry.camera import grey, limit_depth, rectified
+from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import CameraConfig, Config
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, Trajectory, View
+from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, Trajectory
 
 OURS = "rgbd_glue_ros"
 
@@ -63,9 +63,7 @@ class FrameToFrame:
 
     def process(self, frame: RgbdFrame) -> Float64 | None:
         """The pose of the last frame that has one, moved by what the peer finds."""
-        frame = rectified(frame)
-        depth = limit_depth(frame.depth, self._limits)
-        prepared = self._peer.prepare(View(grey(frame.color), depth, frame.intrinsics))
+        prepared = self._peer.prepare(view_of(frame, self._limits))
         if self._last is not None:
             try:
                 T = self._peer.register(prepared, self._last)

@@ -14,10 +14,10 @@ import numpy as np
 
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM, PairResult
-from rgbd_glue_ros.experiments.pairs.jobs import pose_at, true_poses, view_of
+from rgbd_glue_ros.experiments.pairs.jobs import pose_at, true_poses
 from rgbd_glue_ros.experiments.pairs.methods import PairMethod
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import grey
+from rgbd_glue_ros.geometry.camera import grey, view_of
 from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.messages.image_codecs import encode_jpeg
 from rgbd_glue_ros.parameters import CameraConfig

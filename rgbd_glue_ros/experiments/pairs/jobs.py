@@ -15,10 +15,10 @@ from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairFrame, PairResult, evaluate_pair
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, PairMethod, method_of
-from rgbd_glue_ros.geometry.camera import grey, limit_depth, rectified
+from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, Trajectory, View
+from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, Trajectory
 
 Pair = tuple[int, int]
 """Numbers of two frames: of the one registered to, and of the one registered."""
@@ -175,12 +175,6 @@ def _result(fields: Mapping[str, Any]) -> PairResult:
 def _method(estimator: Estimator) -> PairMethod:
     """A method, made once in a process."""
     return method_of(estimator)
-
-
-def view_of(frame: RgbdFrame, limits: CameraConfig) -> View:
-    """What a method sees of a frame."""
-    frame = rectified(frame)
-    return View(grey(frame.color), limit_depth(frame.depth, limits), frame.intrinsics)
 
 
 def pose_at(truth: Trajectory, stamp_ns: int) -> Float64 | None:

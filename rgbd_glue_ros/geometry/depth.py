@@ -1,0 +1,78 @@
+"""Depth: its noise, its range, its value between pixels, and what is one surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.parameters import CameraConfig
+from rgbd_glue_ros.types import Float32, Float64
+
+# A bilinear depth over a step larger than this many sigma would lie on neither surface.
+DEPTH_EDGE_SIGMAS = 6.0
+# Two depths farther apart than this many sigma are not the same surface.
+SURFACE_SIGMAS = 10.0
+# A surface may recede by this part of its depth within the distance that is looked at.
+RECEDING = 0.02
+
+
+@compiled
+def depth_sigma(z: float) -> float:
+    """Standard deviation of a structured-light depth z, metres (Khoshelham and Elberink 2012).
+
+    The form 0.0012 + 0.0019 (z - 0.4)^2 is that of Nguyen, Izadi and Lovell (3DIMPVT 2012).
+    """
+    return 0.0012 + 0.0019 * (z - 0.4) ** 2
+
+
+def limit_depth(depth: Float32, limits: CameraConfig) -> Float32:
+    """A copy of ``depth`` with values outside [depth_min, depth_max] unknown (NaN)."""
+    return np.asarray(_limited(depth, limits.depth_min, limits.depth_max), np.float32)
+
+
+@compiled
+def _limited(depth: Float32, nearest: float, farthest: float) -> Float32:
+    limited = np.empty(depth.shape, np.float32)
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            z = depth[v, u]
+            # both comparisons are made, so that there is no branch
+            limited[v, u] = z if (z >= nearest) & (z <= farthest) else np.float32(np.nan)
+    return limited
+
+
+@compiled
+def sample_depth(depth: Float32, u: float, v: float) -> float:
+    """Bilinear depth at pixel (u, v); NaN outside, next to unknown depth and across edges."""
+    height, width = depth.shape
+    if not (u >= 0.0 and v >= 0.0 and u <= width - 1.0 and v <= height - 1.0):
+        return np.nan
+    u0, v0 = min(int(u), width - 2), min(int(v), height - 2)
+    a, b = u - u0, v - v0
+    z00, z01 = depth[v0, u0], depth[v0, u0 + 1]
+    z10, z11 = depth[v0 + 1, u0], depth[v0 + 1, u0 + 1]
+    nearest = min(z00, z01, z10, z11)
+    farthest = max(z00, z01, z10, z11)
+    # a comparison with NaN is false, so that an unknown neighbour is refused here too
+    if not farthest - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest):
+        return np.nan
+    z = (1 - b) * ((1 - a) * z00 + a * z01) + b * ((1 - a) * z10 + a * z11)
+    return float(z)
+
+
+@compiled
+def depth_at(depth: Float32, uv: Float32) -> Float64:
+    """``sample_depth`` at each of the pixels uv [N, 2]; float64 [N]."""
+    z = np.empty(len(uv))
+    for i in range(len(uv)):
+        z[i] = sample_depth(depth, uv[i, 0], uv[i, 1])
+    return z
+
+
+@compiled
+def surface_tolerance(z: float) -> float:
+    """How far from depth z another depth may be and still be of the same surface, metres.
+
+    More than noise: images are not taken at quite the same time, and surfaces recede.
+    """
+    return SURFACE_SIGMAS * depth_sigma(z) + RECEDING * z

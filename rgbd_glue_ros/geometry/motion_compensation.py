@@ -1,0 +1,100 @@
+"""When the rows of an image were read, and where points were at another time.
+
+A camera that moves sees every row of a rolling shutter from another place, and depth that is taken
+later than colour too. Points are brought to where the camera saw them when the middle row of the
+colour image was read.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.geometry.camera import back_project
+from rgbd_glue_ros.geometry.depth import sample_depth
+from rgbd_glue_ros.types import Float32, Float64, Int64, View
+
+
+def normalised_row_time(rows: Float32 | Float64 | Int64, view: View) -> Float64:
+    """When a rolling shutter is at rows [N], in parts of its way: 0 at the middle row."""
+    return np.asarray(rows / view.intrinsics.height - 0.5, np.float64)
+
+
+def apparent_velocity(points: Float64, twist: Float64) -> Float64:
+    """How much later-seen points [N, 3] of a still room have to be moved, m/s, to lie together.
+
+    A camera that moves with ``twist`` [6] sees a point pass by with the opposite velocity.
+    """
+    velocity: Float64 = twist[:3] + np.cross(twist[3:], points)
+    return velocity
+
+
+def displaced_points(points: Float64, seconds: Float64, twist: Float64) -> Float64:
+    """Points where a camera that moves with ``twist`` saw them some seconds before.
+
+    Args:
+        points: float64 [..., 3], metres.
+        seconds: for each of them, float64 [...], or what broadcasts to it.
+        twist: float64 [6], linear and angular velocity in the optical frame.
+    """
+    moved: Float64 = points + seconds[..., np.newaxis] * apparent_velocity(points, twist)
+    return moved
+
+
+@compiled
+def displaced_point(
+    x: float, y: float, z: float, seconds: float, twist: Float64
+) -> tuple[float, float, float]:
+    """``displaced_points`` of one point."""
+    return (
+        x + seconds * (twist[0] + twist[4] * z - twist[5] * y),
+        y + seconds * (twist[1] + twist[5] * x - twist[3] * z),
+        z + seconds * (twist[2] + twist[3] * y - twist[4] * x),
+    )
+
+
+def seconds_after_color(rows: Int64, view: View) -> Float64:
+    """When the rows [N] of the depth image were read, from the middle row of colour on."""
+    seconds: Float64 = view.depth_delay + view.readout_time * normalised_row_time(rows, view)
+    return seconds
+
+
+def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, NDArray[np.bool_]]:
+    """Pixels of the colour image as points, where their depth is known.
+
+    Args:
+        uv: float32 [N, 2].
+        view: the frame.
+
+    Returns:
+        Points [M, 3] as seen when the middle row is read, and which pixels [N] have one.
+    """
+    motion = view.twist * view.depth_delay
+    z = _delayed_depth_at(view.depth, uv, view.intrinsics.focal_and_centre, motion)
+    known = np.isfinite(z)
+    points = back_project(uv[known], z[known], view.intrinsics)
+    return displaced_points(
+        points, view.readout_time * normalised_row_time(uv[known, 1], view), view.twist
+    ), known
+
+
+@compiled
+def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) -> Float64:
+    """Depth [N] at pixels uv [N, 2] of an image taken before the camera moved by ``motion`` [6]."""
+    found = np.empty(len(uv))
+    for i in range(len(uv)):
+        rx, ry = (uv[i, 0] - K[2]) / K[0], (uv[i, 1] - K[3]) / K[1]
+        z = sample_depth(depth, uv[i, 0], uv[i, 1])
+        # where the depth image has what is at the pixel depends on how far that is
+        for _ in range(2):
+            x, y, later = displaced_point(rx * z, ry * z, z, -1.0, motion)
+            if not later > 0.0:
+                z = np.nan
+                break
+            measured = sample_depth(depth, K[0] * x / later + K[2], K[1] * y / later + K[3])
+            _, _, z = displaced_point(
+                x / later * measured, y / later * measured, measured, 1.0, motion
+            )
+        found[i] = z
+    return found
