@@ -8,14 +8,13 @@ from types import TracebackType
 
 import numpy as np
 
-from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.text_lines import (
     finite_numbers,
     numbers_text,
-    parse_pose,
     parsed_lines,
     pose_text,
 )
+from rgbd_glue_ros.evaluation.trajectory_text import stamped_poses
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, Trajectory
 
 MAX_TIME_DIFFERENCE_S = 0.02
@@ -75,17 +74,17 @@ def associate(
 
 
 def read_tum(path: Path) -> Trajectory:
-    """The trajectory in a TUM file: lines ``stamp tx ty tz qx qy qz qw``; # starts a comment.
+    """The trajectory in a text file of a stamp and a pose on each line.
+
+    That of TUM (``stamp tx ty tz qx qy qz qw``; # starts a comment), and its relatives: EuRoC's,
+    matrices behind a stamp, columns in the order of a line of names; with commas or semicolons.
 
     Raises:
-        InputError: the file cannot be read, holds no pose, or a line is not such a line.
+        InputError: the file cannot be read, or none of its lines holds a stamp and a pose. Single
+            lines that hold none are skipped, with a warning.
     """
-    rows = list(parsed_lines(path, _tum_row, f"write '{TUM_HEADER[2:]}' on each line"))
-    if not rows:
-        raise InputError(path, "holds no pose", "give a trajectory in TUM format")
-    return Trajectory(
-        np.array([stamp for stamp, _ in rows], np.int64), np.stack([T for _, T in rows])
-    )
+    stamps_ns, poses = stamped_poses(path)
+    return Trajectory(np.array(stamps_ns, np.int64), np.stack(poses))
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
@@ -136,12 +135,6 @@ def write_kitti(path: Path, poses: Float64) -> None:
     """Writes poses [N, 4, 4] as a KITTI file."""
     rows = np.asarray(poses)[:, :3, :].reshape(-1, 12)
     path.write_text("".join(numbers_text(row) + "\n" for row in rows), encoding="ascii")
-
-
-def _tum_row(words: list[str]) -> tuple[int, Float64]:
-    if len(words) != 8:
-        raise ValueError(f"{len(words)} values where 8 belong")
-    return parse_stamp(words[0]), parse_pose(words[1:])
 
 
 def _kitti_row(words: list[str]) -> Float64:
