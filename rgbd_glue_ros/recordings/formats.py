@@ -11,6 +11,7 @@ from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, tum
 from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
+from rgbd_glue_ros.recordings.folder import recording as image_folder
 from rgbd_glue_ros.recordings.recording import Recording
 from rgbd_glue_ros.types import CameraIntrinsics
 
@@ -23,8 +24,8 @@ class Format:
         name: of the format.
         signature: what it is known by, in words.
         matches: whether a path is of this format.
-        open: opens it, given topics (bags alone have any), the camera if known, and how images are
-            understood.
+        open: opens it, given topics (of a bag, or the names of images), the camera if known, and
+            how images are understood.
     """
 
     name: str
@@ -57,6 +58,14 @@ def _open_scannet(
     return scannet.open_scannet(path, camera).with_depth_scale(inputs.metres_per_unit)
 
 
+def _open_folder(
+    path: Path, topics: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
+) -> Recording:
+    wanted = topics or Topics()
+    recording = image_folder.open_folder(path, camera, wanted.color, wanted.depth)
+    return recording.with_depth_scale(inputs.metres_per_unit)
+
+
 FORMATS = (
     Format("TUM RGB-D", "rgb.txt and depth.txt", tum.matches, _open_tum),
     Format(
@@ -65,6 +74,7 @@ FORMATS = (
     Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
     Format("ScanNet", scannet.SIGNATURE, scannet.matches, _open_scannet),
     Format("rosbag", layout.SIGNATURE, layout.is_bag, BagRecording),
+    Format("images", image_folder.SIGNATURE, image_folder.matches, _open_folder),
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -25,31 +27,47 @@ from rgbd_glue_ros.types import (
     UInt8,
 )
 
+logger = logging.getLogger(__name__)
+
+IMAGE_TYPES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".npy"})
+"""Endings of image files, in small letters."""
+
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """How an image of so many channels becomes RGB; grey stays grey."""
 
 
 @dataclass(frozen=True)
 class DepthEncoding:
-    """How a 16-bit depth image says metres.
+    """How a depth image says metres.
 
     Attributes:
-        units_per_metre: a metre in units of the image.
+        units_per_metre: a metre in units of an image of whole numbers.
         invalid: values that mean unknown.
+        float_units_per_metre: a metre in units of an image of other numbers.
+        rotation: bits by which a number was rotated to the left before it was stored.
     """
 
     units_per_metre: float
     invalid: tuple[int, ...]
+    float_units_per_metre: float = 1.0
+    rotation: int = 0
 
     def with_scale(self, metres_per_unit: float | None) -> DepthEncoding:
         """The same in other units; None leaves them as they are."""
         if metres_per_unit is None:
             return self
-        return replace(self, units_per_metre=1 / metres_per_unit)
+        units = 1 / metres_per_unit
+        return replace(self, units_per_metre=units, float_units_per_metre=units)
 
-    def metres(self, image: NDArray[np.uint16]) -> Float32:
-        """float32 [H, W] metres with NaN for unknown, from uint16 [H, W]."""
-        depth: Float32 = np.divide(image, np.float32(self.units_per_metre), dtype=np.float32)
+    def metres(self, image: NDArray[Any]) -> Float32:
+        """float32 [H, W] metres with NaN for unknown, from uint16 or floats [H, W]."""
+        is_float = image.dtype.kind == "f"
+        units = self.float_units_per_metre if is_float else self.units_per_metre
+        if self.rotation and not is_float:
+            image = (image >> self.rotation) | (image << (16 - self.rotation))
+        depth: Float32 = np.asarray(image, np.float32) / np.float32(units)
+        if is_float:
+            depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
         for value in self.invalid:
             depth[image == value] = np.nan
         return depth
@@ -98,16 +116,38 @@ class ImageSequence:
         return replace(self, encoding=self.encoding.with_scale(metres_per_unit))
 
     def __iter__(self) -> Iterator[RgbdFrame]:
-        """The frames in order of time.
+        """The frames in order of time; those that cannot be read are skipped, counted and logged.
 
         Raises:
-            InputError: an image is missing, corrupt, or not of the camera's size.
+            InputError: at the end, if none could be read: images are missing, corrupt, or not of
+                the camera's size.
         """
-        return self.select(range(self.frame_count))
+        faults = Faults()
+        is_empty = True
+        for result in mapped_ahead(self._try_read, self.pairs):
+            if isinstance(result, InputError):
+                faults.add(result)
+            else:
+                is_empty = False
+                yield result
+        if faults.first is not None:
+            if is_empty:
+                raise faults.first
+            logger.warning("%s: %d frames skipped of %d", self.name, faults.count, len(self.pairs))
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """The frames of these numbers, counted from 0, without reading any other."""
+        """The frames of these numbers, counted from 0, without reading any other.
+
+        Raises:
+            InputError: one of them cannot be read.
+        """
         return mapped_ahead(self._read, (self.pairs[i] for i in indices if i < self.frame_count))
+
+    def _try_read(self, pair: ImagePair) -> RgbdFrame | InputError:
+        try:
+            return self._read(pair)
+        except InputError as error:
+            return error
 
     def _read(self, pair: ImagePair) -> RgbdFrame:
         color = self._color(pair.color)
@@ -129,23 +169,17 @@ class ImageSequence:
 
     def _depth(self, path: Path, camera: CameraIntrinsics) -> Float32:
         image = self._decoded(path, (camera.width, camera.height))
-        if image.dtype != np.uint16 or image.ndim != 2:
+        if image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f"):
             raise InputError(
                 path,
                 f"is {image.dtype} of shape {image.shape}, not a depth image",
-                "give depth as 16-bit grey PNG",
+                "give depth as 16-bit grey PNG, or as TIFF or NPY of metres",
             )
         return self.encoding.metres(image)
 
     def _decoded(self, path: Path, expected: tuple[int, int]) -> NDArray[Any]:
         """The image, of the expected width and height; of any where a calibration tells none."""
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise InputError(
-                path, f"cannot be read ({error.strerror})", "restore the file"
-            ) from error
-        image = decode(data, str(path))
+        image = read_image(path)
         height, width = image.shape[:2]
         if any(expected) and (width, height) != expected:
             raise InputError(
@@ -168,6 +202,32 @@ class ImageSequence:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def read_image(path: Path) -> NDArray[Any]:
+    """The image in a file: of ``decode``, or the array in an NPY file, with colours as B G R.
+
+    Raises:
+        InputError: it is missing, damaged, or no image.
+    """
+    try:
+        if path.suffix.lower() == ".npy":
+            return _of_array(np.load(path, allow_pickle=False), path)
+        data = path.read_bytes()
+    except (OSError, EOFError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(path, f"cannot be read ({reason})", "restore the file") from error
+    return decode(data, str(path))
+
+
+def _of_array(array: NDArray[Any], path: Path) -> NDArray[Any]:
+    """An array as OpenCV has images: one channel without a third axis, colours as B G R."""
+    image: NDArray[Any] = array.squeeze()
+    if image.ndim == 3 and image.shape[2] == 3:
+        return np.ascontiguousarray(image[..., ::-1])
+    if image.ndim != 2:
+        raise InputError(path, f"is an array of shape {array.shape}", "give images [H, W(, 3)]")
+    return image
 
 
 def to_rgb(image: NDArray[Any], where: str) -> UInt8:

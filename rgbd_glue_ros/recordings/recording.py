@@ -25,10 +25,10 @@ class Recording(Protocol):
         """True poses T_world_camera (optical frame), None if not known."""
 
     def __iter__(self) -> Iterator[RgbdFrame]:
-        """The frames in order of time.
+        """The frames in order of time; single ones that cannot be read are skipped and said.
 
         Raises:
-            InputError: a frame cannot be read; the frames before it were given.
+            InputError: none can be read, or from some place on none; those before it were given.
         """
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:

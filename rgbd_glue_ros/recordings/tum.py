@@ -7,19 +7,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import (
-    MAX_TIME_DIFFERENCE_S,
-    associate,
-    parse_stamp,
-    read_tum,
-)
+from rgbd_glue_ros.evaluation.trajectory_text import read_lines
 from rgbd_glue_ros.recordings import icl_nuim
-from rgbd_glue_ros.recordings.calibration import load_calibration
-from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImagePair, ImageSequence
-from rgbd_glue_ros.types import CameraIntrinsics, Int64
+from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.folder.calibration import calibration_of
+from rgbd_glue_ros.recordings.folder.lists import paired
+from rgbd_glue_ros.recordings.folder.truth import truth_of
+from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
+from rgbd_glue_ros.types import CameraIntrinsics
 
 COLOR_LIST, DEPTH_LIST, GROUND_TRUTH = "rgb.txt", "depth.txt", "groundtruth.txt"
 
@@ -40,6 +36,11 @@ _CAMERAS = {
     "freiburg1": _DRIVER_DEFAULT,
     "freiburg2": _DRIVER_DEFAULT,
     "freiburg3": CameraIntrinsics(640, 480, 535.4, 539.2, 320.1, 247.6),
+    # with its distortion, as its page gives it for the colour camera
+    "rgbd_bonn": CameraIntrinsics(
+        *(640, 480, 542.822841, 542.576870, 315.593520, 237.756098),
+        distortion=(0.039903, -0.099343, -0.000730, -0.000144, 0.0),
+    ),
     "icl": icl_nuim.CAMERA,
     "living_room": icl_nuim.CAMERA,
     "office_kt": icl_nuim.CAMERA,
@@ -56,65 +57,41 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
 
     Args:
         folder: of the data set.
-        calibration: of the camera; None takes it from ``CALIBRATION`` in the folder, or else
-            from the folder's name.
+        calibration: of the camera; None takes that of a file in the folder, or else that of the
+            data set by the name of the folder or of the bag that ``rgb.txt`` says it was made of.
 
     Raises:
-        InputError: a list is malformed, no images pair up, or the camera is not known.
+        InputError: a list names no image, no images pair up, or the camera is not known.
     """
-    color_ns, color = _read_list(folder / COLOR_LIST)
-    depth_ns, depth = _read_list(folder / DEPTH_LIST)
-    rows = zip(*associate(color_ns, depth_ns), strict=True)
-    pairs = tuple(
-        ImagePair(int(color_ns[i]), color[i], int(depth_ns[j]), depth[j]) for i, j in rows
-    )
-    if not pairs:
-        raise InputError(
-            folder,
-            f"no colour and depth image lie within {MAX_TIME_DIFFERENCE_S} s of each other",
-            f"check the stamps in {COLOR_LIST} and {DEPTH_LIST}",
-        )
-    truth = folder / GROUND_TRUTH
+    pairs = paired(folder / COLOR_LIST, folder / DEPTH_LIST)
+    told = _camera(folder) if calibration is None else Calibration(calibration)
     return ImageSequence(
         folder.resolve().name,
         pairs,
-        _DEPTH,
-        calibration or _camera(folder),
-        read_tum(truth) if truth.is_file() else None,
+        _DEPTH.with_scale(told.depth_scale),
+        told.intrinsics,
+        truth_of(folder, pairs),
         frame_id=_RECORDED_BY if "freiburg" in folder.resolve().name.lower() else "",
     )
 
 
-def _camera(folder: Path) -> CameraIntrinsics:
-    if (folder / CALIBRATION).is_file():
-        return load_calibration(folder / CALIBRATION)
-    name = folder.resolve().name.lower()
+def _camera(folder: Path) -> Calibration:
+    """The camera that a file in the folder tells, or its name, or the bag that its list names."""
+    told = calibration_of(folder)
+    if told is not None:
+        return told
+    names = [folder.resolve().name, *_bags_named(folder / COLOR_LIST)]
     for part, camera in _CAMERAS.items():
-        if part in name:
-            return camera
+        if any(part in name.lower() for name in names):
+            return Calibration(camera)
     raise InputError(
         folder,
-        f"its name holds none of {', '.join(_CAMERAS)}, so its camera is not known",
+        f"no file there tells its camera, and its name holds none of {', '.join(_CAMERAS)}",
         "give the calibration (--calibration camera_info.yaml)",
     )
 
 
-def _read_list(path: Path) -> tuple[Int64, list[Path]]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read ({error})", "restore the file") from error
-    stamps: list[int] = []
-    files: list[Path] = []
-    for number, line in enumerate(lines, 1):
-        if not line.strip() or line.startswith("#"):
-            continue
-        try:
-            stamp, file = line.split()
-            stamps.append(parse_stamp(stamp))
-        except (ValueError, ArithmeticError) as error:
-            raise InputError(
-                f"{path}:{number}", "is not a stamp and a file", "restore the line"
-            ) from error
-        files.append(path.parent / file)
-    return np.array(stamps, np.int64), files
+def _bags_named(path: Path) -> list[str]:
+    """The comments of a list that name the bag it was made of."""
+    comments, _ = read_lines(path)
+    return [comment for comment in comments if comment.startswith("file:")]

@@ -109,29 +109,34 @@ def test_a_tum_folder_of_an_unknown_camera_wants_a_calibration(tmp_path: Path) -
         open_recording(write_tum_folder(tmp_path / "kitchen"))
 
 
-def test_lists_without_a_pair_and_with_a_bad_line_are_refused(tmp_path: Path) -> None:
+def test_lists_without_a_pair_and_without_an_image_are_refused(tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path / "desk")
     (folder / "depth.txt").write_text("5.0 depth/0.png\n")
     with pytest.raises(InputError, match="no colour and depth image lie within"):
         open_recording(folder, calibration=CAMERA)
-    (folder / "depth.txt").write_text("5.0 depth/0.png\ndepth/1.png\n")
-    with pytest.raises(InputError, match=r"depth\.txt:2"):
+    (folder / "depth.txt").write_text("depth/1.png\ndepth/2.png\n")
+    with pytest.raises(InputError, match="no line of a stamp and a file"):
         open_recording(folder, calibration=CAMERA)
 
 
-def test_frames_before_a_damaged_image_are_given_and_the_image_is_named(tmp_path: Path) -> None:
+def test_a_damaged_image_is_skipped_named_and_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     folder = write_tum_folder(tmp_path / "desk", 12)
     damaged = folder / "depth/7.png"
     damaged.write_bytes(damaged.read_bytes()[:-40])
-    frames = iter(open_recording(folder, calibration=CAMERA))
-    assert len([next(frames) for _ in range(7)]) == 7
+    (folder / "rgb/2.png").unlink()
+    assert len(list(open_recording(folder, calibration=CAMERA))) == 10
+    assert "7.png: damaged image" in caplog.text
+    assert "2 frames skipped of 12" in caplog.text
     with pytest.raises(InputError, match=r"7\.png: damaged image"):
-        next(frames)
+        list(open_recording(folder, calibration=CAMERA).select([7]))
 
 
-def test_an_image_that_is_missing_or_of_the_wrong_kind_is_named(tmp_path: Path) -> None:
-    folder = write_tum_folder(tmp_path / "desk")
-    write_color(folder / "depth/0.png", RED)
+def test_where_no_image_can_be_used_the_first_is_named(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "desk", 2)
+    for i in range(2):
+        write_color(folder / f"depth/{i}.png", RED)
     with pytest.raises(InputError, match=r"0\.png: is uint8 .*, not a depth image"):
         next(iter(open_recording(folder, calibration=CAMERA)))
     (folder / "rgb/0.png").unlink()

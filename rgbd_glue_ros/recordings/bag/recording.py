@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Iterable, Iterator
 from functools import cached_property, partial
 from itertools import islice
@@ -31,6 +30,7 @@ from rgbd_glue_ros.recordings.bag.topics import (
     find_ground_truth,
     find_info,
 )
+from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame, Trajectory
@@ -117,7 +117,7 @@ class BagRecording:
         """Poses as recorded, None if the bag has no such topic; those that are no pose left out."""
         if self._ground_truth is None:
             return None
-        faults = _Faults()
+        faults = Faults()
         stamps, poses = [], []
         for message in self._bag.messages([self._ground_truth]):
             try:
@@ -139,7 +139,7 @@ class BagRecording:
             InputError: at the end, if the bag is damaged there or gave no frame at all.
         """
         is_empty = True
-        faults = _Faults()
+        faults = Faults()
         sync: Synchronizer[Any] = Synchronizer(
             round(self._inputs.max_interval_s * NANOSECONDS), QUEUE_SIZE
         )
@@ -182,7 +182,7 @@ class BagRecording:
     ) -> None:
         self.close()
 
-    def _matches(self, sync: Synchronizer[Any], faults: _Faults) -> Iterator[Match[Any]]:
+    def _matches(self, sync: Synchronizer[Any], faults: Faults) -> Iterator[Match[Any]]:
         channels = {self._topics.color: Channel.COLOR, self._topics.depth: Channel.DEPTH}
         if self._calibration is None:
             channels[self._topics.info] = Channel.INFO
@@ -236,23 +236,6 @@ class BagRecording:
             )
         except InputError as error:
             return error
-
-
-class _Faults:
-    """Counts faults and logs each kind once; those that differ in numbers alone are of a kind."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.first: InputError | None = None
-        self._kinds: set[str] = set()
-
-    def add(self, error: InputError) -> None:
-        self.count += 1
-        self.first = self.first or error
-        kind = re.sub(r"[\d.]+", "#", str(error))
-        if kind not in self._kinds:
-            self._kinds.add(kind)
-            logger.warning("%s; skipped, as all like it will be", error)
 
 
 def _nothing_paired(path: Path, topics: FrameTopics, sync: Synchronizer[Any]) -> InputError:

@@ -1,0 +1,143 @@
+"""A folder of colour and depth images whose layout is none of the published ones.
+
+What the frames are is told by lists, by an association file or by the names of the images; camera,
+unit of depth and true poses by files in the folder.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.camera_info import of_image_size
+from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.folder import lists, streams
+from rgbd_glue_ros.recordings.folder.calibration import calibration_of
+from rgbd_glue_ros.recordings.folder.truth import truth_of
+from rgbd_glue_ros.recordings.image_sequence import (
+    DepthEncoding,
+    ImagePair,
+    ImageSequence,
+    read_image,
+)
+from rgbd_glue_ros.types import CameraIntrinsics
+
+logger = logging.getLogger(__name__)
+
+SIGNATURE = "a folder of colour and one of depth images"
+
+_MILLIMETRES = DepthEncoding(1000.0, (0, 65535))
+# The layout of lists is TUM's, and so is their unit
+_TUM = DepthEncoding(5000.0, (0,))
+# SUN3D rotates the bits of its millimetres
+_SUN3D = replace(_MILLIMETRES, rotation=3)
+_SUN3D_EXTRINSICS = re.compile(r"\d{10,}\.txt")
+
+
+def matches(path: Path) -> bool:
+    """Whether there are images of colour and depth, however they are named."""
+    if not path.is_dir():
+        return False
+    if lists.lists_in(path) or lists.association_in(path):
+        return True
+    try:
+        return streams.color_and_depth(path, None, None) is not None
+    except InputError:
+        return True  # several may be: to be said on opening
+
+
+def open_folder(
+    folder: Path,
+    calibration: CameraIntrinsics | None = None,
+    color: str | None = None,
+    depth: str | None = None,
+) -> ImageSequence:
+    """The sequence in ``folder``.
+
+    Args:
+        folder: of the recording.
+        calibration: of the colour camera; None takes that of a file in the folder.
+        color: part of the path of the colour images; None finds them by name.
+        depth: the same of the depth images.
+
+    Raises:
+        InputError: the images, or their camera, are missing, ambiguous or do not fit.
+    """
+    pairs, encoding = _frames(folder, color, depth)
+    told = _calibration(folder) if calibration is None else Calibration(calibration)
+    if told.depth_scale is not None:
+        encoding = encoding.with_scale(told.depth_scale)
+    camera, color_size = _fitted(told.intrinsics, pairs, folder)
+    return ImageSequence(
+        folder.resolve().name,
+        pairs,
+        encoding,
+        camera,
+        truth_of(folder, pairs),
+        color_size,
+    )
+
+
+def _frames(
+    folder: Path, color: str | None, depth: str | None
+) -> tuple[tuple[ImagePair, ...], DepthEncoding]:
+    if color is None and depth is None:
+        both = lists.lists_in(folder)
+        if both is not None:
+            is_tum = both[0].name == "rgb.txt" and both[1].name == "depth.txt"
+            return lists.paired(*both), _TUM if is_tum else _MILLIMETRES
+        association = lists.association_in(folder)
+        if association is not None:
+            return lists.read_association(association), _TUM
+    found = streams.color_and_depth(folder, color, depth)
+    if found is None:
+        names = ", ".join(f"{s.name} ({len(s.files)})" for s in streams.streams_in(folder))
+        raise InputError(
+            folder,
+            f"has no colour and depth images; its images are {names or 'none'}",
+            "name them (--color-topic NAME --depth-topic NAME)",
+        )
+    is_sun3d = any(
+        _SUN3D_EXTRINSICS.fullmatch(p.name) for p in (folder / "extrinsics").glob("*.txt")
+    )
+    return streams.paired(folder, *found), _SUN3D if is_sun3d else _MILLIMETRES
+
+
+def _calibration(folder: Path) -> Calibration:
+    told = calibration_of(folder)
+    if told is None:
+        raise InputError(
+            folder,
+            "no file there tells its camera",
+            "give the calibration (--calibration FILE), such as a K.txt of 3x3 numbers",
+        )
+    return told
+
+
+def _fitted(
+    camera: CameraIntrinsics, pairs: tuple[ImagePair, ...], folder: Path
+) -> tuple[CameraIntrinsics, tuple[int, int]]:
+    """The camera at the size of the depth images, and the size of the colour images."""
+    color, depth = _first_readable(pairs)
+    height, width = color
+    if (width, height) != (camera.width, camera.height) == depth[::-1]:
+        # a calibration of the depth images: colour of the same view is reduced to them
+        return camera, (width, height)
+    camera = of_image_size(camera, color, str(folder), str(pairs[0].color))
+    return of_image_size(camera, depth, str(pairs[0].color), str(pairs[0].depth)), (width, height)
+
+
+def _first_readable(pairs: tuple[ImagePair, ...]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Height and width of colour and of depth images, by the first frame that can be read."""
+    first: InputError | None = None
+    for pair in pairs:
+        try:
+            color, depth = (read_image(path).shape for path in (pair.color, pair.depth))
+        except InputError as error:
+            first = first or error
+            continue
+        return (color[0], color[1]), (depth[0], depth[1])
+    raise first or InputError("frames", "there are none", "give a recording")

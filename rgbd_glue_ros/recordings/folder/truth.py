@@ -1,0 +1,141 @@
+"""True poses in the folder of a recording: stamped, one a line, or a file for each frame."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.evaluation.trajectory_text import (
+    MATRIX_SHAPES,
+    Line,
+    parse_matrix,
+    read_lines,
+)
+from rgbd_glue_ros.recordings.image_sequence import ImagePair
+from rgbd_glue_ros.types import Float64, Int64, Trajectory
+
+logger = logging.getLogger(__name__)
+
+NAMES = (
+    "groundtruth.txt",
+    "ground_truth.txt",
+    "gt.txt",
+    "groundtruth.csv",
+    "gt.csv",
+    "traj.txt",
+    "trajectory.txt",
+    "trajectory.log",
+    "poses.txt",
+    "pose.txt",
+    "odometry.csv",
+    "mav0/state_groundtruth_estimate0/data.csv",
+    "state_groundtruth_estimate0/data.csv",
+)
+FOLDERS = ("pose", "poses", "camera_pose")
+_EXTRINSICS = "extrinsics"  # SUN3D: a file of all poses; the newest is the best
+_NUMBER = re.compile(r"\d+")
+
+
+def truth_of(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
+    """The poses T_world_camera in a folder; None if it has none.
+
+    A file that cannot be used is said, and leaves the recording without ground truth.
+
+    Args:
+        folder: of the recording.
+        frames: of the recording, in order of time; poses without stamps are of these in turn.
+    """
+    found = [folder / name for name in NAMES if (folder / name).is_file()]
+    found += sorted((folder / _EXTRINSICS).glob("*.txt"), reverse=True)[:1]
+    try:
+        if found:
+            return _of_file(found[0], frames)
+        for name in FOLDERS:
+            if (folder / name).is_dir():
+                return _of_files(folder / name, frames)
+    except InputError as error:
+        logger.warning("%s; going on without ground truth", error)
+    return None
+
+
+def _of_file(path: Path, frames: Sequence[ImagePair]) -> Trajectory:
+    _, lines = read_lines(path)
+    poses = _matrices(lines)
+    if poses is None:
+        return read_tum(path)
+    if len(poses) == len(frames):
+        return Trajectory(_stamps(frames), np.stack(poses))
+    # what has been left out of the images is told by their numbers
+    numbers = [_number(pair.color) for pair in frames]
+    if None in numbers or max(filter(None, numbers), default=0) >= len(poses):
+        raise InputError(
+            path,
+            f"holds {len(poses)} poses without stamps, but there are {len(frames)} frames",
+            "give a trajectory with stamps (--ground-truth FILE)",
+        )
+    return Trajectory(_stamps(frames), np.stack([poses[n] for n in numbers if n is not None]))
+
+
+def _matrices(lines: list[Line]) -> list[Float64] | None:
+    """The poses of matrices on a line each, or a row a line with numbers of frames between."""
+    widths = {len(line.words) for line in lines}
+    try:
+        if widths in ({12}, {16}):
+            return [parse_matrix(line.words) for line in lines]
+        if widths in ({4}, {3, 4}):
+            words = [word for line in lines if len(line.words) == 4 for word in line.words]
+            # rows of four matrices [3, 4] are those of three [4, 4], but for what they hold
+            size = next(n for n in (16, 12) if _are_matrices(words, n))
+            return [parse_matrix(words[i : i + size]) for i in range(0, len(words), size)]
+    except (ValueError, StopIteration):
+        return None
+    return None
+
+
+def _are_matrices(words: list[str], size: int) -> bool:
+    if len(words) % size:
+        return False
+    last = [float(word) for word in words[size - 4 : size]]
+    return last == [0, 0, 0, 1] if size == 16 else size in MATRIX_SHAPES
+
+
+def _of_files(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
+    by_number = {_number(path): path for path in folder.glob("*.txt")}
+    stamps, poses = [], []
+    for pair in frames:
+        path = by_number.get(_number(pair.color))
+        pose = None if path is None else _of_frame(path)
+        if pose is not None:
+            stamps.append(pair.stamp_ns)
+            poses.append(pose)
+    if not poses:
+        raise InputError(folder, "holds no pose of any frame", "name its files as the images are")
+    if len(poses) < len(frames):
+        logger.warning(
+            "%s: %d of %d frames have no pose", folder, len(frames) - len(poses), len(frames)
+        )
+    return Trajectory(np.array(stamps, np.int64), np.stack(poses))
+
+
+def _of_frame(path: Path) -> Float64 | None:
+    """The matrix in a file; None where tracking was lost, which some write as no numbers."""
+    _, lines = read_lines(path)
+    try:
+        return parse_matrix([word for line in lines for word in line.words])
+    except ValueError:
+        return None
+
+
+def _number(path: Path) -> int | None:
+    numbers = _NUMBER.findall(path.stem)
+    return int(numbers[-1]) if numbers else None
+
+
+def _stamps(frames: Sequence[ImagePair]) -> Int64:
+    return np.array([pair.stamp_ns for pair in frames], np.int64)

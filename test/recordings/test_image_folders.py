@@ -1,0 +1,281 @@
+"""Folders as data sets, scanners and exporters leave them; of others is said what is missing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.recordings import Topics, open_recording, recordings
+from rgbd_glue_ros.types import CameraIntrinsics
+
+CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
+FRAMES = 4
+START_NS = 1_305_031_453_000_000_000
+PERIOD_NS = 100_000_000
+POSES = np.stack([se3.exp(np.array([0.1 * i, 0.2, 0.3, 0, 0.1 * i, 0])) for i in range(FRAMES)])
+
+
+def stamp_s(i: int) -> str:
+    return f"{(START_NS + i * PERIOD_NS) / 1e9:.6f}"
+
+
+def metres(i: int) -> float:
+    return 1.0 + i / 2
+
+
+def write(path: Path, image: NDArray[Any]) -> str:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".npy":
+        np.save(path, image)
+    else:
+        assert cv2.imwrite(str(path), image)
+    return path.name
+
+
+def color(i: int, size: tuple[int, int] = (64, 48)) -> NDArray[Any]:
+    return np.full((size[1], size[0], 3), (10 * i, 20, 200), np.uint8)
+
+
+def depth(i: int, units: float, size: tuple[int, int] = (64, 48)) -> NDArray[Any]:
+    return np.full((size[1], size[0]), round(metres(i) * units), np.uint16)
+
+
+def images(
+    folder: Path,
+    color_name: str,
+    depth_name: str,
+    units: float = 1000,
+    color_size: tuple[int, int] = (64, 48),
+) -> None:
+    """Frames whose names hold {i} or {ns} or {s}."""
+    for i in range(FRAMES):
+        words = {"i": i, "s": stamp_s(i), "ns": START_NS + i * PERIOD_NS, "us": i * 33333}
+        write(folder / color_name.format(**words), color(i, color_size))
+        write(folder / depth_name.format(**words), depth(i, units))
+
+
+def text(path: Path, *lines: object) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+def numbers(values: NDArray[Any]) -> str:
+    return " ".join(str(v) for v in values.ravel())
+
+
+def tum_lines(first: int = 0) -> list[str]:
+    return [
+        f"{stamp_s(i)} {numbers(T[:3, 3])} {numbers(se3.quaternion(T))}"
+        for i, T in enumerate(POSES)
+        if i >= first
+    ]
+
+
+K = "60 0 31.5\n0 61 23.5\n0 0 1"
+
+
+def replica(folder: Path) -> None:
+    images(folder, "results/frame{i:06d}.jpg", "results/depth{i:06d}.png", 6553.5)
+    text(folder / "traj.txt", *(numbers(T) for T in POSES))
+    camera = {"w": 64, "h": 48, "fx": 60, "fy": 61, "cx": 31.5, "cy": 23.5, "scale": 6553.5}
+    text(folder.parent / "cam_params.json", json.dumps({"camera": camera}))
+
+
+def lists(folder: Path, color_list: str, depth_list: str, units: float) -> None:
+    color_name, depth_name = color_list.removesuffix(".txt"), depth_list.removesuffix(".txt")
+    images(folder, color_name + "/{s}.png", depth_name + "/{s}.png", units)
+    for name in (color_name, depth_name):
+        rows = (f"{stamp_s(i)} {name}/{stamp_s(i)}.png" for i in range(FRAMES))
+        text(folder / f"{name}.txt", "# timestamp filename", *rows)
+    text(folder / "groundtruth.txt", "timestamp tx ty tz qx qy qz qw", *tum_lines())
+
+
+def eth3d(folder: Path) -> None:
+    lists(folder, "rgb.txt", "depth.txt", 5000)
+    text(folder / "calibration.txt", "60 61 31.5 23.5")
+
+
+def openloris(folder: Path) -> None:
+    lists(folder, "color.txt", "aligned_depth.txt", 1000)
+    text(folder / "K.txt", K)
+
+
+def tum_with_faults(folder: Path) -> None:
+    """Lists with a byte-order mark, names, commas and columns more."""
+    lists(folder, "rgb.txt", "depth.txt", 5000)
+    rows = (f"{stamp_s(i)},rgb/{stamp_s(i)}.png,7" for i in range(FRAMES))
+    text(folder / "rgb.txt", "\ufefftimestamp,filename,exposure", *rows, "", "1305")
+    text(folder / "K.txt", K)
+
+
+def association(folder: Path, depth_first: bool) -> None:
+    images(folder, "rgb/{s}.png", "depth/{s}.png", 5000)
+    rows = []
+    for i in range(FRAMES):
+        both = [f"{stamp_s(i)} {kind}/{stamp_s(i)}.png" for kind in ("rgb", "depth")]
+        rows.append(" ".join(reversed(both) if depth_first else both))
+    text(folder / "associations.txt", *rows)
+    text(folder / "groundtruth.txt", *tum_lines())
+    text(
+        folder / "TUM1.yaml",
+        "%YAML:1.0\nCamera.fx: 60.0\nCamera.fy: 61.0\nCamera.cx: 31.5\nCamera.cy: 23.5",
+        "Camera.width: 64\nCamera.height: 48\nDepthMapFactor: 5000.0",
+    )
+
+
+def open3d(folder: Path) -> None:
+    images(folder, "color/{i:05d}.jpg", "depth/{i:05d}.png")
+    matrix = [60, 0, 0, 0, 61, 0, 31.5, 23.5, 1]
+    camera = {"width": 64, "height": 48, "intrinsic_matrix": matrix}
+    text(folder / "camera_intrinsic.json", json.dumps(camera))
+    blocks = (f"{i} {i} {i + 1}\n" + "\n".join(map(numbers, T)) for i, T in enumerate(POSES))
+    text(folder / "trajectory.log", *blocks)
+
+
+def sun3d(folder: Path) -> None:
+    images(folder, "image/{i:07d}-{us:012d}.jpg", "depth/{i:07d}-{us:012d}.png")
+    for path in (folder / "depth").iterdir():
+        units = np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), np.uint16)
+        write(path, ((units << 3) | (units >> 13)).astype(np.uint16))
+    text(folder / "intrinsics.txt", K)
+    text(folder / "extrinsics/20140817205214.txt", *(numbers(r) for T in POSES for r in T[:3]))
+
+
+def azure(folder: Path) -> None:
+    """Two exporters: depth as floats of metres, colour twice as large."""
+    images(folder, "color/{ns}.png", "depth/{ns}.png", color_size=(128, 96))
+    for i, path in enumerate(sorted((folder / "depth").iterdir())):
+        path.unlink()
+        write(path.with_suffix(".tiff"), np.full((48, 64), metres(i), np.float32))
+    text(folder / "K.txt", "120 0 63.5\n0 122 47.5\n0 0 1")
+    text(folder / "gt.txt", *tum_lines())
+
+
+def record3d(folder: Path) -> None:
+    images(folder, "rgb/{i}.jpg", "depth/{i}.png")
+    for i in range(FRAMES):
+        (folder / f"depth/{i}.png").unlink()
+        write(folder / f"depth/{i}.npy", np.full((48, 64), metres(i), np.float32))
+    write(folder / "confidence/0.png", np.zeros((48, 64), np.uint8))
+    columns = [60, 0, 0, 0, 61, 0, 31.5, 23.5, 1]
+    text(folder / "metadata.json", json.dumps({"K": columns, "w": 64, "h": 48, "fps": 30}))
+    for i, T in enumerate(POSES):
+        text(folder / f"pose/{i}.txt", *map(numbers, T))
+
+
+def kitti_truth(folder: Path) -> None:
+    images(folder, "images/{i:04d}.png", "depth_aligned/{i:04d}.png")
+    images(folder, "images/{i:04d}.png", "depth_raw/{i:04d}.png", 7)
+    text(folder / "K.txt", K)
+    text(folder / "poses.txt", *(numbers(T[:3]) for T in POSES))
+
+
+LAYOUTS: dict[str, Callable[[Path], None]] = {
+    "Replica as NICE-SLAM has it": replica,
+    "ETH3D": eth3d,
+    "OpenLORIS": openloris,
+    "lists with faults": tum_with_faults,
+    "association, colour first": lambda folder: association(folder, False),
+    "association, depth first": lambda folder: association(folder, True),
+    "Open3D and Redwood": open3d,
+    "SUN3D": sun3d,
+    "Azure Kinect, stamps for names": azure,
+    "Record3D": record3d,
+    "poses of KITTI, two kinds of depth": kitti_truth,
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_layout_gives_its_frames_camera_depth_and_poses(layout: str, tmp_path: Path) -> None:
+    folder = tmp_path / "sequence"
+    LAYOUTS[layout](folder)
+    with open_recording(folder) as recording:
+        frames = list(recording)
+        truth = recording.ground_truth
+    assert len(frames) == FRAMES
+    assert np.all(np.diff([frame.stamp_ns for frame in frames]) > 0)
+    camera = frames[0].intrinsics
+    np.testing.assert_allclose(camera.matrix, CAMERA.matrix, atol=0.26)
+    assert (camera.width, camera.height) == (64, 48)
+    for i, frame in enumerate(frames):
+        assert frame.color.shape == (48, 64, 3)
+        assert abs(int(frame.color[24, 32, 0]) - 200) < 5
+        assert frame.depth[24, 32] == pytest.approx(metres(i), abs=2e-3)
+        assert frame.depth_delay_ns == 0
+    assert truth is not None
+    np.testing.assert_allclose(truth.poses, POSES, atol=1e-6)
+    np.testing.assert_allclose(truth.stamps_ns, [frame.stamp_ns for frame in frames], atol=1000)
+
+
+def test_a_list_that_names_a_known_bag_tells_its_camera(tmp_path: Path) -> None:
+    lists(tmp_path / "mine", "rgb.txt", "depth.txt", 5000)
+    listed = (tmp_path / "mine/rgb.txt").read_text()
+    bag = "# color images\n# file: 'rgbd_dataset_freiburg3_structure_notexture_far.bag'\n"
+    (tmp_path / "mine/rgb.txt").write_text(bag + listed)
+    with pytest.raises(InputError, match="camera is 640x480"):
+        next(iter(open_recording(tmp_path / "mine")))
+
+
+def two_depths(folder: Path) -> None:
+    for side in ("a", "b"):
+        images(folder, "rgb/{i}.png", f"depth_{side}/{{i}}.png")
+
+
+def not_calibrated(folder: Path) -> None:
+    images(folder, "rgb/{i}.png", "depth/{i}.png")
+
+
+def strange_numbers(folder: Path) -> None:
+    images(folder, "rgb/{i}.png", "depth/1000{i}.png")
+    (folder / "rgb/0.png").unlink()
+
+
+AMBIGUOUS: dict[str, tuple[Callable[[Path], None], str]] = {
+    "two depth cameras": (
+        two_depths,
+        r"depth_a/#\.png \(4\), depth_b/#\.png \(4\); give one of them \(--depth-topic NAME\)",
+    ),
+    "no calibration": (
+        not_calibrated,
+        r"tells its camera; give the calibration \(--calibration FILE\)",
+    ),
+    "numbers that do not meet": (strange_numbers, "list them in associations.txt"),
+}
+
+
+@pytest.mark.parametrize("case", AMBIGUOUS)
+def test_what_is_ambiguous_or_missing_is_said_with_what_to_type(case: str, tmp_path: Path) -> None:
+    make, said = AMBIGUOUS[case]
+    make(tmp_path / "mine")
+    with pytest.raises(InputError, match=said):
+        open_recording(tmp_path / "mine")
+
+
+def test_the_images_to_take_can_be_named(tmp_path: Path) -> None:
+    for side, units in (("a", 1000), ("b", 2000)):
+        images(tmp_path, "rgb/{i}.png", f"depth_{side}/{{i}}.png", units)
+    topics = Topics(depth="depth_b")
+    frame = next(iter(open_recording(tmp_path, topics, CAMERA)))
+    assert frame.depth[0, 0] == 2.0
+
+
+def test_a_folder_of_recordings_is_none_itself(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        eth3d(tmp_path / "data" / name)
+        images(tmp_path / "plain" / name, "color_{i}.png", "depth_{i}.png")
+    found = recordings([tmp_path])
+    assert [path.relative_to(tmp_path).as_posix() for path in found] == [
+        "data/one",
+        "data/two",
+        "plain/one",
+        "plain/two",
+    ]
