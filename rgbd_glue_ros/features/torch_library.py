@@ -47,7 +47,14 @@ def device_of(name: str) -> Any:
 
 @contextmanager
 def inference(device: Any) -> Iterator[None]:
-    """Nothing is kept for gradients; on a GPU products are taken in half precision."""
+    """Nothing is kept for gradients; on a GPU products are taken in half precision.
+
+    On a CPU one thread computes. Threads of OpenMP wait for each other in a busy loop, and where
+    other work takes the cores, as that of a robot does, two were sixty times as slow as one.
+    """
+    if device.type == "cpu":
+        # of the calling thread, so it is said every time
+        torch.set_num_threads(1)
     half = torch.autocast("cuda", dtype=torch.float16, enabled=device.type == "cuda")
     with torch.inference_mode(), half:
         yield
