@@ -258,6 +258,21 @@ class PoseGraphEdge:
 
 
 @dataclass(frozen=True)
+class DepthSummary:
+    """What a depth image holds.
+
+    Attributes:
+        known: share of its pixels that have a depth, 0 to 1.
+        in_range: share of its pixels whose depth is between ``camera.depth_min`` and ``depth_max``.
+        median_m: of the known ones, metres; NaN if there is none.
+    """
+
+    known: float
+    in_range: float
+    median_m: float
+
+
+@dataclass(frozen=True)
 class OdometryEstimate:
     """What the odometry knows after one frame.
 
@@ -278,6 +293,7 @@ class OdometryEstimate:
             that starts anew.
         edges: measured between keyframes since the estimate before, this frame's included.
         stages_ms: wall time of each stage, milliseconds, registration included.
+        depth: of a frame without a pose, what its depth image holds; None when there is a pose.
     """
 
     stamp_ns: int
@@ -291,6 +307,7 @@ class OdometryEstimate:
     registration: RegistrationResult | None = None
     edges: tuple[PoseGraphEdge, ...] = ()
     stages_ms: dict[str, float] = field(default_factory=dict)
+    depth: DepthSummary | None = None
 
 
 @dataclass(frozen=True)

@@ -109,10 +109,27 @@ class Monitor:
         self._last_pose_ns: int | None = None
         self._without_pose_ns = 0
         self._last_error = ""
+        self._why_no_pose = ""
 
-    def processed(self, estimate: OdometryEstimate, arrived_ns: int, published_ns: int) -> None:
-        """A frame got an estimate, which was published if it holds a pose."""
+    def processed(
+        self, estimate: OdometryEstimate, arrived_ns: int, published_ns: int, why_no_pose: str = ""
+    ) -> None:
+        """A frame got an estimate, which was published if it holds a pose.
+
+        Args:
+            estimate: of the frame.
+            arrived_ns: when its last message came.
+            published_ns: when its pose was published.
+            why_no_pose: in words; "" if it has one.
+        """
         with self._lock:
+            self._why_no_pose = why_no_pose
+            if estimate.depth is not None:
+                self._evidence |= {
+                    "depth_known": f"{estimate.depth.known:.3f}",
+                    "depth_in_range": f"{estimate.depth.in_range:.3f}",
+                    "depth_median_m": f"{estimate.depth.median_m:.3f}",
+                }
             self._state = estimate.state
             self._frames += 1
             self._tracked += estimate.T_odom_camera is not None
@@ -123,7 +140,7 @@ class Monitor:
             self._latencies_ns.append(published_ns - arrived_ns)
             self._published_ns.append(published_ns)
             if estimate.registration is not None:
-                self._evidence = _evidence(estimate.registration)
+                self._evidence |= _evidence(estimate.registration)
 
     def dropped(self, reason: Drop) -> None:
         """A frame got no estimate."""
@@ -151,9 +168,15 @@ class Monitor:
             return {
                 **summary,
                 "without_pose_s": f"{seconds:.3f}",
+                "why_no_pose": self._why_no_pose,
                 **self._evidence,
                 "last_error": self._last_error,
             }
+
+    @property
+    def why_no_pose(self) -> str:
+        """Why the last frame had no pose; "" if it had one."""
+        return self._why_no_pose
 
     @property
     def state(self) -> TrackingState:

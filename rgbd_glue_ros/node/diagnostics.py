@@ -57,7 +57,8 @@ class NodeDiagnostics:
             return DiagnosticStatus.WARN, "paused"
         if self._watch.silence:
             return DiagnosticStatus.STALE, self._watch.silence
-        return DIAGNOSTIC_LEVELS[state], state.value
+        why = self._monitor.why_no_pose
+        return DIAGNOSTIC_LEVELS[state], f"{state.value}: {why}" if why else state.value
 
     def _publish(self) -> None:
         values: dict[str, object] = {**self._monitor.values(time.monotonic_ns())}

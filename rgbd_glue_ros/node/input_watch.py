@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -78,7 +79,8 @@ class NodeWatch:
             self.silence = ""
             return
         why = self._explain_silence(received)
-        if why != self.silence:
+        # counts differ from look to look, and are no news
+        if _without_numbers(why) != _without_numbers(self.silence):
             self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {why}")
         self.silence = why
 
@@ -100,3 +102,7 @@ class NodeWatch:
         elif what not in self._said:
             self._said.add(what)
             self._node.get_logger().warning(line)
+
+
+def _without_numbers(text: str) -> str:
+    return re.sub(r"[\d.]+", "#", text)

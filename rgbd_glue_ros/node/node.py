@@ -48,6 +48,7 @@ from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import NodeExecutor, RosLogHandler, init
 from rgbd_glue_ros.node.tf import listen
+from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, TrackingState
@@ -239,8 +240,9 @@ class OdometryNode(Node):  # type: ignore[misc]
             if self.monitor.is_news("a frame", repr(error)):
                 logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
             return
-        self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns())
-        self._announce(state_before, estimate)
+        why = explain_no_pose(estimate, self._config.camera)
+        self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
+        self._announce(state_before, estimate, why)
         self._update_map(estimate, pose, extrinsics)
 
     def _update_map(
@@ -293,14 +295,16 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._graph.clear()
         self._last_stamp_ns = None
 
-    def _announce(self, before: TrackingState, estimate: OdometryEstimate) -> None:
-        if estimate.state is before:
-            return
-        if estimate.state is TrackingState.LOST:
-            result = estimate.registration
-            reason = f" ({result.status.value})" if result else ""
+    def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
+        """Logs what has changed, and once for each cause why there is no first pose."""
+        if estimate.state is TrackingState.INITIALIZING:
+            if why and self.monitor.is_news("no pose", why):
+                self.get_logger().warning(f"No pose yet: {why}")
+        elif estimate.state is before:
+            pass
+        elif estimate.state is TrackingState.LOST:
             self.get_logger().warning(
-                f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f}{reason}: no pose is published "
+                f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f} ({why}): no pose is published "
                 "until the camera is found again"
             )
         elif before is TrackingState.LOST:

@@ -9,6 +9,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
+from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.keyframe_edges import tracked_covariance
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
@@ -141,7 +142,10 @@ class Odometry:
         else:
             attempt = self._find_pose(view, last, predicted)
             estimate = self._conclude(attempt, last, predicted)
-        if estimate.T_odom_camera is not None:
+        if estimate.T_odom_camera is None:
+            depth = summarise_depth(frame.depth, self._config.camera)
+            estimate = replace(estimate, depth=depth)
+        else:
             self._progress = replace(self._progress, T_guess_camera=T_guess_camera)
         return replace(estimate, stages_ms={"preparation": preparation_ms, **estimate.stages_ms})
 

@@ -18,10 +18,15 @@ from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
+from rgbd_glue_ros.odometry.depth_diagnosis import (
+    doubt_of_scale,
+    explain_no_pose,
+    summarise_depth,
+)
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, to_yaml
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.types import OdometryEstimate, Trajectory
+from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, Trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -58,15 +63,18 @@ def replay(
             is closed in the end.
 
     Raises:
-        InputError: the folder cannot be written, or a frame cannot be read.
+        InputError: the folder cannot be written, a frame cannot be read, or none was tracked.
     """
     start_results(config, folder)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
     odometry = odometry or Odometry(config)
     start = perf_counter()
+    last: OdometryEstimate | None = None
     try:
         with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
             for frame in islice(sequence, limit):
+                if not run.frames:
+                    _warn_of_scale(frame, config, sequence.name)
                 before = perf_counter()
                 estimate = odometry.process(frame)
                 now = perf_counter()
@@ -77,6 +85,7 @@ def replay(
                 for sink in sinks:
                     sink.add(frame, estimate)
                 on_frame(estimate)
+                last = estimate
     except InputError as error:
         done = f"{error.remedy}; the {len(run.frames)} frames before it are done"
         raise InputError(error.where, error.cause, done) from error
@@ -87,7 +96,20 @@ def replay(
             write_results(run, folder)
     if not run.frames:
         raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
+    if last is not None and len(run.trajectory) == 0:
+        why = explain_no_pose(last, config.camera)
+        raise InputError(
+            sequence.name,
+            f"none of its {len(run.frames)} frames was tracked: {why}",
+            f"what there is to see of them is in {folder}",
+        )
     return run
+
+
+def _warn_of_scale(frame: RgbdFrame, config: Config, name: str) -> None:
+    doubt = doubt_of_scale(summarise_depth(frame.depth, config.camera))
+    if doubt is not None:
+        logger.warning("%s: %s", name, doubt)
 
 
 def start_results(config: Config, folder: Path) -> None:

@@ -1,0 +1,69 @@
+"""What a depth image is good for, and in words what is wrong with it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rgbd_glue_ros.parameters import CameraConfig
+from rgbd_glue_ros.types import DepthSummary, Float32, OdometryEstimate
+
+# One pixel of so many rows and columns is looked at: shares to within a percent.
+_STEP = 4
+# With less than this share of the pixels, the image itself is the reason that there is no pose.
+_USABLE_SHARE = 0.03
+# Rooms are neither nearer nor farther as a whole; by the unit of another format, they seem to be.
+_DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 15.0
+# What rooms would be in metres, if these were millimetres
+_MILLIMETRES = (300.0, 8000.0)
+
+_SET_SCALE = "depth_scale (metres of a unit: 0.001 for millimetres, 0.0002 for 5000 to a metre)"
+
+
+def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
+    """Shares and median of a depth image.
+
+    Args:
+        depth: float32 [H, W], metres, NaN where unknown.
+        limits: between which depth is used.
+    """
+    values = depth[::_STEP, ::_STEP]
+    known = values[np.isfinite(values)]
+    in_range = (known >= limits.depth_min) & (known <= limits.depth_max)
+    return DepthSummary(
+        known=len(known) / max(values.size, 1),
+        in_range=int(in_range.sum()) / max(values.size, 1),
+        median_m=float(np.median(known)) if len(known) else float("nan"),
+    )
+
+
+def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
+    """Why a frame has no pose, and what to do where that is known; "" if it has one."""
+    depth = estimate.depth
+    if depth is None:
+        return ""
+    if depth.in_range >= _USABLE_SHARE:
+        result = estimate.registration
+        return "too little is seen to start" if result is None else result.status.value
+    if depth.known < _USABLE_SHARE:
+        return (
+            f"{depth.known:.0%} of the pixels have a depth: see that the topic is that of the "
+            "depth images, and that the camera looks at something within its range"
+        )
+    seen = (
+        f"{depth.known:.0%} of the pixels have a depth, but {depth.in_range:.0%} one from "
+        f"{limits.depth_min:g} to {limits.depth_max:g} m (camera.depth_min, camera.depth_max); "
+        f"the median is {depth.median_m:.3g} m"
+    )
+    if _MILLIMETRES[0] <= depth.median_m <= _MILLIMETRES[1]:
+        return f"{seen}, so these are millimetres: set depth_scale to 0.001"
+    return f"{seen}: if the unit is another, set {_SET_SCALE}"
+
+
+def doubt_of_scale(depth: DepthSummary) -> str | None:
+    """Why the unit of depth may be another than it is taken for; None if nothing speaks for it."""
+    if not depth.known or _DOUBTFUL_NEAR_M <= depth.median_m <= _DOUBTFUL_FAR_M:
+        return None
+    return (
+        f"the median depth is {depth.median_m:.3g} m; if that is not so, the unit is another one: "
+        f"set {_SET_SCALE}"
+    )

@@ -1,0 +1,114 @@
+"""Depth that nothing can be done with is said in words that name the remedy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rigs.bag_frames import recorded_frames
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.replay.replay import METRICS, TRAJECTORY, replay
+from rgbd_glue_ros.odometry.depth_diagnosis import (
+    doubt_of_scale,
+    explain_no_pose,
+    summarise_depth,
+)
+from rgbd_glue_ros.parameters import CameraConfig, load_preset
+from rgbd_glue_ros.types import (
+    DepthSummary,
+    Float32,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+    Trajectory,
+)
+
+LIMITS = CameraConfig(depth_min=0.1, depth_max=8.0)
+NAN = np.float32(np.nan)
+
+
+def wall(metres: float, share: float = 1.0) -> Float32:
+    """Some of the rows of an image at one depth, the rest unknown."""
+    depth = np.full((100, 80), NAN)
+    depth[: round(100 * share)] = metres
+    return depth
+
+
+def missing(depth: Float32) -> str:
+    summary = summarise_depth(depth, LIMITS)
+    return explain_no_pose(OdometryEstimate(1, TrackingState.INITIALIZING, depth=summary), LIMITS)
+
+
+def test_shares_and_median_are_those_of_the_image() -> None:
+    depth = wall(2.0, 0.6)
+    depth[:20] = 20.0
+    assert summarise_depth(depth, LIMITS) == DepthSummary(0.6, 0.4, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("depth", "said"),
+    [
+        (wall(0.0, 0.0), "0% of the pixels have a depth: see that the topic"),
+        (wall(1500.0), "the median is 1.5e+03 m, so these are millimetres: set depth_scale to"),
+        (wall(15.0), "100% of the pixels have a depth, but 0% one from 0.1 to 8 m"),
+        (wall(15.0), "the median is 15 m: if the unit is another, set depth_scale"),
+        (wall(0.002), "the median is 0.002 m: if the unit is another"),
+        (wall(2.0), "too little is seen to start"),
+    ],
+)
+def test_a_frame_without_a_pose_says_why(depth: Float32, said: str) -> None:
+    assert said in missing(depth)
+
+
+@pytest.mark.parametrize(
+    ("median_m", "is_doubtful"),
+    [(0.2, True), (0.5, False), (1.5, False), (10.0, False), (20.0, True)],
+)
+def test_a_median_that_no_room_has_makes_the_unit_doubtful(
+    median_m: float, is_doubtful: bool
+) -> None:
+    doubt = doubt_of_scale(summarise_depth(wall(median_m), LIMITS))
+    assert (doubt is not None) is is_doubtful
+
+
+class Frames:
+    """A recording of these frames."""
+
+    name = "sequence"
+    ground_truth: Trajectory | None = None
+
+    def __init__(self, frames: list[RgbdFrame]) -> None:
+        self.frames = frames
+        self.frame_count = len(frames)
+
+    def __iter__(self):  # type: ignore[no-untyped-def]
+        return iter(self.frames)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(0.0, "0% of the pixels"), (1000.0, "so these are millimetres")]
+)
+def test_a_replay_that_tracks_nothing_is_an_error_and_leaves_its_results(
+    tmp_path: Path, factor: float, said: str
+) -> None:
+    frames = [
+        replace(f, depth=np.where(factor > 0, f.depth * np.float32(factor), NAN))
+        for f in recorded_frames()[:3]
+    ]
+    with pytest.raises(InputError, match=r"^sequence: none of its 3 frames was tracked: ") as error:
+        replay(Frames(frames), load_preset("live"), tmp_path)  # type: ignore[arg-type]
+    assert said in str(error.value)
+    assert (tmp_path / METRICS).is_file()
+    assert (tmp_path / TRAJECTORY).is_file()
+
+
+def test_a_replay_says_that_the_unit_of_depth_is_doubtful(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = [replace(f, depth=f.depth / np.float32(10)) for f in recorded_frames()[:2]]
+    replay(Frames(frames), load_preset("live"), tmp_path)  # type: ignore[arg-type]
+    assert "sequence: the median depth is 0." in caplog.text
+    assert "set depth_scale" in caplog.text
