@@ -7,7 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.recordings.bag.layout import SUFFIXES
+from rgbd_glue_ros.recordings.bag.layout import storage_files
 from rgbd_glue_ros.recordings.formats import format_of
 from rgbd_glue_ros.recordings.sens import SUFFIX
 
@@ -99,10 +99,12 @@ def _below(path: Path, depth: int) -> list[Path]:
 
 
 def _candidates(folder: Path) -> Iterator[Path]:
+    bags = set(storage_files(folder))
     for child in folder.iterdir():
-        if child.suffix in {SUFFIX, *SUFFIXES} or (
-            child.is_dir() and not child.name.startswith(".")
-        ):
+        if child.is_dir():
+            if not child.name.startswith("."):
+                yield child
+        elif child.suffix == SUFFIX or child in bags:
             yield child
 
 

@@ -105,5 +105,9 @@ def open_recording(
     kind = format_of(path)
     if kind is not None:
         return kind.open(path, topics, calibration, inputs or InputConfig())
+    several = layout.separate_bags(path)
+    if several:
+        names = ", ".join(file.name for file in several)
+        raise InputError(path, f"holds several recordings: {names}", "give one of them")
     looked_for = "; ".join(f"{kind.signature} ({kind.name})" for kind in FORMATS)
     raise InputError(path, "is no recording of a known format", f"looked for {looked_for}")

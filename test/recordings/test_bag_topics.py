@@ -140,8 +140,8 @@ def test_a_missing_topic_is_refused_with_a_list_of_what_there_is() -> None:
     with pytest.raises(InputError) as caught:
         find_depth(topics, None, BAG)
     assert str(caught.value) == (
-        "some.bag: no topic of depth found; give one of its topics, which are "
-        "/scan (sensor_msgs/msg/LaserScan, 7), /rgb/image (sensor_msgs/msg/Image, 7)"
+        "some.bag: no topic of depth found; give one of its topics (--depth-topic TOPIC), "
+        "which are /scan (sensor_msgs/msg/LaserScan, 7), /rgb/image (sensor_msgs/msg/Image, 7)"
     )
     with pytest.raises(InputError, match="there is no topic /scan of colour"):
         find_color(topics, "/scan", BAG)
@@ -163,3 +163,70 @@ def test_only_what_is_named_so_is_ground_truth() -> None:
         assert find_ground_truth({**topics, **topics_of({name: POSE})}, None, BAG) == name
     with pytest.raises(InputError, match="there is no topic /tf of ground truth"):
         find_ground_truth(topics, "/tf", BAG)
+
+
+# Where names fail: topics with the encoding of their first image; what should be found of them
+ENCODED = {
+    "OAK-D": (
+        {"/oak/rgb/image_raw": "bgr8", "/oak/stereo/image_raw": "16UC1"},
+        ("/oak/rgb/image_raw", "/oak/stereo/image_raw"),
+    ),
+    "TurtleBot 4": (
+        {"/oakd/rgb/preview/image_raw": "bgr8", "/oakd/stereo/image_raw": "16UC1"},
+        ("/oakd/rgb/preview/image_raw", "/oakd/stereo/image_raw"),
+    ),
+    "another word": ({"/d435/rgb": "rgb8", "/d435/range": "32FC1"}, ("/d435/rgb", "/d435/range")),
+    "no word at all": ({"/a/image": "rgb8", "/b/image": "16UC1"}, ("/a/image", "/b/image")),
+    "infrared and depth": (
+        {
+            "/camera/infra1/image_rect_raw": "mono8",
+            "/camera/infra2/image_rect_raw": "mono8",
+            "/camera/depth/image_rect_raw": "16UC1",
+        },
+        ("/camera/infra1/image_rect_raw", "/camera/depth/image_rect_raw"),
+    ),
+    "two resolutions": (
+        {
+            "/kinect2/qhd/image_color": "bgr8",
+            "/kinect2/qhd/image_depth_rect": "16UC1",
+            "/kinect2/sd/image_color_rect": "bgr8",
+            "/kinect2/sd/image_depth_rect": "16UC1",
+        },
+        ("/kinect2/qhd/image_color", "/kinect2/qhd/image_depth_rect"),
+    ),
+    "three views": (
+        {
+            "/zed/left/color/rect/image": "bgra8",
+            "/zed/right/color/rect/image": "bgra8",
+            "/zed/rgb/color/rect/image": "bgra8",
+            "/zed/depth/depth_registered": "32FC1",
+        },
+        ("/zed/rgb/color/rect/image", "/zed/depth/depth_registered"),
+    ),
+    "no leading slash": (
+        {"camera/rgb/image_color": "bgr8", "camera/depth/image": "16UC1"},
+        ("camera/rgb/image_color", "camera/depth/image"),
+    ),
+}
+
+
+@pytest.mark.parametrize("layout", ENCODED)
+def test_encodings_decide_where_names_do_not(layout: str) -> None:
+    encodings, expected = ENCODED[layout]
+    topics = topics_of(dict.fromkeys(encodings, IMAGE))
+    color = find_color(topics, None, BAG, encodings.__getitem__)
+    assert (color, find_depth(topics, None, BAG, encodings.__getitem__, color)) == expected
+
+
+def test_one_image_in_two_transports_is_one_image() -> None:
+    base = "/camera/aligned_depth_to_color/image_raw"
+    names = [f"{base}/compressed", f"{base}/compressedDepth"]
+    assert find_depth(topics_of(dict.fromkeys(names, COMPRESSED)), None, BAG) == names[1]
+
+
+def test_of_two_cameras_the_depth_of_the_given_colour_is_taken() -> None:
+    names = [f"/{c}/{k}/image_raw" for c in ("front", "rear") for k in ("color", "depth")]
+    topics = topics_of(dict.fromkeys(names, IMAGE))
+    assert find_depth(topics, None, BAG, near="/rear/color/image_raw") == "/rear/depth/image_raw"
+    with pytest.raises(InputError, match=r"give one of them \(--color-topic TOPIC\)"):
+        find_color(topics, None, BAG)

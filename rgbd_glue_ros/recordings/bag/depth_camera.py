@@ -7,7 +7,7 @@ from typing import Any
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
-from rgbd_glue_ros.messages.camera_info import INFO_TYPES
+from rgbd_glue_ros.messages.camera_info import INFO_TYPES, intrinsics_of
 from rgbd_glue_ros.messages.depth_camera import depth_camera
 from rgbd_glue_ros.messages.frame import FrameTopics
 from rgbd_glue_ros.messages.images import base_name
@@ -15,6 +15,7 @@ from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import plain_frame
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.messages.transform_tree import TransformTree
+from rgbd_glue_ros.recordings.bag import realsense
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.types import Float64
 
@@ -28,10 +29,20 @@ class RecordedDepthCamera:
 
     Attributes:
         topics: those of the sequence, with that of the depth camera's info.
+        metres_per_unit: of the depth images; None where the bag does not tell.
     """
 
     def __init__(self, bag: BagFile, topics: FrameTopics) -> None:
-        """Reads the first camera info beside the depth images, and the static transforms."""
+        """Reads the first camera info beside the depth images, and the static transforms.
+
+        Raises:
+            InputError: a bag of the RealSense SDK does not tell where its depth camera is.
+        """
+        self.metres_per_unit: float | None = None
+        self._T_color_depth: Float64 | None = None
+        if realsense.is_realsense(topics.depth):
+            self._read_realsense(bag, topics)
+            return
         namespace = base_name(topics.depth).rpartition("/")[0]
         beside = [
             topic.name
@@ -53,6 +64,15 @@ class RecordedDepthCamera:
             logger.warning("%s; taking depth as registered to colour", error)
             self._info = None
 
+    def _read_realsense(self, bag: BagFile, topics: FrameTopics) -> None:
+        info_topic = realsense.depth_info_topic(topics.depth)
+        self.topics = FrameTopics(topics.color, topics.depth, topics.info, info_topic)
+        self.metres_per_unit = realsense.metres_per_unit(bag, topics.depth)
+        self._info = None
+        if info_topic in bag.topics:
+            self._info = bag.deserialize(next(bag.messages([info_topic])))
+            self._T_color_depth = realsense.T_color_depth(bag, topics.color, topics.depth)
+
     def _read_transforms(self, bag: BagFile) -> None:
         if STATIC_TRANSFORMS not in bag.topics:
             return
@@ -70,6 +90,10 @@ class RecordedDepthCamera:
         """
         if self._info is None:
             return None
+        if self._T_color_depth is not None:
+            # frames have no names there, and depth is never registered
+            camera = intrinsics_of(self._info, self.topics.depth, self.topics.depth_info)
+            return DepthCamera(camera, self._T_color_depth)
         try:
             return depth_camera(
                 match.color, match.depth, match.info, self._info, self._find_transform, self.topics

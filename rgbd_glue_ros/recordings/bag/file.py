@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import yaml
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.serde import SerdeError
@@ -20,7 +21,15 @@ from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import CameraInfo
-from rgbd_glue_ros.recordings.bag.layout import METADATA, SIGNATURE, storage_files
+from rgbd_glue_ros.recordings.bag.layout import (
+    MCAP_MAGIC,
+    METADATA,
+    SIGNATURE,
+    first_bytes,
+    has_log,
+    is_ros1,
+    storage_files,
+)
 from rgbd_glue_ros.recordings.bag.salvage import DamagedError, RecordedMessage, salvage
 
 logger = logging.getLogger(__name__)
@@ -67,14 +76,11 @@ class BagFile:
         self._files = storage_files(path)
         if not self._files:
             raise InputError(path, "is no bag", f"looked for {SIGNATURE}")
-        self.is_ros1 = ".bag" in self._files[0].suffixes
+        _say_what_is_missing(path, self._files)
+        self.is_ros1 = is_ros1(self._files[0])
         self._typestore = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_JAZZY)
         try:
-            reader = AnyReader(
-                [path] if (path / METADATA).is_file() else self._files,
-                default_typestore=self._typestore,
-            )
-            reader.open()
+            reader = self._open_with_index()
         except Exception as error:  # noqa: BLE001 (a damaged file makes it raise almost anything)
             logger.debug("%s: read without its index (%r)", path, error)
             self.topics = self._scan()
@@ -86,6 +92,28 @@ class BagFile:
             raise InputError(
                 path, f"holds no message: {self.damage or 'it is empty'}", "record anew"
             )
+
+    def _open_with_index(self) -> AnyReader:
+        """A reader of the whole file; raises almost anything where there is no such index."""
+        first = self._files[0]
+        if any(has_log(file) for file in self._files):
+            raise DamagedError("its recorder did not finish it")
+        if self.is_ros1 and first_bytes(first).startswith(MCAP_MAGIC):
+            raise DamagedError("no reader takes the messages of ROS 1 in MCAP")
+        reader = AnyReader(
+            [self.path] if (self.path / METADATA).is_file() else self._files,
+            default_typestore=self._typestore,
+        )
+        reader.open()
+        return reader
+
+    def encoding(self, topic: str) -> str:
+        """What the first image of a topic says of its encoding; "" if it is no image."""
+        try:
+            image = self.deserialize(next(self.messages([topic])))
+        except (InputError, StopIteration):
+            return ""
+        return str(getattr(image, "encoding", "") or getattr(image, "format", ""))
 
     def messages(self, topics: Collection[str] = ()) -> Iterator[RecordedMessage]:
         """The messages of some topics (none given: of all), from the beginning, in order of time.
@@ -164,6 +192,27 @@ class BagFile:
             topic: RecordedTopic(topic, message_type, count)
             for (topic, message_type), count in sorted(counts.items())
         }
+
+
+def _say_what_is_missing(path: Path, files: list[Path]) -> None:
+    """Logs which of the files that the metadata names are not there."""
+    if not (path / METADATA).is_file():
+        return
+    try:
+        content = yaml.safe_load((path / METADATA).read_text(encoding="utf-8"))
+        named = content["rosbag2_bagfile_information"]["relative_file_paths"]
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        return
+    missing = {Path(str(name)).name for name in named} - {file.name for file in files}
+    # as many files under other names are the same, renamed
+    if missing and len(files) < len(named):
+        logger.warning(
+            "%s: %d of its %d parts are missing (%s); going on without them",
+            path,
+            len(missing),
+            len(named),
+            ", ".join(sorted(missing)),
+        )
 
 
 def _ros2_camera_info(ros1: Any) -> CameraInfo:

@@ -80,8 +80,9 @@ class BagRecording:
         self.skipped = 0
         have = self._bag.topics
         try:
-            color = find_color(have, wanted.color, path)
-            depth = find_depth(have, wanted.depth, path)
+            encoding = self._bag.encoding
+            color = find_color(have, wanted.color, path, encoding, wanted.depth or "")
+            depth = find_depth(have, wanted.depth, path, encoding, color)
             info = (
                 find_info(have, wanted.info, color, path)
                 if calibration is None
@@ -231,9 +232,8 @@ class BagRecording:
     ) -> RgbdFrame | InputError:
         try:
             taken_by = None if self._inputs.depth_is_registered else depth_camera.of(match)
-            return frame_of_match(
-                match, depth_camera.topics, taken_by, self._inputs.metres_per_unit
-            )
+            unit = self._inputs.metres_per_unit or depth_camera.metres_per_unit
+            return frame_of_match(match, depth_camera.topics, taken_by, unit)
         except InputError as error:
             return error
 

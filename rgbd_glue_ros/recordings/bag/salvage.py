@@ -20,12 +20,14 @@ from typing import IO
 import lz4.frame  # type: ignore[import-untyped]
 from backports import zstd
 
+from rgbd_glue_ros.recordings.bag.layout import (
+    MCAP_MAGIC,
+    ROS1_MAGIC,
+    SQLITE_MAGIC,
+    ZSTD_MAGIC,
+    has_log,
+)
 from rgbd_glue_ros.types import NANOSECONDS
-
-_MCAP_MAGIC = b"\x89MCAP0\r\n"
-_ROS1_MAGIC = b"#ROSBAG V2.0\n"
-_SQLITE_MAGIC = b"SQLite format 3\0"
-_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 _BLOCK = 2**20
 
@@ -58,8 +60,8 @@ def salvage(path: Path) -> Iterator[RecordedMessage]:
         DamagedError: after the last message that can be read, unless the file is whole.
     """
     with path.open("rb") as file:
-        magic = file.read(len(_SQLITE_MAGIC))
-    if magic.startswith(_ZSTD_MAGIC):
+        magic = file.read(len(SQLITE_MAGIC))
+    if magic.startswith(ZSTD_MAGIC):
         with TemporaryDirectory() as folder:
             plain = Path(folder) / path.stem
             _decompress(path, plain)
@@ -118,7 +120,7 @@ class _Mcap:
             record = _exactly(file, size)
             if kind == _SCHEMA:
                 (number,) = struct.unpack_from("<H", record)
-                self._types[number] = _text(record, 2)
+                self._types[number] = _ros2_name(_text(record, 2))
             elif kind == _CHANNEL:
                 number, schema = struct.unpack_from("<HH", record)
                 self._channels[number] = _text(record, 4), self._types.get(schema, "")
@@ -142,9 +144,15 @@ def _text(record: bytes, position: int) -> str:
     return record[position + 4 : position + 4 + size].decode()
 
 
+def _ros2_name(message_type: str) -> str:
+    """``sensor_msgs/msg/Image``, which ROS 1 calls ``sensor_msgs/Image``."""
+    package, _, name = message_type.rpartition("/")
+    return message_type if "/" in package else f"{package}/msg/{name}"
+
+
 def _salvage_mcap(path: Path) -> Iterator[RecordedMessage]:
     with path.open("rb") as file:
-        file.seek(len(_MCAP_MAGIC))
+        file.seek(len(MCAP_MAGIC))
         yield from _Mcap().messages(file)
         # the data end with a record of their own; after it come index and footer
         if not file.read(1):
@@ -175,9 +183,8 @@ class _Ros1:
                 plain = _DECOMPRESS[header[b"compression"].decode()](data)
                 yield from self.messages(BytesIO(plain))
             elif kind == _ROS1_CONNECTION:
-                package, _, name = _fields(data)[b"type"].decode().rpartition("/")
-                topic = header[b"topic"].decode()
-                self._connections[header[b"conn"]] = topic, f"{package}/msg/{name}"
+                topic, kind_name = header[b"topic"].decode(), _fields(data)[b"type"].decode()
+                self._connections[header[b"conn"]] = topic, _ros2_name(kind_name)
             elif kind == _ROS1_MESSAGE:
                 seconds, nanoseconds = struct.unpack("<II", header[b"time"])
                 yield RecordedMessage(
@@ -201,7 +208,7 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
 
 def _salvage_ros1(path: Path) -> Iterator[RecordedMessage]:
     with path.open("rb") as file:
-        file.seek(len(_ROS1_MAGIC))
+        file.seek(len(ROS1_MAGIC))
         reader = _Ros1()
         yield from reader.messages(file)
         if not reader.is_indexed:
@@ -244,7 +251,9 @@ def _without_the_last_larger_than(
 
 
 def _sqlite_messages(path: Path) -> Iterator[RecordedMessage]:
-    connection = sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)
+    # a log beside the file is read only where the file may change
+    mode = "mode=ro" if has_log(path) else "immutable=1"
+    connection = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)
     try:
         # else SQLite would read nothing of a file that is shorter than its header says
         connection.execute("PRAGMA writable_schema = ON")
@@ -278,7 +287,7 @@ def _plain(data: bytes) -> bytes:
 
     CDR never begins like zstd.
     """
-    if data.startswith(_ZSTD_MAGIC):
+    if data.startswith(ZSTD_MAGIC):
         with suppress(zstd.ZstdError):
             return zstd.decompress(data)
     return data
@@ -292,7 +301,7 @@ _DECOMPRESS: Mapping[str, Callable[[bytes], bytes]] = {
     "bz2": bz2.decompress,
 }
 _READERS: Mapping[bytes, Callable[[Path], Iterator[RecordedMessage]]] = {
-    _MCAP_MAGIC: _salvage_mcap,
-    _ROS1_MAGIC: _salvage_ros1,
-    _SQLITE_MAGIC: _salvage_sqlite,
+    MCAP_MAGIC: _salvage_mcap,
+    ROS1_MAGIC: _salvage_ros1,
+    SQLITE_MAGIC: _salvage_sqlite,
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
@@ -14,6 +15,8 @@ from rgbd_glue_ros.messages.poses import POSE_TYPES
 from rgbd_glue_ros.recordings.bag.file import RecordedTopic
 
 _Rule = Callable[[RecordedTopic], bool]
+EncodingOf = Callable[[str], str]
+"""Gives what the first image of a topic says of its encoding."""
 
 
 @dataclass(frozen=True)
@@ -33,46 +36,75 @@ class Topics:
     ground_truth: str | None = None
 
 
-def find_color(topics: Mapping[str, RecordedTopic], wanted: str | None, bag: Path) -> str:
-    """The topic of the colour images.
+def find_color(
+    topics: Mapping[str, RecordedTopic],
+    wanted: str | None,
+    bag: Path,
+    encoding: EncodingOf = lambda _: "",
+    near: str = "",
+) -> str:
+    """The topic of the colour images; of infrared ones where there are no others.
+
+    Args:
+        topics: of the bag.
+        wanted: topic to take; None finds it.
+        bag: for errors.
+        encoding: tells that of a topic's images, for where names do not.
+        near: a topic of the same camera, "" if none is known.
 
     Raises:
         InputError: there is none, or more than one; lists what there is.
     """
     images = _of_types(topics, IMAGE_TYPES)
+    no_depth = [t for t in images if not _is_named_depth(t)]
+    if not any(map(_named(r"rgb|colou?r"), no_depth)):
+        no_depth = [t for t in no_depth if not _is_depth(encoding(t.name))]
+    colors = [t for t in no_depth if not _is_infrared(t)]
+    found = _best(
+        colors or [t for t in no_depth if not _named("thermal")(t)],
+        _named(r"rgb|colou?r"),
+        # what was computed from other images has lost some of them
+        lambda t: not is_rectified(t.name),
+        # image_color, not image_mono beside it
+        lambda t: re.search(r"rgb|colou?r", base_name(t.name).rpartition("/")[2]) is not None,
+        # of a pair of cameras, depth is in the view of the left one
+        lambda t: not _named(r"right|infra2")(t),
+        _named(r"(^|/)rgb(/|$)"),
+    )
     return _chosen(
-        "colour",
-        wanted,
-        _best(
-            [t for t in images if not _named(r"depth|infra|thermal|(^|[/_])ir([/_]|$)")(t)],
-            _named(r"rgb|colou?r"),
-            # what was computed from other images has lost some of them
-            lambda t: not is_rectified(t.name),
-            # image_color, not image_mono beside it
-            lambda t: re.search(r"rgb|colou?r", base_name(t.name).rpartition("/")[2]) is not None,
-            _is_raw,
-        ),
-        images,
-        topics,
-        bag,
+        "colour", "--color-topic TOPIC", wanted, _nearest(found, near), images, topics, bag
     )
 
 
-def find_depth(topics: Mapping[str, RecordedTopic], wanted: str | None, bag: Path) -> str:
+def find_depth(
+    topics: Mapping[str, RecordedTopic],
+    wanted: str | None,
+    bag: Path,
+    encoding: EncodingOf = lambda _: "",
+    near: str = "",
+) -> str:
     """The topic of the depth images; those registered to colour come first.
 
+    Args:
+        topics: as of ``find_color``.
+        wanted: the same.
+        bag: the same.
+        encoding: the same.
+        near: topic of the colour images, "" if it is not known.
+
     Raises:
         InputError: there is none, or more than one; lists what there is.
     """
     images = _of_types(topics, IMAGE_TYPES)
-    return _chosen(
-        "depth",
-        wanted,
-        _best([t for t in images if _named("depth")(t)], _named("align|regist|_to_"), _is_raw),
-        images,
-        topics,
-        bag,
-    )
+    named = [t for t in images if _is_named_depth(t)]
+    if wanted is None and not named:
+        named = [
+            t
+            for t in images
+            if t.name != near and not _is_infrared(t) and _is_depth(encoding(t.name))
+        ]
+    found = _nearest(_best(named, _named("align|regist|_to_")), near)
+    return _chosen("depth", "--depth-topic TOPIC", wanted, found, images, topics, bag)
 
 
 def find_info(
@@ -84,15 +116,9 @@ def find_info(
         InputError: there is none, or more than one; lists what there is.
     """
     infos = _of_types(topics, INFO_TYPES)
-    namespace = base_name(color).rpartition("/")[0]
-    return _chosen(
-        "camera info",
-        wanted,
-        _best(infos, lambda t: t.name.rpartition("/")[0] == namespace, _named(r"rgb|colou?r")),
-        infos,
-        topics,
-        bag,
-    )
+    found = _best(_nearest(infos, color), _named(r"rgb|colou?r"))
+    option = "--info-topic TOPIC, or --calibration FILE"
+    return _chosen("camera info", option, wanted, found, infos, topics, bag)
 
 
 def find_ground_truth(
@@ -107,11 +133,12 @@ def find_ground_truth(
     named = [t for t in poses if _named(r"truth|mocap|vicon|vrpn|optitrack|(^|/)gt(/|_|$)")(t)]
     if wanted is None and not named:
         return None
-    return _chosen("ground truth", wanted, named, poses, topics, bag)
+    return _chosen("ground truth", "--truth-topic TOPIC", wanted, named, poses, topics, bag)
 
 
 def _chosen(
     what: str,
+    option: str,
     wanted: str | None,
     found: list[RecordedTopic],
     possible: list[RecordedTopic],
@@ -120,16 +147,44 @@ def _chosen(
 ) -> str:
     if wanted is not None:
         name = "/" + wanted.lstrip("/")
-        found = _best([t for t in possible if base_name(t.name) == base_name(name)], _is_raw)
-        found = [t for t in possible if t.name == name] or found
-    if len(found) == 1:
-        return found[0].name
-    have = ", ".join(f"{t.name} ({t.type}, {t.message_count})" for t in topics.values())
+        found = _best(
+            [t for t in possible if "/" + base_name(t.name).lstrip("/") == base_name(name)]
+        )
+        found = [t for t in possible if "/" + t.name.lstrip("/") == name] or found
+    # one base name is one image, in whichever transports
+    if len({base_name(t.name) for t in found}) == 1:
+        return _best(found, _is_raw, _named("compressedDepth$"))[0].name
     if found:
         cause = f"{len(found)} topics may be {what}: {', '.join(t.name for t in found)}"
-    else:
-        cause = f"there is no topic {wanted} of {what}" if wanted else f"no topic of {what} found"
-    raise InputError(bag, cause, f"give one of its topics, which are {have}")
+        raise InputError(bag, cause, f"give one of them ({option})")
+    have = ", ".join(f"{t.name} ({t.type}, {t.message_count})" for t in topics.values())
+    cause = f"there is no topic {wanted} of {what}" if wanted else f"no topic of {what} found"
+    raise InputError(bag, cause, f"give one of its topics ({option}), which are {have}")
+
+
+def _nearest(topics: list[RecordedTopic], name: str) -> list[RecordedTopic]:
+    """Those whose names begin with most of the parts that another topic's begins with."""
+    shared = [_shared_parts(t.name, name) for t in topics]
+    most = max(shared, default=0)
+    return [t for t, count in zip(topics, shared, strict=True) if count == most]
+
+
+def _shared_parts(first: str, second: str) -> int:
+    parts = zip(first.strip("/").split("/"), second.strip("/").split("/"), strict=False)
+    return sum(1 for _ in takewhile(lambda both: both[0] == both[1], parts))
+
+
+def _is_named_depth(topic: RecordedTopic) -> bool:
+    return _named("depth")(topic)
+
+
+def _is_infrared(topic: RecordedTopic) -> bool:
+    return _named(r"infra|thermal|(^|[/_])ir([/_]|$)")(topic)
+
+
+def _is_depth(encoding: str) -> bool:
+    """Whether images of an encoding can be nothing but depth."""
+    return re.match(r"16[US]C1|32FC1|64FC1|z16", encoding, re.IGNORECASE) is not None
 
 
 def _best(topics: list[RecordedTopic], *rules: _Rule) -> list[RecordedTopic]:
