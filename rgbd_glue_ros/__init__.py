@@ -1,1 +1,90 @@
-"""Live RGB-D odometry by RGBD-Glue: visual correspondences guide geometric ones."""
+"""Live RGB-D odometry by RGBD-Glue: visual correspondences guide geometric ones.
+
+What programs need is here, and loaded when it is first used. What is not here may change.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.errors import InputError, MissingExtraError
+    from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
+    from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+    from rgbd_glue_ros.features import add_visual_feature
+    from rgbd_glue_ros.features.visual import VisualMatches
+    from rgbd_glue_ros.odometry.odometry import Odometry
+    from rgbd_glue_ros.parameters import Config, load_preset, load_yaml, with_values
+    from rgbd_glue_ros.recordings import open_recording
+    from rgbd_glue_ros.registration.frames import register
+    from rgbd_glue_ros.types import (
+        CameraIntrinsics,
+        OdometryEstimate,
+        RegistrationResult,
+        RegistrationStatus,
+        RgbdFrame,
+        TrackingState,
+        Trajectory,
+        View,
+    )
+
+_PLACES = {
+    "errors": ("InputError", "MissingExtraError"),
+    "evaluation.trajectory": ("read_tum", "write_tum"),
+    "evaluation.trajectory_errors": ("evaluate",),
+    "features": ("add_visual_feature",),
+    "features.visual": ("VisualMatches",),
+    "odometry.odometry": ("Odometry",),
+    "parameters": ("Config", "load_preset", "load_yaml", "with_values"),
+    "recordings": ("open_recording",),
+    "registration.frames": ("register",),
+    "types": (
+        "CameraIntrinsics",
+        "OdometryEstimate",
+        "RegistrationResult",
+        "RegistrationStatus",
+        "RgbdFrame",
+        "TrackingState",
+        "Trajectory",
+        "View",
+    ),
+}
+"""The modules that the public names come from."""
+
+__all__ = [
+    "CameraIntrinsics",
+    "Config",
+    "InputError",
+    "MissingExtraError",
+    "Odometry",
+    "OdometryEstimate",
+    "RegistrationResult",
+    "RegistrationStatus",
+    "RgbdFrame",
+    "TrackingState",
+    "Trajectory",
+    "View",
+    "VisualMatches",
+    "add_visual_feature",
+    "evaluate",
+    "load_preset",
+    "load_yaml",
+    "open_recording",
+    "read_tum",
+    "register",
+    "with_values",
+    "write_tum",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, from its module."""
+    for module, names in _PLACES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__]

@@ -12,6 +12,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from rgbd_glue_ros.input_checks import check_frame, check_intrinsics
+
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 UInt8 = NDArray[np.uint8]
@@ -58,6 +60,14 @@ class CameraIntrinsics:
     distortion: tuple[float, ...] = ()
     lens: LensModel = LensModel.BROWN_CONRADY
 
+    def __post_init__(self) -> None:
+        """Checks the numbers.
+
+        Raises:
+            InputError: a size, a focal length or a centre is none.
+        """
+        check_intrinsics(self)
+
     @property
     def matrix(self) -> Float64:
         """The camera matrix K, shape [3, 3]."""
@@ -102,6 +112,14 @@ class RgbdFrame:
     intrinsics: CameraIntrinsics
     frame_id: str = ""
     depth_delay_ns: int = 0
+
+    def __post_init__(self) -> None:
+        """Checks the images.
+
+        Raises:
+            InputError: they are of another type, shape or unit.
+        """
+        check_frame(self)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.alike import Alike
 from rgbd_glue_ros.features.geometric import (
     GeometricFeature,
@@ -14,7 +15,7 @@ from rgbd_glue_ros.features.geometric import (
 from rgbd_glue_ros.features.minispinnet import MiniSpinNet
 from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk, orb, sift
 from rgbd_glue_ros.features.xfeat import XFeat
-from rgbd_glue_ros.parameters import FeaturesConfig
+from rgbd_glue_ros.parameters import FeaturesConfig, add_choice
 
 VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "none": lambda _: NoVisualFeature(),
@@ -33,3 +34,19 @@ GEOMETRIC: dict[str, Callable[[FeaturesConfig], GeometricFeature]] = {
     "fpfh_grid": GridFpfh,
     "minispinnet": MiniSpinNet,
 }
+
+
+def add_visual_feature(name: str, make: Callable[[FeaturesConfig], VisualFeature]) -> None:
+    """Makes ``features.visual`` take one more name, in this process.
+
+    Args:
+        name: of the feature.
+        make: makes it from its parameters; called once for every registration or odometry.
+
+    Raises:
+        InputError: there is a feature of that name.
+    """
+    if name in VISUAL:
+        raise InputError(f"visual feature {name!r}", "exists already", "give it another name")
+    VISUAL[name] = make
+    add_choice("features.visual", name)

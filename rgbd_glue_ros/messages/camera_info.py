@@ -201,13 +201,14 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
             "calibrate it and give the file to its driver (camera_info_url)",
         )
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    expected = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    if not (np.isfinite(matrix).all() and np.array_equal(matrix, expected) and min(fx, fy) > 0):
+        raise _no_camera(name, matrix, msg, where)
     camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy)
-    if not (np.array_equal(matrix, camera.matrix) and min(fx, fy) > 0):
-        raise _no_camera(name, matrix, camera, where)
     if _is_without_size(msg):
         return camera
     if not _is_plausible(camera):
-        raise _no_camera(name, matrix, camera, where)
+        raise _no_camera(name, matrix, msg, where)
     return _binned(_cropped(camera, msg, where), msg, where)
 
 
@@ -218,10 +219,10 @@ def _is_plausible(camera: CameraIntrinsics) -> bool:
     )
 
 
-def _no_camera(name: str, matrix: Float64, camera: CameraIntrinsics, where: str) -> InputError:
+def _no_camera(name: str, matrix: Float64, msg: CameraInfo, where: str) -> InputError:
     return InputError(
         where,
-        f"{name} is no camera matrix of {camera.width}x{camera.height} pixels: {matrix.tolist()}",
+        f"{name} is no camera matrix of {msg.width}x{msg.height} pixels: {matrix.tolist()}",
         "calibrate the camera again",
     )
 

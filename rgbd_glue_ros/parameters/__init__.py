@@ -39,6 +39,7 @@ from rgbd_glue_ros.parameters.node import NodeConfig
 from rgbd_glue_ros.parameters.parameter import (
     Parameter,
     Value,
+    add_choice,
     parameters,
     unknown_parameter,
     values,
@@ -68,6 +69,7 @@ __all__ = [
     "RefineConfig",
     "TimeOffsetsConfig",
     "Value",
+    "add_choice",
     "by_current_names",
     "explain",
     "load_preset",

@@ -100,6 +100,15 @@ class Parameter:
         return text + (f" ({self.unit})" if self.unit else "")
 
 
+# What programs that use the package have added to the choices of parameters, by full name.
+_added: dict[str, tuple[str, ...]] = {}
+
+
+def add_choice(name: str, choice: str) -> None:
+    """Lets a parameter (dotted name) take one more text, in this process."""
+    _added[name] = (*_added.get(name, ()), choice)
+
+
 def parameter(default: Value, description: str, **declaration: Any) -> Any:
     """The field of a configuration that is a parameter.
 
@@ -128,7 +137,8 @@ def parameters(config: object, prefix: str = "") -> Iterator[Parameter]:
     """The declarations of all parameters of a configuration (class or instance), in order."""
     for item in fields(config):  # type: ignore[arg-type]
         if "parameter" in item.metadata:
-            yield replace(item.metadata["parameter"], name=prefix + item.name)
+            declared, name = item.metadata["parameter"], prefix + item.name
+            yield replace(declared, name=name, choices=declared.choices + _added.get(name, ()))
             continue
         fixed = item.metadata["fixed"]
         for inner in parameters(_section_class(item), f"{prefix}{item.name}."):

@@ -97,11 +97,10 @@ def test_a_tum_folders_name_tells_its_camera(tmp_path: Path, name: str, fx: floa
     sequence = open_recording(write_tum_folder(tmp_path / name))
     with pytest.raises(InputError, match="is 64x48, but the camera is 640x480"):
         next(iter(sequence))
-    camera = CameraIntrinsics(640, 480, fx, 0, 0, 0)
     for file in (tmp_path / name).glob("*/*.png"):
         image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(file), cv2.resize(image, (640, 480), interpolation=cv2.INTER_NEAREST))
-    assert next(iter(sequence)).intrinsics.fx == camera.fx
+    assert next(iter(sequence)).intrinsics.fx == fx
 
 
 def test_a_tum_folder_of_an_unknown_camera_wants_a_calibration(tmp_path: Path) -> None:

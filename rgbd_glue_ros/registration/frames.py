@@ -1,0 +1,34 @@
+"""Registers two frames that nothing else is known of."""
+
+from __future__ import annotations
+
+from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.parameters import Config, load_preset
+from rgbd_glue_ros.registration.glue import Glue
+from rgbd_glue_ros.types import RegistrationResult, RgbdFrame
+
+
+def register(
+    source: RgbdFrame, target: RgbdFrame, config: Config | None = None
+) -> RegistrationResult:
+    """The transform between two frames by sections 3.1 to 3.3 of the paper.
+
+    No prior precedes it and no refinement follows: these are the odometry's, which knows more.
+
+    Args:
+        source: frame whose points the transform maps.
+        target: frame that it maps them to.
+        config: features and parameters; None takes the preset ``paper``.
+
+    Returns:
+        ``T_target_source`` [4, 4] in metres with its covariance, or the reason why there is none.
+
+    Raises:
+        InputError: a feature cannot be had.
+        MissingExtraError: a library of a feature is not installed.
+    """
+    config = config or load_preset("paper")
+    glue = Glue(config)
+    return glue.register(
+        glue.extract(view_of(source, config.camera)), glue.extract(view_of(target, config.camera))
+    )

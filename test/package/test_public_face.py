@@ -1,0 +1,123 @@
+"""What programs import: there, loaded when it is used, and strict about what it is given."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from rigs.paths import ROOT
+
+import rgbd_glue_ros
+from rgbd_glue_ros import CameraIntrinsics, InputError, RgbdFrame, Trajectory, read_tum, types
+
+CAMERA = CameraIntrinsics(32, 24, 30.0, 30.0, 15.5, 11.5)
+COLOR = np.zeros((24, 32, 3), np.uint8)
+DEPTH = np.full((24, 32), 2.0, np.float32)
+EXAMPLES = ROOT / "examples"
+BAG = ROOT / "bags" / "living_room"
+
+
+def example(name: str, *words: object, cwd: Path = ROOT) -> str:
+    """What an example prints."""
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name, *map(str, words)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_package_alone_loads_nothing_and_every_name_of_it_is_there() -> None:
+    program = "import sys, rgbd_glue_ros; print(sorted({'numpy', 'cv2'} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n"
+    for name in rgbd_glue_ros.__all__:
+        assert getattr(rgbd_glue_ros, name).__doc__, f"{name} has no docstring"
+    assert rgbd_glue_ros.Trajectory is types.Trajectory
+    assert dir(rgbd_glue_ros) == sorted(rgbd_glue_ros.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Odometri'"):
+        _ = rgbd_glue_ros.Odometri
+
+
+def test_arrays_that_are_a_frame_are_taken_in_colour_and_grey() -> None:
+    for color in (COLOR, COLOR[:, :, 0]):
+        assert RgbdFrame(0, color, DEPTH, CAMERA).color is color
+
+
+@pytest.mark.parametrize(
+    ("changes", "where", "says"),
+    [
+        ({"depth": np.full((24, 32), 2000, np.uint16)}, "depth", "d / 1000"),
+        ({"depth": DEPTH.astype(np.float64)}, "depth", "is float64 [24, 32]; give float32"),
+        ({"depth": DEPTH[:, :, None]}, "depth", "is float32 [24, 32, 1]; give float32 [H, W]"),
+        ({"depth": DEPTH * 1000}, "depth", "is 2000 m in the middle, which are rather millimetres"),
+        ({"depth": DEPTH[:12]}, "depth", "give depth registered to color"),
+        ({"depth": DEPTH.tolist()}, "depth", "is a list"),
+        ({"color": COLOR / 255}, "color", "is float64 [24, 32, 3]; give uint8"),
+        ({"color": np.zeros((24, 32, 4), np.uint8)}, "color", "[H, W, 3] RGB or [H, W] grey"),
+        ({"color": np.zeros(24, np.uint8)}, "color", "is uint8 [24]"),
+        ({"stamp_ns": 1.5}, "stamp_ns", "is 1.5; give whole nanoseconds"),
+        ({"intrinsics": CAMERA.scaled(64, 48)}, "intrinsics", "64x48, but the images 32x24"),
+    ],
+)
+def test_what_is_no_frame_is_refused_with_what_to_give(
+    changes: dict[str, object], where: str, says: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        replace(RgbdFrame(0, COLOR, DEPTH, CAMERA), **changes)  # type: ignore[arg-type]
+    assert refused.value.where == f"RgbdFrame.{where}"
+    assert says in str(refused.value)
+
+
+def test_depth_that_is_known_nowhere_is_depth() -> None:
+    RgbdFrame(0, COLOR, np.full((24, 32), np.nan, np.float32), CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("fx", 0.0), ("fy", -1.0), ("fx", np.nan), ("cx", np.inf), ("width", -1)]
+)
+def test_a_camera_that_sees_nothing_is_refused(name: str, value: float) -> None:
+    with pytest.raises(InputError, match=rf"^CameraIntrinsics\.{name}: is "):
+        replace(CAMERA, **{name: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+def test_an_example_is_short(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) < 40
+
+
+def test_the_example_of_arrays_finds_how_the_camera_moved() -> None:
+    found, truth, _ = example("arrays_to_pose.py").splitlines()
+    np.testing.assert_allclose(
+        [float(word) for word in found.split()[2:5]],
+        [float(word) for word in truth.split()[2:5]],
+        atol=0.001,
+    )
+
+
+def test_the_example_of_a_bag_leaves_a_trajectory_and_a_picture(tmp_path: Path) -> None:
+    example("bag_to_trajectory.py", BAG, tmp_path / "out")
+    trajectory: Trajectory = read_tum(tmp_path / "out" / "trajectory.txt")
+    assert len(trajectory) > 90
+    picture = cv2.imread(str(tmp_path / "out" / "path.png"))
+    assert picture is not None
+    assert (picture != 255).any()
+
+
+def test_the_example_of_a_feature_of_ones_own_tracks_with_it() -> None:
+    assert example("own_visual_feature.py", BAG).count("'tracking'") > 90
+
+
+def test_a_feature_cannot_take_the_name_of_another() -> None:
+    with pytest.raises(InputError, match="visual feature 'orb': exists already"):
+        rgbd_glue_ros.add_visual_feature("orb", lambda _: None)  # type: ignore[arg-type,return-value]
