@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -83,22 +84,37 @@ class Mapper:
         """The optimum, after keyframes that it takes near each other were compared, too."""
         first = optimise(self.graph)
         before = len(self.edges)
-        self._close_near(first.graph.keyframes.poses)
+        poses = dict(enumerate(first.graph.keyframes.poses))
+        for keyframe in self.keyframes:
+            self.compare_near(keyframe, poses)
         return first if len(self.edges) == before else optimise(self.graph)
 
-    def _close_near(self, poses: Float64) -> None:
-        """Compares each keyframe with the nearest earlier ones that it is not linked to."""
-        for child in self.keyframes:
-            earlier = range(child.number - self._config.odometry.window)
-            apart = {n: se3.difference(poses[n], poses[child.number]) for n in earlier}
-            near = sorted((n for n in earlier if apart[n] < _NEAR), key=apart.__getitem__)
-            unlinked = [n for n in near if not self._is_linked(n, child.number)]
-            for number in unlinked[:_NEAREST]:
-                expected = se3.inverse(poses[number]) @ poses[child.number]
-                parent = self.keyframes[number]
-                edge = loop_edge(parent, child, self._glue, self._config, expected)
-                if edge is not None:
-                    self.edges.append(edge)
+    def compare_near(
+        self, child: MapKeyframe, poses: Mapping[int, Float64]
+    ) -> tuple[PoseGraphEdge, ...]:
+        """Compares a keyframe with the nearest earlier ones that it is not linked to.
+
+        Args:
+            child: of those that were added.
+            poses: T_map_camera [4, 4] of keyframes by their numbers, this one among them.
+
+        Returns:
+            The loops found.
+        """
+        last = child.number - self._config.odometry.window
+        T_child = poses[child.number]
+        apart = {n: se3.difference(T, T_child) for n, T in poses.items() if n < last}
+        near = sorted((n for n in apart if apart[n] < _NEAR), key=apart.__getitem__)
+        unlinked = [n for n in near if not self._is_linked(n, child.number)]
+        found = [
+            loop_edge(
+                self.keyframes[n], child, self._glue, self._config, se3.inverse(poses[n]) @ T_child
+            )
+            for n in unlinked[:_NEAREST]
+        ]
+        loops = tuple(edge for edge in found if edge is not None)
+        self.edges += loops
+        return loops
 
     def _is_linked(self, parent: int, child: int) -> bool:
         return any(edge.parent == parent and edge.child == child for edge in self.edges)

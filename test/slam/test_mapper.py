@@ -3,81 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pytest
-from rigs.bag_frames import recorded_frames, true_poses
+from rigs.drifted import config, drifted, rmse
 
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.parameters import Config, load_preset, with_values
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import HammingVotes
 from rgbd_glue_ros.slam.loop_closure import loop_edge
-from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
-
-
-@lru_cache(maxsize=1)
-def config() -> Config:
-    """Keyframes near each other, and drift left in: what loops are to find."""
-    changed = {"keyframe_translation": 0.06, "keyframe_rotation": 0.06, "window": 2}
-    changed |= {"drift_radius": 0.0}
-    return with_values(load_preset("live"), {f"odometry.{k}": v for k, v in changed.items()})
-
-
-@lru_cache(maxsize=1)
-def tracked() -> tuple[tuple[MapKeyframe, ...], tuple[PoseGraphEdge, ...], Float64]:
-    """Keyframes of the recording, what was measured between them, and their true poses."""
-    odometry = Odometry(config())
-    keyframes: list[MapKeyframe] = []
-    edges: list[PoseGraphEdge] = []
-    rows: list[int] = []
-    for row, frame in enumerate(recorded_frames()):
-        estimate = odometry.process(frame)
-        edges += estimate.edges
-        newest = odometry.newest_keyframe
-        if estimate.is_keyframe:
-            assert newest is not None
-            assert estimate.T_odom_camera is not None
-            keyframes.append(MapKeyframe.of(newest, estimate.T_odom_camera))
-            rows.append(row)
-    return tuple(keyframes), tuple(edges), true_poses()[rows]
-
-
-def drifting(T: Float64, number: int) -> Float64:
-    """A pose with the drift of so many keyframes: 5 mm and 2 mrad each."""
-    step = se3.exp(np.array([0.005, 0, 0, 0, 0.002, 0]))
-    return np.linalg.matrix_power(step, number) @ T
+from rgbd_glue_ros.types import EdgeOrigin, Float64, Trajectory
 
 
 def mapped_with_drift() -> Mapper:
     """A mapper fed with keyframes and edges that have drifted."""
     mapper = Mapper(config(), HammingVotes())
-    keyframes, edges, _ = tracked()
-    for keyframe in keyframes:
-        T = drifting(keyframe.T_odom_camera, keyframe.number)
-        mapper.add(replace(keyframe, T_odom_camera=T), config().refine)
-    for edge in edges:
-        T_parent, T_child = (
-            mapper.keyframes[number].T_odom_camera for number in (edge.parent, edge.child)
-        )
-        mapper.add_edges((replace(edge, T_parent_child=se3.inverse(T_parent) @ T_child),))
+    for known in drifted():
+        mapper.add_edges(known.edges)
+        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config().refine)
     return mapper
 
 
-def rmse(poses: Float64, truth: Float64) -> float:
-    T = truth[0] @ se3.inverse(poses[0])
-    return float(np.sqrt(np.mean(np.sum(((T @ poses) - truth)[:, :3, 3] ** 2, axis=1))))
+def true() -> Float64:
+    return np.array([known.T_true for known in drifted()])
 
 
 def test_injected_drift_is_taken_out_where_the_camera_comes_back() -> None:
     pytest.importorskip("gtsam", reason="GTSAM is not installed")
     mapper = mapped_with_drift()
-    truth = tracked()[2]
+    truth = true()
     before = rmse(mapper.graph.keyframes.poses, truth)
     optimum = mapper.finish()
     after = rmse(optimum.graph.keyframes.poses, truth)
@@ -90,7 +46,7 @@ def test_loops_agree_with_the_truth_as_far_as_their_covariance_says() -> None:
     mapper = mapped_with_drift()
     loops = tuple(edge for edge in mapper.edges if edge.origin is EdgeOrigin.LOOP)
     assert len(loops) >= 3
-    truth = tracked()[2]
+    truth = true()
     for loop in loops:
         T_true = se3.inverse(truth[loop.parent]) @ truth[loop.child]
         assert se3.difference(loop.T_parent_child, T_true) < 0.01
@@ -108,7 +64,7 @@ def _dense(truth: Trajectory) -> Trajectory:
 
 def test_the_same_images_with_another_geometry_are_no_loop() -> None:
     """A picture of a room is not the room."""
-    keyframes, _, _ = tracked()
+    keyframes = [known.keyframe for known in drifted()]
     glue = Glue(config())
     here, there = keyframes[0], keyframes[-1]
     assert loop_edge(here, there, glue, config()) is not None
@@ -119,7 +75,7 @@ def test_the_same_images_with_another_geometry_are_no_loop() -> None:
 
 
 def test_the_same_geometry_with_other_images_is_no_loop() -> None:
-    keyframes, _, _ = tracked()
+    keyframes = [known.keyframe for known in drifted()]
     glue = Glue(config())
     here, there = keyframes[0], keyframes[-1]
     view = there.features.view
