@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.synchronizer import Channel
 
 SUBSCRIBED = {
@@ -25,6 +26,9 @@ PAUSE_SERVICE = "~/pause_odom"
 RESUME_SERVICE = "~/resume_odom"
 SAVE_GRAPH_SERVICE = "~/save_graph"
 
+MAP_PATH = "map/path"
+MAP_FRAME = "map"
+
 KEYFRAME_FRAME = "keyframe_{}"
 """The frame of a keyframe in ``KEYFRAME_EDGES``, by its number."""
 
@@ -35,3 +39,15 @@ RAW = "raw"
 def transported(topic: str, transport: str) -> str:
     """The topic of an image in some transport; ``topic`` is that of the raw image."""
     return topic if transport == RAW else f"{topic}/{transport}"
+
+
+def keyframe_number(frame_id: str) -> int:
+    """The number of the keyframe whose frame is ``KEYFRAME_FRAME``.
+
+    Raises:
+        InputError: it is the frame of none.
+    """
+    digits = frame_id.removeprefix(KEYFRAME_FRAME.format(""))
+    if not digits.isdecimal() or digits == frame_id:
+        raise InputError(KEYFRAME_EDGES, f"{frame_id!r} is no keyframe", "take the odometry node's")
+    return int(digits)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import signal
 import sys
 import threading
 import time
@@ -20,7 +19,6 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
-import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
@@ -46,7 +44,7 @@ from rgbd_glue_ros.node.input_watch import NodeWatch
 from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
-from rgbd_glue_ros.node.runtime import NodeExecutor, RosLogHandler, init
+from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
 from rgbd_glue_ros.odometry.odometry import Odometry
@@ -119,6 +117,10 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._warmed_up = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
         threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
+
+    def is_news(self, where: str, cause: str) -> bool:
+        """Whether a fault deserves a line in the log."""
+        return self.monitor.is_news(where, cause)
 
     def __enter__(self) -> OdometryNode:
         return self
@@ -326,27 +328,7 @@ def main(args: list[str] | None = None) -> int:
     Returns:
         The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
     """
-    told_to_end = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: told_to_end.set())
-    try:
-        init(args)
-        with OdometryNode() as node:
-            executor = NodeExecutor(node, node.monitor.is_news)
-            spinning = threading.Thread(
-                target=executor.spin_until, args=[told_to_end.is_set], daemon=True
-            )
-            spinning.start()
-            told_to_end.wait()
-            executor.wake()
-            spinning.join()
-            executor.shutdown()
-    except InputError as error:
-        rclpy.logging.get_logger(NODE_NAME).fatal(str(error))
-        return 2
-    finally:
-        rclpy.try_shutdown()
-    return 0
+    return run_node(NODE_NAME, OdometryNode, args)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import logging
+import signal
+import threading
 from collections.abc import Callable
-from typing import Any
+from types import TracebackType
+from typing import Any, Protocol
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -13,7 +16,7 @@ from rclpy.executors import ConditionReachedException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import InputError, MissingExtraError
 
 # DDS tells of a node's topics before it tells its name.
 NAMES_S = 1.0
@@ -69,6 +72,56 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
         except Exception as error:
             if self._is_news("a callback", repr(error)):
                 logger.exception("A callback failed; going on")
+
+
+class RunningNode(Protocol):
+    """A node that ends in order when it is left."""
+
+    def is_news(self, where: str, cause: str) -> bool:
+        """Whether a fault deserves a line in the log."""
+
+    def __enter__(self) -> RunningNode: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+def run_node(name: str, create: Callable[[], RunningNode], args: list[str] | None) -> int:
+    """Runs a node until SIGINT or SIGTERM.
+
+    Args:
+        name: of the node, for what goes wrong before there is one.
+        create: makes it.
+        args: ROS arguments; None takes the process's.
+
+    Returns:
+        The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
+    """
+    told_to_end = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: told_to_end.set())
+    try:
+        init(args)
+        with create() as node:
+            executor = NodeExecutor(node, node.is_news)
+            spinning = threading.Thread(
+                target=executor.spin_until, args=[told_to_end.is_set], daemon=True
+            )
+            spinning.start()
+            told_to_end.wait()
+            executor.wake()
+            spinning.join()
+            executor.shutdown()
+    except (InputError, MissingExtraError) as error:
+        rclpy.logging.get_logger(name).fatal(str(error))
+        return 2
+    finally:
+        rclpy.try_shutdown()
+    return 0
 
 
 def say_later(node: Node, line: Callable[[], str]) -> None:

@@ -14,6 +14,14 @@ from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 from rigs.bag_frames import recorded_frames, true_poses
 
+CHANGED = {
+    "odometry.keyframe_translation": 0.06,
+    "odometry.keyframe_rotation": 0.06,
+    "odometry.window": 2,
+    "odometry.drift_radius": 0.0,
+}
+"""Keyframes near each other, and drift left in: what loops are to find."""
+
 
 @dataclass(frozen=True)
 class Drifted:
@@ -36,10 +44,8 @@ class Drifted:
 
 @lru_cache(maxsize=1)
 def config() -> Config:
-    """Keyframes near each other, and drift left in: what loops are to find."""
-    changed = {"keyframe_translation": 0.06, "keyframe_rotation": 0.06, "window": 2}
-    changed |= {"drift_radius": 0.0}
-    return with_values(load_preset("live"), {f"odometry.{k}": v for k, v in changed.items()})
+    """The live preset with ``CHANGED``."""
+    return with_values(load_preset("live"), CHANGED)
 
 
 @lru_cache(maxsize=1)

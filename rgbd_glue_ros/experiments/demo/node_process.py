@@ -84,6 +84,7 @@ class NodeProcess:
         parameters: Mapping[str, object],
         environment: Mapping[str, str] | None = None,
         arguments: Sequence[str] = (),
+        module: str = "rgbd_glue_ros.node",
     ) -> None:
         """Starts the node.
 
@@ -91,12 +92,13 @@ class NodeProcess:
             parameters: its ROS parameters, by name, as YAML.
             environment: variables beside those of this process.
             arguments: further ROS arguments, as ``-r rgb/image:=/camera/image``.
+            module: what runs the node.
         """
         settings = [
             word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")
         ]
         self._process = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-m", "rgbd_glue_ros.node", "--ros-args", *settings, *arguments],
+            [sys.executable, "-m", module, "--ros-args", *settings, *arguments],
             env={**os.environ, **(environment or {})},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

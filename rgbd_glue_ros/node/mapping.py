@@ -1,0 +1,246 @@
+"""The mapping node: closes loops over the odometry of another process, and publishes map -> odom.
+
+It takes keyframes and their edges from the odometry node and the keyframes' images from the
+camera. ``odom`` stays as smooth as it is; what a loop corrects is in ``map`` -> ``odom`` alone.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections import OrderedDict, deque
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry as OdometryMessage
+from nav_msgs.msg import Path
+from rclpy.node import Node
+
+from rgbd_glue_ros import parameters as cfg
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.keyframe_graph import moved_edge
+from rgbd_glue_ros.live.worker import QueueWorker
+from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
+from rgbd_glue_ros.node.depth_camera import DepthCameraInput
+from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
+from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
+from rgbd_glue_ros.node.parameters import declare_parameters
+from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
+from rgbd_glue_ros.node.tf import Broadcaster, listen
+from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
+from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.types import NANOSECONDS, Float64, PoseGraphEdge, RgbdFrame
+
+logger = logging.getLogger(f"{cfg.PACKAGE}.mapping")
+
+NODE_NAME = "rgbd_mapping"
+# Frames kept until the odometry says which of them are keyframes: two seconds of a usual camera.
+FRAMES_KEPT = 60
+KEYFRAMES_WAITING = 100
+CLOSE_S = 4.0
+
+
+class MappingNode(Node):  # type: ignore[misc]
+    """Publishes ``map`` -> ``odom`` and ``map/path``; a context manager, as it owns a thread."""
+
+    def __init__(self) -> None:
+        """Subscribes.
+
+        Raises:
+            InputError: a parameter has a value that it cannot have.
+            MissingExtraError: the libraries of the extra slam are not installed.
+        """
+        super().__init__(NODE_NAME)
+        self._log_handler = RosLogHandler(self.get_logger())
+        logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
+        self._config, config = declare_parameters(self)
+        transforms = listen(self, self._config)
+        self._extrinsics = NodeExtrinsics(self, self._config, transforms)
+        self._map = LiveMap(config)
+        self._stream = KeyframeStream()
+        self._news: set[str] = set()
+        self._frames: OrderedDict[int, Match[Any]] = OrderedDict()
+        approximate_ns = round(self._config.approx_sync_max_interval * NANOSECONDS)
+        self._synchronizer: Synchronizer[Any] = Synchronizer(
+            approximate_ns if self._config.approx_sync else 0, self._config.sync_queue_size
+        )
+        self._depth_camera = DepthCameraInput(self, self._config, transforms)
+        self._path = self.create_publisher(Path, topics.MAP_PATH, 10)
+        self._broadcaster = None if transforms is None else Broadcaster(self)
+        self._worker: QueueWorker[tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge] = QueueWorker(
+            self._process, KEYFRAMES_WAITING
+        )
+        self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
+        self._stamps: dict[int, int] = {}
+        self._inputs: list[NodeInput] = node_inputs(self, self._config, self._receive)
+        self.create_subscription(PoseStamped, topics.KEYFRAME_POSE, self._take_pose, 100)
+        self.create_subscription(OdometryMessage, topics.KEYFRAME_EDGES, self._take_edge, 100)
+        self.create_subscription(PoseStamped, topics.POSE, self._broadcast, 10)
+        self.get_logger().info(
+            f"Subscribed; publishing {topics.MAP_FRAME} -> {self._config.odom_frame_id}"
+        )
+
+    def __enter__(self) -> MappingNode:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Ends the thread."""
+        ended = self._worker.close(CLOSE_S)
+        logging.getLogger(cfg.PACKAGE).removeHandler(self._log_handler)
+        if ended:
+            self.destroy_node()
+
+    def is_news(self, where: str, cause: str) -> bool:
+        """Whether a fault has not been said yet."""
+        is_new = f"{where}: {cause}" not in self._news
+        self._news.add(f"{where}: {cause}")
+        return is_new
+
+    # Input
+
+    def _receive(self, channel: Channel, message: Any) -> None:
+        at_ns = stamp_ns(message.header.stamp)
+        for match in self._synchronizer.add(channel, at_ns, message):
+            self._frames[match.stamp_ns] = match
+            while len(self._frames) > FRAMES_KEPT:
+                self._frames.popitem(last=False)
+        self._submit([])
+
+    def _take_pose(self, message: PoseStamped) -> None:
+        at_ns = stamp_ns(message.header.stamp)
+        T = pose_from_message(message, topics.KEYFRAME_POSE)
+        self._submit(self._stream.add_pose(at_ns, T))
+
+    def _take_edge(self, message: OdometryMessage) -> None:
+        keyframes, late = self._stream.add_edge(
+            stamp_ns(message.header.stamp), _edge_from_message(message)
+        )
+        self._submit([*keyframes, *([] if late is None else [late])])
+
+    def _submit(self, items: Sequence[NewKeyframe | PoseGraphEdge]) -> None:
+        """Leaves what came for the worker, as soon as its images are there."""
+        self._waiting.extend(items)
+        while self._waiting and not self._is_awaited(self._waiting[0]):
+            item = self._waiting.popleft()
+            if isinstance(item, PoseGraphEdge):
+                self._worker.submit(item)
+            else:
+                self._submit_keyframe(item)
+
+    def _is_awaited(self, item: NewKeyframe | PoseGraphEdge) -> bool:
+        """Whether the images of a keyframe may yet come."""
+        if isinstance(item, PoseGraphEdge) or item.stamp_ns in self._frames:
+            return False
+        return not self._frames or next(reversed(self._frames)) < item.stamp_ns
+
+    def _submit_keyframe(self, keyframe: NewKeyframe) -> None:
+        match = self._frames.get(keyframe.stamp_ns)
+        if match is None:
+            self.get_logger().warning(
+                f"Keyframe {keyframe.number} has no image at its stamp; it is left out"
+            )
+            return
+        try:
+            self._worker.submit((keyframe, self._frame(match)))
+        except InputError as fault:
+            if self.is_news(fault.where, fault.cause):
+                self.get_logger().error(str(fault))
+
+    def _frame(self, match: Match[Any]) -> RgbdFrame:
+        color, depth, info = (i.topic for i in self._inputs)
+        names = FrameTopics(color, depth, info, self._depth_camera.topic)
+        taken_by = self._depth_camera.of(match, names)
+        return frame_of_match(match, names, taken_by, self._config.metres_per_unit)
+
+    # Work, on the worker's thread
+
+    def _process(self, item: tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge) -> None:
+        try:
+            if isinstance(item, PoseGraphEdge):
+                self._add_edge(item)
+            else:
+                self._add(*item)
+        except Exception as error:
+            if self.is_news("a keyframe", repr(error)):
+                logger.exception("A keyframe could not be mapped; going on")
+
+    def _add_edge(self, edge: PoseGraphEdge) -> None:
+        extrinsics = self._extrinsics.known
+        if extrinsics is not None:
+            T_child_camera = se3.inverse(extrinsics.T_camera_child)
+            self._map.add_edge(moved_edge(edge, T_child_camera))
+
+    def _add(self, keyframe: NewKeyframe, frame: RgbdFrame) -> None:
+        extrinsics = self._extrinsics.of(frame.frame_id)
+        if extrinsics is None:
+            return
+        T_child_camera = se3.inverse(extrinsics.T_camera_child)
+        if keyframe.is_anew:
+            self._map.clear()
+            self._stamps.clear()
+        edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
+        before = self._map.loops
+        self._map.add(keyframe.number, Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges))
+        self._stamps[len(self._stamps)] = keyframe.stamp_ns
+        if self._map.loops > before:
+            self.get_logger().info(
+                f"Keyframe {keyframe.number}: {self._map.loops - before} loops closed, "
+                f"{self._map.loops} in all"
+            )
+        self._publish_path(extrinsics.T_camera_child, keyframe.stamp_ns)
+
+    def _publish_path(self, T_camera_child: Float64, at_ns: int) -> None:
+        """Publishes all keyframes where the optimum has them."""
+        if not self._path.get_subscription_count():
+            return
+        path = Path()
+        fields.copy_fields(fields.header(at_ns, topics.MAP_FRAME), path.header)
+        path.poses = [
+            fields.copy_fields(
+                fields.pose_stamped(
+                    T @ T_camera_child, fields.header(self._stamps[row], topics.MAP_FRAME)
+                ),
+                PoseStamped(),
+            )
+            for row, T in sorted(self._map.poses.items())
+        ]
+        self._path.publish(path)
+
+    def _broadcast(self, pose: PoseStamped) -> None:
+        """Publishes map -> odom at the stamp of every pose."""
+        if self._broadcaster is not None:
+            odom, at_ns = self._config.odom_frame_id, stamp_ns(pose.header.stamp)
+            self._broadcaster.publish(topics.MAP_FRAME, odom, self._map.T_map_odom, at_ns)
+
+
+def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
+    """The edge that ``NodeOutputs.publish_edge`` put into a message."""
+    T = pose_from_message(message, topics.KEYFRAME_EDGES)
+    parent, child = (
+        topics.keyframe_number(name) for name in (message.header.frame_id, message.child_frame_id)
+    )
+    covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
+    return PoseGraphEdge(parent, child, T, se3.perturbation_covariance(T, covariance))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs the node until SIGINT or SIGTERM; the exit code is as that of the odometry node."""
+    return run_node(NODE_NAME, MappingNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,82 @@
+"""Puts keyframes together again whose poses and edges come on two topics, in any order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rgbd_glue_ros.types import Float64, PoseGraphEdge
+
+
+@dataclass(frozen=True)
+class NewKeyframe:
+    """A keyframe that is complete.
+
+    Attributes:
+        number: the odometry's.
+        stamp_ns: of its image.
+        T_odom_child: float64 [4, 4], as published.
+        edge: to the one that it was tracked from; None for the first of a graph.
+        is_anew: whether a new graph begins with it, as after a reset of the odometry.
+    """
+
+    number: int
+    stamp_ns: int
+    T_odom_child: Float64
+    edge: PoseGraphEdge | None = None
+    is_anew: bool = False
+
+
+class KeyframeStream:
+    """Numbers the keyframes by the edges that name them."""
+
+    def __init__(self) -> None:
+        self._poses: dict[int, Float64] = {}
+        self._edges: dict[int, PoseGraphEdge] = {}
+        self._stamps: dict[int, int] = {}
+
+    def add_pose(self, stamp_ns: int, T_odom_child: Float64) -> list[NewKeyframe]:
+        """Takes the pose [4, 4] of a keyframe; returns the keyframes that are complete now."""
+        self._poses[stamp_ns] = T_odom_child
+        edge = self._edges.pop(stamp_ns, None)
+        return [] if edge is None else self._completed(stamp_ns, edge)
+
+    def add_edge(
+        self, stamp_ns: int, edge: PoseGraphEdge
+    ) -> tuple[list[NewKeyframe], PoseGraphEdge | None]:
+        """Takes an edge.
+
+        Args:
+            stamp_ns: of its child.
+            edge: by the odometry's numbers.
+
+        Returns:
+            The keyframes that are complete now; and the edge, if both its ends were so before.
+        """
+        if self._stamps.get(edge.child) == stamp_ns:
+            return [], edge
+        if stamp_ns not in self._poses:
+            self._edges[stamp_ns] = edge
+            return [], None
+        return self._completed(stamp_ns, edge), None
+
+    def _completed(self, stamp_ns: int, edge: PoseGraphEdge) -> list[NewKeyframe]:
+        is_anew = not self._stamps or edge.child in self._stamps
+        found = []
+        if is_anew:
+            self._stamps = {}
+            first = self._first_before(stamp_ns)
+            if first is not None:
+                self._stamps[edge.parent] = first
+                T = self._poses.pop(first)
+                found.append(NewKeyframe(edge.parent, first, T, is_anew=True))
+        self._stamps[edge.child] = stamp_ns
+        is_first = is_anew and not found
+        T = self._poses.pop(stamp_ns)
+        found.append(
+            NewKeyframe(edge.child, stamp_ns, T, None if is_first else edge, is_anew=is_first)
+        )
+        return found
+
+    def _first_before(self, stamp_ns: int) -> int | None:
+        """The stamp of the latest pose before that no edge named: it begins the graph."""
+        return max((stamp for stamp in self._poses if stamp < stamp_ns), default=None)

@@ -1,0 +1,75 @@
+"""Keyframes are whole whatever the order in which poses and edges come."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
+from rgbd_glue_ros.types import Float64, PoseGraphEdge
+
+
+def pose(x: float) -> Float64:
+    T = np.eye(4)
+    T[0, 3] = x
+    return T
+
+
+def edge(parent: int, child: int) -> PoseGraphEdge:
+    return PoseGraphEdge(parent, child, pose(child - parent), np.eye(6))
+
+
+def said(keyframes: list[NewKeyframe]) -> list[tuple[int, int, float, bool, bool]]:
+    return [
+        (k.number, k.stamp_ns, float(k.T_odom_child[0, 3]), k.edge is not None, k.is_anew)
+        for k in keyframes
+    ]
+
+
+@pytest.mark.parametrize("edge_comes_first", [False, True])
+def test_the_first_edge_makes_two_keyframes_and_each_further_one(edge_comes_first: bool) -> None:
+    stream = KeyframeStream()
+    assert stream.add_pose(100, pose(0)) == []
+    found: list[NewKeyframe] = []
+    for number, stamp in ((1, 200), (2, 300)):
+        if edge_comes_first:
+            assert stream.add_edge(stamp, edge(number - 1, number)) == ([], None)
+            found += stream.add_pose(stamp, pose(number))
+        else:
+            assert stream.add_pose(stamp, pose(number)) == []
+            keyframes, late = stream.add_edge(stamp, edge(number - 1, number))
+            assert late is None
+            found += keyframes
+    assert said(found) == [
+        (0, 100, 0.0, False, True),
+        (1, 200, 1.0, True, False),
+        (2, 300, 2.0, True, False),
+    ]
+
+
+def test_an_edge_to_an_anchor_comes_by_itself() -> None:
+    stream = KeyframeStream()
+    for number, stamp in ((0, 100), (1, 200), (2, 300)):
+        stream.add_pose(stamp, pose(number))
+        if number:
+            stream.add_edge(stamp, edge(number - 1, number))
+    late = edge(0, 2)
+    assert stream.add_edge(300, late) == ([], late)
+
+
+def test_after_a_reset_a_new_graph_begins() -> None:
+    stream = KeyframeStream()
+    stream.add_pose(100, pose(0))
+    stream.add_pose(200, pose(1))
+    stream.add_edge(200, edge(0, 1))
+    stream.add_pose(1000, pose(0))
+    stream.add_pose(1100, pose(1))
+    keyframes, _ = stream.add_edge(1100, edge(0, 1))
+    assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
+
+
+def test_who_comes_late_begins_with_what_there_is() -> None:
+    stream = KeyframeStream()
+    stream.add_pose(900, pose(8))
+    keyframes, _ = stream.add_edge(900, edge(7, 8))
+    assert said(keyframes) == [(8, 900, 8.0, False, True)]
