@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import grey, limit_depth, rectified
+from rgbd_glue_ros.geometry.camera import grey, rectified
+from rgbd_glue_ros.geometry.depth import limit_depth
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.registration.glue import Glue
