@@ -1,0 +1,75 @@
+"""Weights: found, asked for, and read without running what is in them."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.features.weights import FILES, read_tensors, require, weights_folder
+from rgbd_glue_ros.parameters import GEOMETRIC_FEATURES, VISUAL_FEATURES, FeaturesConfig
+
+
+class Harmful:
+    """A pickle of it writes a file where it is read."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return Path.touch, (self._path,)
+
+
+def test_every_file_is_for_features_that_there_are() -> None:
+    for entry in FILES.values():
+        assert {*entry.features} <= {*VISUAL_FEATURES, *GEOMETRIC_FEATURES}
+        assert len(entry.sha256) == 64
+        assert bool(entry.url) != bool(entry.wheel)
+
+
+def test_the_folder_is_the_one_given_or_else_the_users(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert weights_folder(FeaturesConfig()) == tmp_path / "rgbd_glue_ros" / "weights"
+    assert weights_folder(FeaturesConfig(weights="~/mine")) == Path.home() / "mine"
+
+
+def test_weights_that_are_missing_name_the_command_that_brings_them(tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    config = FeaturesConfig(visual="lightglue", weights=str(tmp_path))
+    with pytest.raises(InputError, match=r"xfeat\.pt: are missing; run 'rgbd-glue weights bring"):
+        require(config)
+
+
+def test_hand_crafted_features_need_nothing(tmp_path: Path) -> None:
+    require(FeaturesConfig(visual="sift", geometric="fpfh", weights=str(tmp_path)))
+
+
+def test_code_in_a_file_is_not_run(tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    trap, path = tmp_path / "ran", tmp_path / "weights.pth"
+    path.write_bytes(pickle.dumps(Harmful(trap), protocol=2))
+    with pytest.raises(InputError, match="holds no weights"):
+        read_tensors(path, "cpu")
+    assert not trap.exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"no weights at all"])
+def test_what_is_no_checkpoint_is_told_in_one_line(content: bytes, tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    path = tmp_path / "weights.pth"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="holds no weights") as told:
+        read_tensors(path, "cpu")
+    assert "\n" not in str(told.value)
+
+
+def test_a_checkpoint_that_is_no_table_of_tensors_is_refused(tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    path = tmp_path / "weights.pth"
+    torch.save({"epoch": 3}, path)
+    with pytest.raises(InputError, match="no table of weights"):
+        read_tensors(path, "cpu")
