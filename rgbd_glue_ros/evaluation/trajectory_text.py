@@ -28,7 +28,7 @@ _EUROC_WIDTH = 17
 
 _NAMES = {
     "stamp": r"#?\s*(time_?stamp|time|stamp|t|secs?|seconds)(_?(n|u|m)?s(ec)?)?",
-    **{axis: rf"(.*_)?(p|t|pos|position|trans|translation)?_?{axis}" for axis in "xyz"},
+    **{axis: rf"((p|t|pos|pose|position|trans|translation)(_.*)?_?)?{axis}" for axis in "xyz"},
     **{f"q{axis}": rf"(q|quat|quaternion|rot|orientation)(_.*)?_?{axis}" for axis in "xyzw"},
 }
 
@@ -156,8 +156,14 @@ def _without_duplicates(
     first: dict[int, Float64] = {}
     for stamp, pose in zip(stamps, poses, strict=True):
         first.setdefault(stamp, pose)
-    if len(first) < len(stamps):
-        count = len(stamps) - len(first)
+    count = len(stamps) - len(first)
+    if count > len(first):
+        raise InputError(
+            path,
+            f"its {len(stamps)} poses have {len(first)} stamps between them",
+            "write stamps with all their digits",
+        )
+    if count:
         logger.warning("%s: %d lines repeat a stamp and were skipped", path, count)
     return list(first), list(first.values())
 

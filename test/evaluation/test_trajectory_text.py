@@ -62,6 +62,10 @@ FORMS = {
     "EuRoC without": lines(",", W_FIRST),
     "scalar first by its names": "# t x y z qw qx qy qz\n"
     + lines(" ", [[r[0], *r[1], r[2][3], *r[2][:3]] for r in rows()]),
+    "TUM-VI": EUROC_NAMES[: EUROC_NAMES.index(", v_RS_R_x")]
+    + "\n"
+    + lines(",", [words[:8] for words in W_FIRST]),
+    "two blanks": lines("  ", [tum(r) for r in rows()]),
     "numbered": "num t x y z qx qy qz qw\n"
     + lines(" ", [[str(i), *tum(r)] for i, r in enumerate(rows())]),
     "numbered without names": lines(" ", [[str(i), *tum(r)] for i, r in enumerate(rows())]),
@@ -114,4 +118,12 @@ def test_what_is_no_trajectory_in_time_is_refused_with_what_is_missing(
     path = tmp_path / "trajectory.txt"
     path.write_text("\n".join([" ".join(["1"] * columns)] * 3))
     with pytest.raises(InputError, match=cause):
+        read_tum(path)
+
+
+def test_stamps_that_lost_their_digits_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "trajectory.txt"
+    words = [[f"{float(r[0]) * 1e9:.6e}", *r[1], *r[2]] for r in rows()]
+    path.write_text(lines(" ", words))
+    with pytest.raises(InputError, match=r"6 poses have 1 stamps .* all their digits"):
         read_tum(path)

@@ -132,6 +132,15 @@ def association(folder: Path, depth_first: bool) -> None:
     )
 
 
+def numbered_association(folder: Path) -> None:
+    """As people write one for their own camera, in millimetres."""
+    images(folder, "rgb/{i}.png", "depth/{i}.png")
+    text(folder / "associated.txt", *(f"{i} depth/{i}.png {i} rgb/{i}.png" for i in range(FRAMES)))
+    fx_fy = {"fx": 60, "fy": 61, "cx": 31.5, "cy": 23.5, "w": 64, "h": 48, "depth_scale": 1000}
+    text(folder / "camera.yaml", json.dumps(fx_fy))
+    text(folder / "poses.txt", *(numbers(T[:3]) for T in POSES))
+
+
 def open3d(folder: Path) -> None:
     images(folder, "color/{i:05d}.jpg", "depth/{i:05d}.png")
     matrix = [60, 0, 0, 0, 61, 0, 31.5, 23.5, 1]
@@ -186,6 +195,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "lists with faults": tum_with_faults,
     "association, colour first": lambda folder: association(folder, False),
     "association, depth first": lambda folder: association(folder, True),
+    "association of numbers, in millimetres": numbered_association,
     "Open3D and Redwood": open3d,
     "SUN3D": sun3d,
     "Azure Kinect, stamps for names": azure,
