@@ -118,6 +118,7 @@ def _paper_table(args: argparse.Namespace) -> PaperTable | None:
 
 def _write_table(table: PaperTable, config: Config, figures: dict[str, Any], folder: Path) -> str:
     from rgbd_glue_ros.experiments.pairs.paper_tables import render
+    from rgbd_glue_ros.whole_files import write_whole
 
     estimators, absent = table.estimators(config)
     measured = {
@@ -127,7 +128,7 @@ def _write_table(table: PaperTable, config: Config, figures: dict[str, Any], fol
     }
     text = render(table, measured, {**figures["absent"], **absent}, figures["sources"])
     path = folder / f"table_{table.number}.md"
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
     return f"table    {path}\n\n{text}"
 
 

@@ -77,6 +77,18 @@ def test_truth_of_another_time_is_said_and_the_rest_is_written(
     assert "ape" not in json.loads((tmp_path / METRICS).read_text())
 
 
+def test_results_of_another_recording_are_not_replaced_in_silence(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    replay(Pan(3), Config(), tmp_path)
+    replay(Pan(3), Config(), tmp_path)
+    assert not caplog.messages
+    figures = json.loads((tmp_path / METRICS).read_text())
+    (tmp_path / METRICS).write_text(json.dumps({**figures, "sequence": "kitchen"}))
+    replay(Pan(3), Config(), tmp_path)
+    assert "the results of kitchen that were there are replaced" in caplog.text
+
+
 def test_an_interrupted_replay_keeps_what_was_done(tmp_path: Path) -> None:
     done: list[OdometryEstimate] = []
 

@@ -31,7 +31,15 @@ ORDER = """
     experiments
     cli
 """.split()  # noqa: SIM905 - a line a floor
-ROOT_MODULES = {"__main__", "compiled", "errors", "input_checks", "stopwatch", "types"}
+ROOT_MODULES = {
+    "__main__",
+    "compiled",
+    "errors",
+    "input_checks",
+    "stopwatch",
+    "types",
+    "whole_files",
+}
 ROS_PLACES = ("node", "experiments/demo/player.py")
 OPTIONAL_LIBRARIES = {
     "argcomplete",

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
-from tempfile import TemporaryFile
 from time import monotonic
 from typing import Any
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.experiments.batch.journal import prepare
 from rgbd_glue_ros.experiments.bench.contest import OURS, Contest
 from rgbd_glue_ros.experiments.bench.degraded import DegradedSequence, first
 from rgbd_glue_ros.experiments.bench.floors import Floors
@@ -27,6 +27,7 @@ from rgbd_glue_ros.experiments.peers import PEERS, Peer
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.whole_files import write_whole
 
 FIGURES, TABLES = "bench.json", "bench.md"
 
@@ -148,11 +149,11 @@ class _Bench:
         """Leaves everything measured so far."""
         figures = self.figures()
         text = json.dumps(figures, indent=2, allow_nan=False)
-        (self.folder / FIGURES).write_text(text + "\n", encoding="utf-8")
-        (self.folder / TABLES).write_text(to_markdown(figures), encoding="utf-8")
+        write_whole(self.folder / FIGURES, text + "\n")
+        write_whole(self.folder / TABLES, to_markdown(figures))
         drawn = picture(self.sequences, OURS)
         if drawn is not None:
-            (self.folder / PICTURE).write_text(drawn, encoding="utf-8")
+            write_whole(self.folder / PICTURE, drawn)
 
 
 def run_bench(
@@ -186,7 +187,7 @@ def run_bench(
     if unknown:
         known = ", ".join(PEERS)
         raise InputError("--peer", f"there is no {', '.join(unknown)}", f"there are {known}")
-    _check_writable(folder)
+    prepare(folder)
     bench = _Bench(plan, folder, on_part, on_frame)
     unusable: list[InputError] = []
 
@@ -223,14 +224,3 @@ def _further_parts(plan: Plan) -> list[Callable[[Recording], Part]]:
     if plan.robustness:
         parts.append(lambda recording: Robustness(recording, plan.config))
     return parts
-
-
-def _check_writable(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
-        ) from error

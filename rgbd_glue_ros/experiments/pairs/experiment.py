@@ -31,6 +31,7 @@ from rgbd_glue_ros.experiments.pairs.page import render
 from rgbd_glue_ros.experiments.pairs.tables import to_markdown
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.whole_files import write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -93,10 +94,10 @@ class Experiment:
         """Writes the figures, the tables of them, and the report with pictures of some pairs."""
         figures = self.figures()
         text = json.dumps(figures, indent=2, allow_nan=False)
-        (folder / FIGURES).write_text(text + "\n", encoding="utf-8")
-        (folder / TABLES).write_text(to_markdown(figures), encoding="utf-8")
+        write_whole(folder / FIGURES, text + "\n")
+        write_whole(folder / TABLES, to_markdown(figures))
         page = render(figures, self.results, GLUE, self.config, shown)
-        (folder / REPORT).write_text(page, encoding="utf-8")
+        write_whole(folder / REPORT, page)
         return figures
 
 

@@ -16,6 +16,7 @@ from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.whole_files import write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -101,8 +102,8 @@ def run_replays(
             if done:
                 figures = {"recordings": done, "problems": list(problems.values())}
                 text = json.dumps(figures, indent=2) + "\n"
-                (folder / FIGURES).write_text(text, encoding="utf-8")
-                (folder / TABLE).write_text(to_markdown(figures), encoding="utf-8")
+                write_whole(folder / FIGURES, text)
+                write_whole(folder / TABLE, to_markdown(figures))
     if not done:
         raise InputError(
             folder, f"no recording could be replayed ({next(iter(problems.values()))})", "see above"

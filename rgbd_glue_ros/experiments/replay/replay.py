@@ -27,6 +27,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, to_yaml
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, Trajectory
+from rgbd_glue_ros.whole_files import write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -65,6 +66,7 @@ def replay(
     Raises:
         InputError: the folder cannot be written, a frame cannot be read, or none was tracked.
     """
+    _warn_of_other_results(folder, sequence.name)
     start_results(config, folder)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
     odometry = odometry or Odometry(config)
@@ -112,6 +114,16 @@ def _warn_of_scale(frame: RgbdFrame, config: Config, name: str) -> None:
         logger.warning("%s: %s", name, doubt)
 
 
+def _warn_of_other_results(folder: Path, name: str) -> None:
+    """Says so where the folder holds the results of another recording, which are now replaced."""
+    try:
+        before = json.loads((folder / METRICS).read_text(encoding="utf-8"))["sequence"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    if before != name:
+        logger.warning("%s: the results of %s that were there are replaced", folder, before)
+
+
 def start_results(config: Config, folder: Path) -> None:
     """Creates the folder, with what is known before the first frame.
 
@@ -121,7 +133,7 @@ def start_results(config: Config, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / TRAJECTORY).touch()
-        (folder / PARAMETERS).write_text(to_yaml(config), encoding="utf-8")
+        write_whole(folder / PARAMETERS, to_yaml(config))
     except OSError as error:
         raise InputError(
             folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
@@ -146,8 +158,8 @@ def write_results(
     graph = run.pose_graph
     write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
     write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
-    (folder / METRICS).write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    (folder / REPORT).write_text(render(run, figures, evaluation), encoding="utf-8")
+    write_whole(folder / METRICS, json.dumps(figures, indent=2) + "\n")
+    write_whole(folder / REPORT, render(run, figures, evaluation))
     return figures
 
 
