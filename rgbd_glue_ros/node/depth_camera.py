@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo
 
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
@@ -15,6 +17,7 @@ from rgbd_glue_ros.live.extrinsics import parse_pose
 from rgbd_glue_ros.messages.depth_camera import depth_camera
 from rgbd_glue_ros.messages.frame import FrameTopics
 from rgbd_glue_ros.messages.synchronizer import Match
+from rgbd_glue_ros.node.inputs import offered_durability
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
@@ -46,9 +49,27 @@ class DepthCameraInput:
         self._info: CameraInfo | None = None
         self._came = threading.Event()
         self._has_waited = False
+        self._durability = DurabilityPolicy.VOLATILE
+        self._subscription = self._subscribe()
+
+    def _subscribe(self) -> Subscription:
         # best effort hears every publisher, and that an info is lost is no matter
-        qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        node.create_subscription(CameraInfo, self.topic, self._receive, qos)
+        qos = QoSProfile(
+            depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=self._durability
+        )
+        events = SubscriptionEventCallbacks(matched=self._publishers_changed)
+        return self._node.create_subscription(
+            CameraInfo, self.topic, self._receive, qos, event_callbacks=events
+        )
+
+    def _publishers_changed(self, _event: object) -> None:
+        """An info that is published once, before the node was there, is heard transient local."""
+        publishers = self._node.get_publishers_info_by_topic(self.topic)
+        if not publishers or offered_durability(publishers) == self._durability:
+            return
+        self._durability = offered_durability(publishers)
+        self._node.destroy_subscription(self._subscription)
+        self._subscription = self._subscribe()
 
     def _receive(self, info: CameraInfo) -> None:
         self._info = info

@@ -9,6 +9,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from rgbd_glue_ros.live import topics
@@ -57,6 +58,7 @@ class NodeInput:
         self._reliability = (
             ReliabilityPolicy.RELIABLE if qos == 1 else ReliabilityPolicy.BEST_EFFORT
         )
+        self._durability = DurabilityPolicy.VOLATILE
         self._subscription = self._subscribe()
 
     def _subscribe(self) -> Subscription:
@@ -64,7 +66,9 @@ class NodeInput:
             self._type,
             self.topic,
             lambda message: self._receive(self.channel, message),
-            QoSProfile(depth=self._depth, reliability=self._reliability),
+            QoSProfile(
+                depth=self._depth, reliability=self._reliability, durability=self._durability
+            ),
             event_callbacks=SubscriptionEventCallbacks(
                 matched=self._publishers_changed, incompatible_qos=self._publishers_changed
             ),
@@ -80,22 +84,29 @@ class NodeInput:
                 f"{', '.join(self.publishers)}; keep one. One that was killed is still counted "
                 "for a while"
             )
+        durability = offered_durability(publishers)
+        reliability = self._offered_reliability(publishers)
+        if (reliability, durability) == (self._reliability, self._durability):
+            return
+        words = f"{_words(reliability)}, {_words(durability)}"
+        self._node.get_logger().info(f"{self.topic}: subscribing {words}, as published")
+        self._reliability, self._durability = reliability, durability
+        self._node.destroy_subscription(self._subscription)
+        self._subscription = self._subscribe()
+
+    def _offered_reliability(self, publishers: list[TopicEndpointInfo]) -> ReliabilityPolicy:
+        """What all publishers offer; what was set, if it was, which may fit none of them."""
         offered = {info.qos_profile.reliability for info in publishers}
         best = (
             ReliabilityPolicy.RELIABLE
             if offered == {ReliabilityPolicy.RELIABLE}
             else ReliabilityPolicy.BEST_EFFORT
         )
-        if best == self._reliability:
-            return
-        if not self._matches_publisher:
-            if self._reliability == ReliabilityPolicy.RELIABLE:
-                say_later(self._node, self._refusal)
-            return
-        self._node.get_logger().info(f"{self.topic}: subscribing {_words(best)}, as published")
-        self._reliability = best
-        self._node.destroy_subscription(self._subscription)
-        self._subscription = self._subscribe()
+        if self._matches_publisher:
+            return best
+        if best != self._reliability == ReliabilityPolicy.RELIABLE:
+            say_later(self._node, self._refusal)
+        return self._reliability
 
     def _refusal(self) -> str:
         return (
@@ -112,8 +123,7 @@ class NodeInput:
             name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             expected = self._type.__module__.split(".")[0] + "/msg/" + self._type.__name__
             wrong = "" if info.topic_type == expected else f", not {expected}"
-            reliability = _words(info.qos_profile.reliability)
-            words.append(f"{name} ({info.topic_type}{wrong}, {reliability})")
+            words.append(f"{name} ({info.topic_type}{wrong}, {_offer(info.qos_profile)})")
         return tuple(words)
 
 
@@ -136,9 +146,24 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> list[NodeIn
     return inputs
 
 
+def offered_durability(publishers: list[TopicEndpointInfo]) -> DurabilityPolicy:
+    """Transient local where all publishers are: what was published before is then heard too."""
+    offered = {info.qos_profile.durability for info in publishers}
+    if offered == {DurabilityPolicy.TRANSIENT_LOCAL}:
+        return DurabilityPolicy.TRANSIENT_LOCAL
+    return DurabilityPolicy.VOLATILE
+
+
 def qos_words(profile: QoSProfile) -> str:
     """What publisher and subscription have to agree on, as ``reliable, volatile``."""
     return f"{_words(profile.reliability)}, {_words(profile.durability)}"
+
+
+def _offer(profile: QoSProfile) -> str:
+    """The reliability, and the durability where it is not what nearly all cameras have."""
+    if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+        return qos_words(profile)
+    return _words(profile.reliability)
 
 
 def _words(policy: ReliabilityPolicy | DurabilityPolicy) -> str:

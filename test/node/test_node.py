@@ -32,7 +32,7 @@ from nav_msgs.msg import Path
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_S, Rig, corner_frame
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_S, Rig, corner_frame, frame_messages
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Empty
 
@@ -514,3 +514,20 @@ def test_the_path_is_bounded_and_the_picture_of_the_matches_has_the_frames_stamp
         assert [stamp_ns(p.header.stamp) for p in pictures] == stamps
         color = color_from_message(pictures[-1], MATCHES)
         assert (color == VISUAL).all(axis=2).sum() > 100
+
+
+def test_an_info_that_was_published_once_before_the_node_came_is_heard(ros_domain: int) -> None:
+    with Rig(ros_domain) as rig:
+        rig.node.destroy_publisher(rig.info)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        rig.info = rig.node.create_publisher(CameraInfo, SUBSCRIBED[Channel.INFO], latched)
+        frames = [corner_frame(i * PERIOD_NS) for i in range(1, 40)]
+        first = frame_messages(frames[0], is_compressed=False)
+        rig.info.publish(first.info)
+        with node_in(ros_domain) as node:
+            node.wait_for_line("camera_info: subscribing reliable, transient local", PATIENCE_S)
+            for frame in frames:
+                messages = frame_messages(frame, is_compressed=False)
+                rig.color.publish(messages.color)
+                rig.depth.publish(messages.depth)
+            rig.wait(lambda: rig.poses, "a pose")
