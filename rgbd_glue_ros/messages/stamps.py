@@ -57,10 +57,12 @@ def explain_miss(closest_miss_ns: int, max_interval_ns: int) -> str:
         return (
             f"the stamps of colour and depth are {closest_miss_ns / NANOSECONDS:.1f} s apart at "
             "best, so they are of two clocks: have the driver stamp both by one, or set stamps to "
-            "receipt to pair images by when they were received"
+            "receipt (--set stamps=receipt, of the node -p stamps:=receipt) to pair images by when "
+            "they were received"
         )
     return (
         f"the stamps of colour and depth are {closest_miss_ns / 1e6:.1f} ms apart at best, and "
         f"pair up to {max_interval_ns / 1e6:.1f} ms: synchronise the camera's streams, or raise "
-        "approx_sync_max_interval (with approx_sync)"
+        "approx_sync_max_interval (with approx_sync), as --set approx_sync_max_interval="
+        f"{closest_miss_ns / NANOSECONDS + 0.005:.3f}"
     )

@@ -12,7 +12,7 @@ _STEP = 4
 # With less than this share of the pixels, the image itself is the reason that there is no pose.
 _USABLE_SHARE = 0.03
 # Rooms are neither nearer nor farther as a whole; by the unit of another format, they seem to be.
-_DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 15.0
+_DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 8.0
 # What rooms would be in metres, if these were millimetres
 _MILLIMETRES = (300.0, 8000.0)
 

@@ -65,7 +65,7 @@ def test_a_frame_without_a_pose_says_why(depth: Float32, said: str) -> None:
 
 @pytest.mark.parametrize(
     ("median_m", "is_doubtful"),
-    [(0.2, True), (0.5, False), (1.5, False), (10.0, False), (20.0, True)],
+    [(0.2, True), (0.5, False), (1.5, False), (7.0, False), (10.0, True), (20.0, True)],
 )
 def test_a_median_that_no_room_has_makes_the_unit_doubtful(
     median_m: float, is_doubtful: bool
