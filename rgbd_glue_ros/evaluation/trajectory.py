@@ -20,17 +20,24 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, Trajectory
 MAX_TIME_DIFFERENCE_S = 0.02
 """Stamps further apart than this are not of the same moment (the TUM tools' value)."""
 
+# Below the limit a stamp is of units of so many nanoseconds; 1e11 seconds are three millennia.
+_STAMP_UNITS = ((10**11, NANOSECONDS), (10**14, 10**6), (10**17, 10**3))
+
 TUM_HEADER = "# timestamp tx ty tz qx qy qz qw"
 
 
 def parse_stamp(text: str) -> int:
     """Nanoseconds from a decimal number of seconds, without passing through a float.
 
+    A number that as seconds would lie millennia ahead is of milli-, micro- or nanoseconds.
+
     Raises:
         ValueError: it is no finite number.
         ArithmeticError: it is no number at all, or an infinite one.
     """
-    return int((Decimal(text) * NANOSECONDS).to_integral_value())
+    number = Decimal(text)
+    unit_ns = next((unit for limit, unit in _STAMP_UNITS if abs(number) < limit), 1)
+    return int((number * unit_ns).to_integral_value())
 
 
 def format_stamp(stamp_ns: int) -> str:

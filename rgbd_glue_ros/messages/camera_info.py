@@ -198,8 +198,8 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
         raise InputError(
             where,
             f"{name} is all zeros: the camera is not calibrated",
-            "calibrate it and give the file to its driver (camera_info_url), or of a recording give "
-            "--calibration",
+            "calibrate it and give the file to its driver (camera_info_url); for a "
+            "recording, give --calibration",
         )
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     expected = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])

@@ -140,3 +140,11 @@ def test_association_is_one_to_one_within_the_difference_and_leaves_no_pair_unma
     assert (np.diff(first[rows]) >= 0).all()
     unpaired = np.delete(first, rows)[:, None] - np.delete(second, other)[None, :]
     assert (np.abs(unpaired) > milliseconds * 1_000_000).all()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["1305031102.175304", "1305031102175.304", "1305031102175304", "1305031102175304000"],
+)
+def test_a_stamp_is_the_same_in_seconds_and_in_their_parts(text: str) -> None:
+    assert parse_stamp(text) == 1_305_031_102_175_304_000
