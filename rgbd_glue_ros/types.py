@@ -174,6 +174,10 @@ class Correspondences:
             np.concatenate([self.weights, other.weights]),
         )
 
+    def moved_target(self, T: Float64) -> Correspondences:
+        """The matches with their targets in the frame that T [4, 4] maps to."""
+        return replace(self, target=self.target @ T[:3, :3].T + T[:3, 3])
+
     @staticmethod
     def empty() -> Correspondences:
         """No matches."""

@@ -14,10 +14,11 @@ from rgbd_glue_ros.odometry.keyframe_edges import edge_from
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
-from rgbd_glue_ros.parameters import Config, OdometryConfig
-from rgbd_glue_ros.refinement.model import Model, model_of
+from rgbd_glue_ros.parameters import Config, OdometryConfig, RefineConfig
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.model import Model, model_of, spacing_px
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
-from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge
+from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge, View
 
 # The first pose is exact by definition; filters need a covariance that is not singular.
 _ORIGIN_COVARIANCE = np.eye(6) * 1e-8
@@ -33,6 +34,7 @@ class KeyframeCandidate:
         covariance: float64 [6, 6] of the pose, perturbation on the left, track frame.
         features: of the frame.
         reference: the keyframe that the pose was found from.
+        overlap: the part of what it shows that the keyframes showed too.
     """
 
     stamp_ns: int
@@ -40,6 +42,7 @@ class KeyframeCandidate:
     covariance: Float64
     features: FrameFeatures
     reference: Keyframe
+    overlap: float
 
 
 class KeyframeMap:
@@ -97,7 +100,10 @@ class KeyframeMap:
         features: FrameFeatures,
         model: Model,
     ) -> Keyframe:
-        """Forgets all keyframes for one at the last pose, where the camera is assumed to be.
+        """Tracks from a new keyframe at the last pose, where the camera is assumed to be.
+
+        The keyframes before it become anchors: where the camera comes back to one, the error of
+        the assumption shows, and is taken out as drift.
 
         Args:
             stamp_ns: of its frame.
@@ -106,7 +112,7 @@ class KeyframeMap:
             model: of its frame.
         """
         (last,) = self._keyframes.latest(1)
-        self._keyframes.forget()
+        self._keyframes.leave_window(self._drift.current().target)
         T_track_camera = last_motion.T_track_camera
         seconds = (stamp_ns - last_motion.stamp_ns) / NANOSECONDS
         adjoint = se3.adjoint(T_track_camera)
@@ -189,7 +195,7 @@ class KeyframeMap:
         """What a frame that should become a keyframe shows of the room; None if it should not."""
         reference = candidate.reference
         progress = _progress(reference, candidate, self._config.odometry)
-        if progress < 1:
+        if progress < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap:
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):
@@ -214,6 +220,19 @@ class KeyframeMap:
 
     def _shows_enough(self, model: Model) -> bool:
         return len(model.planes.points) >= self._config.odometry.min_planes
+
+
+def overlap(view: View, refinement: Refinement, config: RefineConfig) -> float:
+    """The part of what a frame shows that the keyframes showed too.
+
+    Args:
+        view: the frame.
+        refinement: its pose on the keyframes, at the finest level.
+        config: has the spacing of their planes.
+    """
+    step = spacing_px(view, config.grid_step)
+    known = np.isfinite(view.depth[step // 2 :: step, step // 2 :: step]).sum()
+    return refinement.planes_seen / max(int(known), 1)
 
 
 def _progress(reference: Keyframe, candidate: KeyframeCandidate, config: OdometryConfig) -> float:

@@ -105,10 +105,14 @@ class Keyframes:
         if self.anchor(anchor.T_odom_camera, self._config.keyframe_spacing) is None:
             self._anchors.append(anchor)
 
-    def forget(self) -> None:
-        """Drops all keyframes; numbers go on."""
-        self._window.clear()
-        self._anchors.clear()
+    def leave_window(self, T_odom_track: Float64) -> None:
+        """Makes anchors of the whole window, so that tracking starts without it.
+
+        Args:
+            T_odom_track: what takes out the drift as it is known now, float64 [4, 4].
+        """
+        while self._window:
+            self._leave(self._window.popleft(), T_odom_track)
 
     def anchor(self, T_odom_camera: Float64, radius: float) -> Anchor | None:
         """The earliest anchor that saw the room from nearer there than ``radius``, if there is one.

@@ -11,7 +11,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.keyframe_edges import tracked_covariance
-from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap
+from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_refinement import PoseProblem, corrected_motion
@@ -248,6 +248,7 @@ class Odometry:
             covariance,
             replace(attempt.features, view=view),
             fix.reference,
+            overlap(view, fix.estimate.refinement, self._config.refine),
         )
         T_odom_camera = T_odom_track @ motion.T_track_camera
         return OdometryEstimate(
@@ -283,8 +284,9 @@ class Odometry:
             return missed  # a covered camera may yet come back to a place that is known
         frames_missed = self._progress.frames_missed + 1
         self._progress = replace(self._progress, frames_missed=frames_missed)
-        countdown = self._config.odometry.reset_countdown
-        if countdown == 0 or frames_missed < countdown:
+        config, seconds = self._config.odometry, (stamp_ns - last.stamp_ns) / NANOSECONDS
+        countdown = config.reset_countdown
+        if countdown == 0 or frames_missed < countdown or seconds < config.reset_delay:
             return missed
         anew = self._map.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, features.stages_ms)

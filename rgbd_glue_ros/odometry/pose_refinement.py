@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.odometry.acceptance import is_plausible, score
 from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
 from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
@@ -20,7 +21,7 @@ from rgbd_glue_ros.refinement.gauss_newton import (
 )
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Correspondences, Float64, View
 
 # Poses refined from different starts are compared at these: the finest level costs most of the
 # time and seldom changes which is the better one.
@@ -31,6 +32,10 @@ VELOCITY_LEVEL = COARSE_TO_FINE[-2]
 FINAL_LEVEL = COARSE_TO_FINE[-1]
 # Refined from far apart, poses that end nearer than this, metres and radians added, are the same.
 _SAME = 0.01
+# Visual matches decide between two poses from this many on, if one has this many times as many that
+# agree with it. Planes then speak against it only by this part more of them: along a corridor or
+# before a wall they fit wherever one is.
+_DECIDING_MATCHES, _CLEARLY_MORE, _PLANES_CONTRADICT = 20, 1.3, 0.25
 
 
 @dataclass(frozen=True)
@@ -117,3 +122,26 @@ def fits_better(refinement: Refinement, than: Refinement) -> bool:
     """Whether a refinement ended elsewhere than another one, and fits better."""
     apart = se3.difference(refinement.T_model_source, than.T_model_source)
     return apart > _SAME and score(refinement) > score(than)
+
+
+def matches_prefer(
+    refinement: Refinement, to: Refinement, matches: Correspondences, inlier_threshold: float
+) -> bool:
+    """Whether visual matches and brightness prefer a refinement, and planes hardly object.
+
+    Args:
+        refinement: of a frame.
+        to: another one of the same frame.
+        matches: between the frame (source) and the track frame (target).
+        inlier_threshold: distance within which a match agrees with a pose, metres.
+    """
+    agreeing, agreeing_with_other = (
+        int((distances(r.T_model_source, matches) <= inlier_threshold).sum())
+        for r in (refinement, to)
+    )
+    return (
+        agreeing >= _DECIDING_MATCHES
+        and agreeing > _CLEARLY_MORE * agreeing_with_other
+        and refinement.brightness_correlation > to.brightness_correlation
+        and refinement.plane_agreement > to.plane_agreement - _PLANES_CONTRADICT
+    )

@@ -19,6 +19,7 @@ from rgbd_glue_ros.odometry.pose_refinement import (
     PoseEstimate,
     PoseProblem,
     fits_better,
+    matches_prefer,
     refine_to_final_level,
 )
 from rgbd_glue_ros.parameters import OdometryConfig
@@ -26,7 +27,12 @@ from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.stopwatch import timed
-from rgbd_glue_ros.types import Float64, RegistrationResult, RegistrationStatus
+from rgbd_glue_ros.types import (
+    Correspondences,
+    Float64,
+    RegistrationResult,
+    RegistrationStatus,
+)
 
 
 @dataclass(frozen=True)
@@ -93,8 +99,11 @@ def track(
         prior_refinement = _start_prior_refinement(problem, background, config)
     features = glue.extract(problem.view)
     registration = glue.register(features, nearest.features, prior)
+    matches = registration.visual.moved_target(nearest.T_track_camera)
     T_registered = _registered_pose(registration, nearest)
-    estimate, ms = _best_of_prior_and_registration(problem, prior_refinement, T_registered, config)
+    estimate, ms = _best_of_prior_and_registration(
+        problem, prior_refinement, T_registered, matches, glue.inlier_threshold, config
+    )
     registration = registration.with_stage("refinement", ms)
     if estimate is None:
         return Attempt(features, registration)
@@ -127,11 +136,21 @@ def _best_of_prior_and_registration(
     problem: PoseProblem,
     prior_refinement: _PriorRefinement | None,
     T_registered: Float64 | None,
+    matches: Correspondences,
+    inlier_threshold: float,
     config: OdometryConfig,
 ) -> tuple[PoseEstimate | None, float]:
     """The pose refined from the prediction, or from the registration where that fits better.
 
     Waits for the background thread.
+
+    Args:
+        problem: the frame and the model.
+        prior_refinement: of the predicted pose; None where there is none.
+        T_registered: T_track_camera by the registration, float64 [4, 4], if there is one.
+        matches: the visual matches, their targets in the track frame.
+        inlier_threshold: distance within which a match agrees with a pose, metres.
+        config: how far apart two starts are.
 
     Returns:
         It, None where there was neither start, and the milliseconds that its refinement took.
@@ -143,7 +162,11 @@ def _best_of_prior_and_registration(
         from_prior is None or _is_far(T_registered, from_prior.T_model_source, config)
     ):
         registered, selection_ms = timed(problem.refined, T_registered, SELECTION_LEVELS)
-        if from_prior is None or fits_better(registered, from_prior):
+        if (
+            from_prior is None
+            or fits_better(registered, from_prior)
+            or matches_prefer(registered, from_prior, matches, inlier_threshold)
+        ):
             estimate, final_ms = timed(refine_to_final_level, registered, problem, config)
             return estimate, selection_ms + final_ms
     if prior_refinement is None:

@@ -162,7 +162,11 @@ class RefineConfig:
         maximum=100,
     )
     grid_step: int = parameter(
-        8, "Spacing of the planes in a keyframe.", unit="pixel", minimum=1, maximum=64
+        8,
+        "Spacing of the planes in a keyframe of 640x480; images of other sizes get about as many.",
+        unit="pixel",
+        minimum=1,
+        maximum=64,
     )
     plane_cauchy: float = parameter(
         2.0,
@@ -300,6 +304,12 @@ class OdometryConfig:
     keyframe_rotation: float = parameter(
         0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.001
     )
+    keyframe_overlap: float = parameter(
+        0.35,
+        "A frame of which the keyframes show less than this part becomes one, however near it is.",
+        minimum=0.0,
+        maximum=1.0,
+    )
     prior_radius: float = parameter(
         0.1,
         "Radius of the search around the motion prior where visual matches give no transform; "
@@ -320,10 +330,10 @@ class OdometryConfig:
         minimum=0.0,
     )
     min_planes: int = parameter(
-        200, "Planes that must be seen for their agreement to count.", minimum=1
+        50, "Planes that must be seen for their agreement to count.", minimum=1
     )
     min_pixels: int = parameter(
-        200, "Textured pixels that must be seen for their correlation to count.", minimum=1
+        50, "Textured pixels that must be seen for their correlation to count.", minimum=1
     )
     plane_agreement: float = parameter(
         0.5,
@@ -366,10 +376,17 @@ class OdometryConfig:
         minimum=3,
     )
     reset_countdown: int = parameter(
-        30,
+        3,
         "Frames that show something and have no pose, after which a new keyframe starts at the "
-        "last pose; 0 waits for ever.",
+        "last pose, if reset_delay has passed too; 0 waits for ever.",
         minimum=0,
+    )
+    reset_delay: float = parameter(
+        1.0,
+        "Time without a pose before a new keyframe starts at the last one. A slow camera has moved "
+        "out of sight of its keyframes by then; a fast one may yet come back.",
+        unit="s",
+        minimum=0.0,
     )
 
 

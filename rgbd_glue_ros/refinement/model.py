@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -27,6 +28,8 @@ LEVELS = 3
 # fewer pixels, so their cells are smaller.
 _CELLS_PX = (8, 5, 4)
 _MIN_GRADIENT = 5.0
+# The image that the spacing of planes is given for, pixels.
+_GRID_STEP_IMAGE = 640 * 480
 # A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
 # seen there moves with the edge and not with the pixel's own depth.
 _OCCLUSION_PX = 3
@@ -94,17 +97,30 @@ class Model:
         return Model(self.planes.moved(T), tuple(p.moved(T) for p in self.pixels))
 
 
+def spacing_px(view: View, grid_step: int) -> int:
+    """The spacing of planes that gives as many in an image of any size.
+
+    What planes cost and what their counts mean does not depend on the resolution then.
+
+    Args:
+        view: a frame.
+        grid_step: the spacing in an image of 640x480, pixels.
+    """
+    height, width = view.grey.shape
+    return max(1, round(grid_step * math.sqrt(width * height / _GRID_STEP_IMAGE)))
+
+
 def model_of(view: View, grid_step: int) -> Model:
     """The planes and pixels of a frame, in its optical frame.
 
     Args:
         view: the frame.
-        grid_step: spacing of the planes, pixels.
+        grid_step: spacing of the planes in an image of 640x480, pixels.
     """
     pixels = tuple(
         _textured_pixels(image, level, view) for level, image in enumerate(pyramid(view.grey))
     )
-    return Model(_planes(view, grid_step), pixels)
+    return Model(_planes(view, spacing_px(view, grid_step)), pixels)
 
 
 def blend(models: Sequence[Model]) -> Model:

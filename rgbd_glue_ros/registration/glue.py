@@ -130,6 +130,11 @@ class Glue:
         self._visual = VISUAL[config.features.visual](config.features)
         self._geometric = GEOMETRIC[config.features.geometric](config.features)
 
+    @property
+    def inlier_threshold(self) -> float:
+        """t_in, the distance within which a visual match agrees with a transform, metres."""
+        return self._config.glue.inlier_threshold
+
     def reconfigure(self, config: Config) -> None:
         """Takes other parameters, with the same features."""
         self._config = config

@@ -155,7 +155,7 @@ def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -
         ("features.visual", "Takes one of none, orb"),
         ("features.visual", "cannot change: the keyframes hold"),
         ("camera_axes", "camera_axes: body"),
-        ("reset_countdown", "odometry.reset_countdown: 30"),
+        ("reset_countdown", "odometry.reset_countdown: 3"),
     ],
 )
 def test_a_parameter_is_explained_by_its_name_its_section_or_an_alias(

@@ -51,13 +51,13 @@ def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int
     assert [k.stamp_ns for k in keyframes] == list(range(n))[-capacity:]
 
 
-def test_numbers_go_on_after_all_are_forgotten() -> None:
+def test_keyframes_that_are_left_serve_to_relocalise_but_not_to_track() -> None:
     keyframes = kept(3)
-    for _ in range(2):
-        add(keyframes, np.eye(4))
-    keyframes.forget()
-    assert len(keyframes) == 0
+    for metres in (0.0, 5.0):
+        add(keyframes, moved(metres))
+    keyframes.leave_window(np.eye(4))
     assert keyframes.nearest(np.eye(4)) == []
+    assert [k.number for k in keyframes.latest(3)] == [1, 0]
     assert add(keyframes, np.eye(4)).number == 2
 
 

@@ -423,7 +423,7 @@ def test_in_another_room_no_pose_is_made_up() -> None:
 
 
 def test_after_the_countdown_a_new_start_is_made_at_the_last_pose_and_its_doubt_said() -> None:
-    config = with_values(Config(), {"odometry.reset_countdown": 5})
+    config = with_values(Config(), {"odometry.reset_countdown": 5, "odometry.reset_delay": 0})
     frames = recorded_frames()
     estimates = track(numbered([*frames[:20], *another_room(20)]), config)
     assert [estimate.state for estimate in estimates[20:24]] == [LOST] * 4
@@ -442,7 +442,7 @@ def test_after_the_countdown_a_new_start_is_made_at_the_last_pose_and_its_doubt_
 
 
 def test_while_nothing_is_seen_the_new_start_waits() -> None:
-    config = with_values(Config(), {"odometry.reset_countdown": 5})
+    config = with_values(Config(), {"odometry.reset_countdown": 5, "odometry.reset_delay": 0})
     frames = recorded_frames()
     hidden = [covered(frames[20])] * 20
     estimates = track(numbered([*frames[:20], *hidden, *another_room(5)]), config)
@@ -522,7 +522,14 @@ def test_time_goes_on_while_lost_too() -> None:
 def test_no_image_stops_it(height: int, width: int, depths: float, seed: int) -> None:
     """Of any size and with any content."""
     rng = np.random.default_rng(seed)
-    config = with_values(Config(), {"odometry.min_planes": 1, "odometry.reset_countdown": 2})
+    config = with_values(
+        Config(),
+        {
+            "odometry.min_planes": 1,
+            "odometry.reset_countdown": 2,
+            "odometry.reset_delay": 0,
+        },
+    )
     camera = CameraIntrinsics(width, height, 30.0, 30.0, width / 2, height / 2)
     frames = []
     for i in range(4):
