@@ -44,6 +44,8 @@ def without_dynamic_objects(
     Returns:
         None where nothing moves, or almost everything seems to.
     """
+    if min(size for v in (view, *(o for o, _ in others)) for size in v.depth.shape) < _CELL_PX:
+        return None  # nothing to tell by
     T_track_depth = _when_depth_was_taken(view, T_track_camera)
     K = view.intrinsics.focal_and_centre
     blocks = np.zeros([size // _BLOCK_PX for size in view.depth.shape], np.uint8)

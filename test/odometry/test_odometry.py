@@ -546,14 +546,14 @@ def test_no_image_stops_it(height: int, width: int, depths: float, seed: int) ->
 
 
 def test_the_motion_by_another_odometry_leads_where_the_images_alone_do_not() -> None:
-    # walls without a pattern, and a third of a metre between the frames
-    first, second = (blacked_out(room_frame(time_s)) for time_s in (0.0, 1.6))
+    # walls without a pattern, and a third of a metre and a third of a radian between the frames
+    first, second = (blacked_out(room_frame(time_s)) for time_s in (0.0, 2.4))
     alone, led = Odometry(PATIENT), Odometry(PATIENT)
     alone.process(first)
     assert alone.process(second).state is LOST
     elsewhere = se3.exp(np.array([5.0, -3.0, 1.0, 0.2, -0.4, 2.0]))  # in a frame of its own
     led.process(first, elsewhere @ true_pose(0.0))
-    T = led.process(second, elsewhere @ true_pose(1.6)).T_odom_camera
+    T = led.process(second, elsewhere @ true_pose(2.4)).T_odom_camera
     assert T is not None
-    error = se3.inverse(T) @ se3.inverse(true_pose(0.0)) @ true_pose(1.6)
+    error = se3.inverse(T) @ se3.inverse(true_pose(0.0)) @ true_pose(2.4)
     assert np.linalg.norm(error[:3, 3]) < 0.01
