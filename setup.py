@@ -86,10 +86,6 @@ setup(
             "gtsam>=4.2",
             "pyHBST>=0.2",
         ],
-        # recordings to look at
-        "viz": [
-            "rerun-sdk>=0.23",
-        ],
         # methods of others, measured beside ours
         "bench": [
             *OPEN3D,

@@ -16,7 +16,7 @@ from rgbd_glue_ros.slam.appearance import Appearance
 from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import Optimum, optimise
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, Trajectory, UInt8
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory, UInt8
 
 # Candidates that a keyframe is compared with, by likeness and by nearness: each costs as much as
 # tracking a frame.
@@ -81,13 +81,17 @@ class Mapper:
         return PoseGraph(Trajectory(stamps, poses.reshape(-1, 4, 4)), tuple(self.edges))
 
     def finish(self) -> Optimum:
-        """The optimum, after keyframes that it takes near each other were compared, too."""
+        """The optimum, after keyframes that it takes near each other were compared, too.
+
+        Without a loop the poses stay where they are: the odometry knew all other edges.
+        """
         first = optimise(self.graph)
-        before = len(self.edges)
         poses = dict(enumerate(first.graph.keyframes.poses))
         for keyframe in self.keyframes:
             self.compare_near(keyframe, poses)
-        return first if len(self.edges) == before else optimise(self.graph)
+        if not any(edge.origin is EdgeOrigin.LOOP for edge in self.edges):
+            return replace(first, graph=self.graph)
+        return optimise(self.graph)
 
     def compare_near(
         self, child: MapKeyframe, poses: Mapping[int, Float64]

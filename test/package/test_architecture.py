@@ -55,7 +55,6 @@ OPTIONAL_LIBRARIES = {
     "gtsam",
     "g2opy",
     "pyhbst",
-    "rerun",
 }
 ROSDEP_KEYS = {
     "backports": "python3-rosbags-pip",  # comes with rosbags, as lz4

@@ -82,3 +82,13 @@ def test_the_same_geometry_with_other_images_is_no_loop() -> None:
     noise = np.random.default_rng(0).integers(0, 256, view.grey.shape, np.uint8)
     repainted = replace(there, features=glue.extract(replace(view, grey=noise)))
     assert loop_edge(here, repainted, glue, config()) is None
+
+
+def test_without_a_loop_poses_stay_where_the_odometry_has_them() -> None:
+    pytest.importorskip("gtsam", reason="GTSAM is not installed")
+    mapper = Mapper(config(), HammingVotes())
+    for known in drifted()[:2]:
+        mapper.add_edges(known.edges)
+        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config().refine)
+    optimum = mapper.finish()
+    np.testing.assert_array_equal(optimum.graph.keyframes.poses, mapper.graph.keyframes.poses)
