@@ -121,10 +121,6 @@ def map_recording(
         sinks=[sink],
         odometry=odometry,
     )
-    if not mapper.keyframes:
-        raise InputError(
-            sequence.name, "no frame shows enough for a keyframe", "see report.html for why"
-        )
     shutil.copyfile(folder / TRAJECTORY, folder / ODOMETRY)
     start = perf_counter()
     optimum = mapper.finish()
