@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Registers the pairs and returns their figures."""
-    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.cli.progress import bar, counted
     from rgbd_glue_ros.experiments.batch.workers import pool
     from rgbd_glue_ros.experiments.pairs.experiment import REPORT, TABLES, Experiment, run_pairs
 
@@ -82,7 +82,8 @@ def run(args: argparse.Namespace) -> str:
             shown.total, shown.initial = total, done
             shown.update(done)
             if done:
-                logger.warning("going on after %d pairs that an earlier run left", done)
+                said = counted(done, "pair")
+                logger.warning("going on after %s that an earlier run left", said)
 
         def step(_: object) -> None:
             shown.update()
@@ -145,11 +146,14 @@ def _peers(text: str) -> list[str]:
 
 
 def _summary(figures: dict[str, Any]) -> str:
+    from rgbd_glue_ros.cli.progress import counted
+
     lines = []
     for gap, content in figures["gaps"].items():
+        pairs = counted(content["pairs"], "pair")
         mean = "{rotation_deg[mean]:.2f} deg, {translation_cm[mean]:.2f} cm, {chamfer_mm[mean]:.2f}"
         lines.append(
-            f"gap {gap:<4} {content['pairs']} pairs, {content['failed']} failed; mean error "
+            f"gap {gap:<4} {pairs}, {content['failed']} failed; mean error "
             f"{mean.format(**content)} mm chamfer; {content['seconds_per_pair']:.2f} s/pair\n"
         )
     return "".join(lines)

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> str:
 
 
 def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) -> str:
-    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.cli.progress import bar, counted
     from rgbd_glue_ros.experiments.batch.workers import pool
     from rgbd_glue_ros.experiments.replay.batch import TABLE, run_replays
 
@@ -57,7 +57,8 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
         def expect(_: int, done: int) -> None:
             shown.update(done)
             if done:
-                logger.warning("going on after %d recordings that an earlier run left", done)
+                said = counted(done, "recording")
+                logger.warning("going on after %s that an earlier run left", said)
 
         def step(name: str) -> None:
             shown.set_postfix_str(name, refresh=False)
@@ -112,9 +113,12 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
 
 def summary(figures: dict[str, Any]) -> str:
     """The figures of ``metrics.json`` in a few lines."""
-    frames = "{frames}, of which {tracked} tracked and {lost} lost; {keyframes} keyframes"
+    from rgbd_glue_ros.cli.progress import counted
+
+    frames = "{frames}, of which {tracked} tracked and {lost} lost; "
     speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
-    text = f"frames   {frames.format(**figures)}\n"
+    keyframes = counted(figures["keyframes"], "keyframe")
+    text = f"frames   {frames.format(**figures)}{keyframes}\n"
     text += f"path     {figures['path_m']:.2f} m\n"
     text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
     if "ape" in figures:

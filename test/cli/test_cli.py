@@ -253,3 +253,30 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     frames = json.loads((out / "metrics.json").read_text())["frames"]
     assert 4 <= frames <= 9
     assert len(read_tum(out / "trajectory.txt")) == frames
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("rgbd-glue repl", "replay"),
+        ("rgbd-glue replay --ground", "--ground-truth"),
+        ("rgbd-glue params --set glue.filt", "glue.filter="),
+        ("rgbd-glue params glue.filt", "glue.filter"),
+        ("rgbd-glue odometry --camera oak", "oak_d"),
+    ],
+)
+def test_a_shell_with_argcomplete_completes_commands_options_and_names(
+    line: str, offered: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("argcomplete")
+    answer = tmp_path / "answer"
+    asked = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_SUPPRESS_SPACE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "COMP_TYPE": "9",
+    }
+    subprocess.run(command(), cwd=ROOT, env={**os.environ, **asked}, check=True)
+    assert answer.read_text().split("\v") == [offered]
