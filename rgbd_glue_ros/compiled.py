@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
@@ -23,3 +25,20 @@ def compiled(function: F) -> F:
 def inlined(function: F) -> F:
     """A part of compiled functions that is put into each of them: what is done at every point."""
     return cast(F, njit(inline="always", error_model="numpy")(function))
+
+
+def forget_stale_code(package: Path) -> None:
+    """Removes the indices of compiled code that are older than a source beside it.
+
+    An index names the types that its functions take; one that a newer version has not got any more
+    ends in an error that says nothing, where compiling anew would do.
+    """
+    for cache in package.rglob("__pycache__"):
+        with suppress(OSError):  # what cannot be removed cannot be written either
+            newest = max((p.stat().st_mtime for p in cache.parent.glob("*.py")), default=0.0)
+            for index in cache.glob("*.nbi"):
+                if index.stat().st_mtime < newest:
+                    index.unlink(missing_ok=True)
+
+
+forget_stale_code(Path(__file__).parent)
