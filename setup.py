@@ -21,10 +21,11 @@ def manifest(tag: str) -> str:
 
 NAME = manifest("name")
 
-# 0.20 integrates nothing in its legacy TSDF volume; open3d-cpu exists for x86-64 alone.
+# 0.20 integrates nothing in its legacy TSDF volume; open3d-cpu exists for x86-64 alone, and neither
+# for Python 3.13.
 OPEN3D = [
-    "open3d-cpu>=0.19,<0.20; platform_machine == 'x86_64'",
-    "open3d>=0.19,<0.20; platform_machine != 'x86_64'",
+    "open3d-cpu>=0.19,<0.20; platform_machine == 'x86_64' and python_version < '3.13'",
+    "open3d>=0.19,<0.20; platform_machine != 'x86_64' and python_version < '3.13'",
 ]
 
 

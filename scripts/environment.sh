@@ -1,7 +1,7 @@
 # shellcheck shell=bash
 # Sourced by the other scripts: makes the virtual environment they run in and puts it on PATH.
 #
-#   PYTHON       interpreter to use; without it the first of 3.11, 3.12 and 3.10 that works
+#   PYTHON       interpreter to use; without it the first of 3.11, 3.12, 3.13 and 3.10 that works
 #   VENV         folder to make; without it .venv, or .venv-3.12 for PYTHON=python3.12
 #   CONSTRAINTS  versions to install; without it scripts/constraints.txt
 
@@ -26,14 +26,14 @@ fail() {
 
 find_python() {
   local candidate
-  for candidate in ${PYTHON:-python3.11 python3.12 python3.10 python3}; do
-    if "$candidate" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' \
+  for candidate in ${PYTHON:-python3.11 python3.12 python3.13 python3.10 python3}; do
+    if "$candidate" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
       2>/dev/null; then
       echo "$candidate"
       return
     fi
   done
-  fail "found no Python 3.10, 3.11 or 3.12${PYTHON:+ as $PYTHON}; install one, or name it: PYTHON=python3.12 $0"
+  fail "found no Python 3.10 to 3.13${PYTHON:+ as $PYTHON}; install one, or name it: PYTHON=python3.12 $0"
 }
 
 # Installs Debian packages where that can be done without asking, else says what to install.
@@ -71,6 +71,26 @@ make_environment() {
   "$python" -m venv --clear "$VENV"
 }
 
+# quiet_pip PIP_ARGUMENT...: installs, and shows how much is there; what pip says only when it fails.
+quiet_pip() {
+  local log=$VENV/pip.log start=$SECONDS pid
+  "$VENV/bin/python" -m pip install --no-input --disable-pip-version-check "$@" >"$log" 2>&1 &
+  pid=$!
+  trap 'kill "$pid" 2>/dev/null' INT TERM
+  while [ -t 2 ] && kill -0 "$pid" 2>/dev/null; do
+    printf '\rInstalling into %s: %4d s, %s ' \
+      "$VENV" "$((SECONDS - start))" "$(du -sh "$VENV" | cut -f 1)B" >&2
+    sleep 1
+  done
+  if ! wait "$pid"; then
+    cat "$log" >&2
+    fail "pip could not install what is needed; its words are above and in $log"
+  fi
+  trap - INT TERM
+  printf '\rInstalled into %s in %d s, %s  \n' \
+    "$VENV" "$((SECONDS - start))" "$(du -sh "$VENV" | cut -f 1)B" >&2
+}
+
 # install PIP_ARGUMENT...: into the environment; done already, it takes no time.
 install() {
   local stamp missing
@@ -86,7 +106,7 @@ install() {
     install_system_packages "${missing[@]}"
   fi
   make_environment
-  "$VENV/bin/python" -m pip install --constraint "$CONSTRAINTS" "$@"
+  quiet_pip --constraint "$CONSTRAINTS" "$@"
   touch "$stamp"
 }
 
@@ -96,7 +116,7 @@ add_contributed_opencv() {
   local release
   release=$("$VENV/bin/python" -c 'from importlib.metadata import version; print(version("opencv-python-headless"))')
   if ! "$VENV/bin/python" -c 'import cv2; cv2.rgbd' 2>/dev/null; then
-    "$VENV/bin/python" -m pip install --force-reinstall --no-deps "opencv-contrib-python-headless==$release"
+    quiet_pip --force-reinstall --no-deps "opencv-contrib-python-headless==$release"
   fi
 }
 

@@ -104,6 +104,7 @@ def contest(peers: dict[str, Any], patience_s: float = 60.0) -> dict[str, Any]:
     return part.figures()
 
 
+@pytest.mark.slow
 def test_a_peer_that_knows_every_transform_has_no_error() -> None:
     result = contest({"oracle": Oracle()})["contest"]["oracle"]
     assert result["frames"] == FRAMES

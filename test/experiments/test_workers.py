@@ -88,6 +88,7 @@ def without_times(experiment: Experiment, gap: int = GAP) -> list[str]:
     return [repr(replace(result, seconds=0.0, stages_ms={})) for result in results]
 
 
+@pytest.mark.slow
 def test_a_killed_worker_changes_no_bit_of_the_results(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     from distributed import Client, LocalCluster
@@ -138,6 +139,7 @@ def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
     assert without_times(parallel, 2) == without_times(serial, 2)
 
 
+@pytest.mark.slow
 def test_a_run_that_broke_off_goes_on_to_the_same_results(tmp_path: Path) -> None:
     whole = pairs_on(Serial(), tmp_path / "whole")
     done: list[Results] = []
@@ -159,6 +161,7 @@ def test_a_run_that_broke_off_goes_on_to_the_same_results(tmp_path: Path) -> Non
     assert without_times(resumed) == without_times(whole)
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_with_a_run_that_another_way_of_working_left(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -199,8 +199,9 @@ def test_whatever_the_fields_hold_they_make_a_frame_or_are_refused(
     [
         pytest.param(RAW, 2 * len(RAW), id="raw"),
         pytest.param(COMPRESSED, 2 * len(COMPRESSED), id="compressed"),
-        pytest.param(RAW, 2500, id="raw-long", marks=pytest.mark.slow),
-        pytest.param(COMPRESSED, 2500, id="compressed-long", marks=pytest.mark.slow),
+        # 600 frames show a leak of 20 kB a frame
+        pytest.param(RAW, 600, id="raw-long", marks=pytest.mark.slow),
+        pytest.param(COMPRESSED, 600, id="compressed-long", marks=pytest.mark.slow),
     ],
 )
 def test_malformed_frames_change_neither_the_poses_of_the_good_ones_nor_the_memory(

@@ -100,6 +100,7 @@ def test_only_views_from_elsewhere_count_until_enough_were_seen() -> None:
     assert not check.needs_view_from(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
 
 
+@pytest.mark.slow
 def test_the_odometry_trusts_colour_less_once_it_knows(caplog: pytest.LogCaptureFixture) -> None:
     frames = unregistered(1.1, 6.0, 0.0)
     # depth that is magnified was taken by a camera that magnifies
