@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.demo.played import PlayedRecording
     from rgbd_glue_ros.experiments.replay.sinks import FrameSink
     from rgbd_glue_ros.parameters import Config, InputConfig, Parameter
     from rgbd_glue_ros.recordings import Recording
@@ -159,6 +160,30 @@ def add_set(parser: argparse.ArgumentParser) -> None:
     ).completer = _assignments  # type: ignore[attr-defined]
 
 
+def add_part(parser: argparse.ArgumentParser) -> None:
+    """What of a recording is played, how fast, and as which messages."""
+    parser.add_argument(
+        "--rate",
+        type=positive_number,
+        default=1.0,
+        help="speed of the recording (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--start", metavar="S", type=positive_number, default=0.0, help="leave out its first S s"
+    )
+    parser.add_argument("--duration", metavar="S", type=positive_number, help="stop after S s")
+    images = parser.add_mutually_exclusive_group()
+    images.add_argument(
+        "--raw",
+        dest="compressed",
+        action="store_false",
+        help="publish images as they are, which loses nothing (default)",
+    )
+    images.add_argument(
+        "--compressed", action="store_true", help="publish JPEG and compressedDepth"
+    )
+
+
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Where many recordings are worked on."""
     where = parser.add_mutually_exclusive_group()
@@ -210,6 +235,15 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
     return partial(open_recording, topics=topics, calibration=calibration, inputs=_inputs(args))
 
 
+def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:
+    """The part of a recording that is to be played."""
+    from rgbd_glue_ros.experiments.demo.played import PlayedRecording
+    from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW
+
+    codec = COMPRESSED if args.compressed else RAW
+    return PlayedRecording(recording, codec, args.start, args.duration)
+
+
 def config(args: argparse.Namespace) -> Config:
     """The preset with what ``--set`` changes of the method.
 
@@ -243,6 +277,14 @@ def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, ob
     own = values(InputConfig())
     inputs = {name: value for name, value in given.items() if name in own}
     return inputs, {name: value for name, value in given.items() if name not in own}
+
+
+def node_command(args: argparse.Namespace) -> str:
+    """Starts a node, with no ROS but that of Python packages, that hears what is played."""
+    words = "odometry"
+    if args.compressed:
+        words += " --ros-args -p image_transport:=compressed -p depth_transport:=compressedDepth"
+    return words
 
 
 def parameter_names(prefix: str = "", **_: object) -> list[str]:

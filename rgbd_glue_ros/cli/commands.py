@@ -44,8 +44,9 @@ class Command:
 
 
 COMMANDS = (
-    Command("demo", "play the bundled bag to the node over DDS"),
+    Command("demo", "play the bundled bag, or a recording, to the node over DDS"),
     Command("odometry", "run the ROS node", is_ros_node=True),
+    Command("play", "publish a recording as the topics of a camera"),
     Command("replay", "run the odometry over a recording"),
     Command("map", "close the loops of a recording and make a map of it"),
     Command("evaluate", "compare a trajectory with the truth"),

@@ -4,26 +4,44 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rgbd_glue_ros.cli.arguments import add_output, positive_number
+from rgbd_glue_ros.cli import arguments
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.demo.played import Played
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Output and speed."""
-    add_output(parser, Path("out/demo"))
+    """A recording, its part and speed, and the output."""
     parser.add_argument(
-        "--rate",
-        type=positive_number,
-        default=1.0,
-        help="speed of the recording (default: %(default)s)",
+        "recording",
+        metavar="SRC",
+        type=arguments.path,
+        nargs="?",
+        help=f"{arguments.RECORDING} (default: the bundled bag)",
     )
+    arguments.add_topics(parser)
+    arguments.add_output(parser, Path("out/demo"))
+    arguments.add_part(parser)
 
 
 def run(args: argparse.Namespace) -> str:
-    """Plays the bundled recording and returns its figures."""
+    """Plays a recording to the node and returns the figures of what the node answered."""
+    from rgbd_glue_ros.experiments.demo.demo import bundled_bag
+    from rgbd_glue_ros.experiments.demo.played import PlayedBag
+
+    is_whole = not (args.start or args.duration or args.compressed)
+    if args.recording is None and is_whole:
+        return _play(args, PlayedBag.load(bundled_bag()))  # byte for byte
+    with arguments.opener(args)(args.recording or bundled_bag()) as recording:
+        return _play(args, arguments.played(args, recording))
+
+
+def _play(args: argparse.Namespace, recording: Played) -> str:
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.cli.replay import summary
-    from rgbd_glue_ros.experiments.demo.demo import Progress, bundled_bag, demo
+    from rgbd_glue_ros.experiments.demo.demo import Progress, demo
     from rgbd_glue_ros.experiments.replay.replay import REPORT
 
     with bar(" frames", desc="waiting for the node") as shown:
@@ -34,6 +52,6 @@ def run(args: argparse.Namespace) -> str:
             shown.set_postfix_str(f"{progress.poses} poses", refresh=False)
             shown.update(progress.played - shown.n)
 
-        result = demo(bundled_bag(), args.output, args.rate, show)
+        result = demo(recording, args.output, args.rate, show)
     said = f"node     {result.summary}\n" if result.summary else ""
     return f"{summary(result.figures)}{said}report   {args.output / REPORT}\n"

@@ -18,7 +18,8 @@ from rgbd_glue_ros.recordings import open_recording
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from rgbd_glue_ros.experiments.demo.player import PlayedBag, Player
+from rgbd_glue_ros.experiments.demo.played import PlayedBag, transport
+from rgbd_glue_ros.experiments.demo.player import Player
 
 PATIENCE_S = 60.0
 FRAMES = 45
@@ -32,8 +33,8 @@ def test_the_same_bag_gives_the_same_poses_through_the_node_over_dds_and_through
     recording = PlayedBag.load(bundled_bag())
     parameters = {
         "camera_axes": "optical",
-        "image_transport": recording.transport(Channel.COLOR),
-        "depth_transport": recording.transport(Channel.DEPTH),
+        "image_transport": transport(recording, Channel.COLOR),
+        "depth_transport": transport(recording, Channel.DEPTH),
     }
     with (
         NodeProcess(parameters, ros_environment(ros_domain)) as node,

@@ -15,6 +15,7 @@ import pytest
 from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.demo import demo as module
 from rgbd_glue_ros.experiments.demo.demo import Progress, bundled_bag, demo
+from rgbd_glue_ros.experiments.demo.played import PlayedBag
 
 
 def ignore(_: Progress) -> None:
@@ -31,7 +32,7 @@ def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
     tmp_path: Path,
 ) -> None:
     seen: list[Progress] = []
-    result = demo(bundled_bag(), tmp_path, 1.0, seen.append)
+    result = demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, seen.append)
     names = {path.name for path in tmp_path.iterdir()}
     graphs = {"keyframes.g2o", "keyframes_gtsam.g2o"}
     replays = {"trajectory.txt", "metrics.json", "params.yaml", "report.html", *graphs}
@@ -52,7 +53,7 @@ def test_a_node_that_does_not_start_is_said_with_its_last_words(
 ) -> None:
     monkeypatch.setattr(module, "_parameters", lambda _: {"glue.k": "many"})
     with pytest.raises(RuntimeError, match=r"exit code 2, last line: .*glue.k: 'many'"):
-        demo(bundled_bag(), tmp_path, 1.0, ignore)
+        demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, ignore)
 
 
 def children(pid: int) -> list[int]:
@@ -71,7 +72,7 @@ def test_a_node_that_dies_is_said_and_what_it_did_is_kept(tmp_path: Path) -> Non
             os.kill(node, signal.SIGKILL)
 
     with pytest.raises(RuntimeError, match="the node ended: exit code -9"):
-        demo(bundled_bag(), tmp_path, 1.0, kill)
+        demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, kill)
     assert len(read_tum(tmp_path / "trajectory.txt")) >= 2
     assert (tmp_path / "metrics.json").is_file()
 

@@ -32,7 +32,8 @@ from rigs.faults import BREATH_MB, cpu_ms, node_in, rss_mb
 from rigs.paths import ROOT
 from rigs.ros import PATIENCE_S, Rig, corner_frame, frame_messages
 
-from rgbd_glue_ros.experiments.demo.player import PlayedBag, PlayedMessage, Player
+from rgbd_glue_ros.experiments.demo.played import PlayedBag, PlayedMessage, transport
+from rgbd_glue_ros.experiments.demo.player import Player
 
 RIGS = ROOT / "test" / "rigs"
 START_NS = 1_700_000_000 * NANOSECONDS
@@ -174,8 +175,8 @@ def small_bag() -> PlayedBag:
 @contextmanager
 def playing(domain: int, recording: PlayedBag) -> Iterator[tuple[NodeProcess, Player]]:
     transports = {
-        "image_transport": recording.transport(Channel.COLOR),
-        "depth_transport": recording.transport(Channel.DEPTH),
+        "image_transport": transport(recording, Channel.COLOR),
+        "depth_transport": transport(recording, Channel.DEPTH),
     }
     with node_in(domain, **transports) as node, Player(recording, domain) as player:
         assert player.wait(player.is_matched, PATIENCE_S), node.lines

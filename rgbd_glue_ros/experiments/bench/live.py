@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from rgbd_glue_ros.experiments.demo.demo import Progress, demo
+from rgbd_glue_ros.experiments.demo.played import PlayedBag
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.recordings.bag.writer import RAW, BagWriter
 from rgbd_glue_ros.recordings.convert import write_bag
@@ -57,7 +58,7 @@ class Live:
             bag = Path(folder) / "bag"
             with BagWriter(bag, RAW) as writer:
                 write_bag(self._recording, self._recording.ground_truth, writer)
-            result = demo(bag, Path(folder) / "out", 1.0, show)
+            result = demo(PlayedBag.load(bag), Path(folder) / "out", 1.0, show)
         kept = {name: result.figures[name] for name in _KEPT if name in result.figures}
         self._figures = {**kept, "ready_s": result.ready_s}
 

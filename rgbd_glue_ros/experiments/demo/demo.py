@@ -13,6 +13,7 @@ from rgbd_glue_ros.errors import MissingExtraError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
+from rgbd_glue_ros.experiments.demo.played import Played, transport
 from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, start_results, write_results
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
@@ -20,7 +21,7 @@ from rgbd_glue_ros.parameters import Config, load_preset, share_directory
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 
 if TYPE_CHECKING:
-    from rgbd_glue_ros.experiments.demo.player import PlayedBag, Player
+    from rgbd_glue_ros.experiments.demo.player import Player
 
 PRESET = "live"
 LOG = "node.log"
@@ -68,20 +69,20 @@ def bundled_bag() -> Path:
 
 
 def demo(
-    bag: Path, folder: Path, rate: float, on_progress: Callable[[Progress], None]
+    recording: Played, folder: Path, rate: float, on_progress: Callable[[Progress], None]
 ) -> DemoResult:
-    """Plays a bag to the node and leaves the results of a replay, measured live.
+    """Plays a recording to the node and leaves the results of a replay, measured live.
 
     However it ends, what was measured until then is written.
 
     Args:
-        bag: a rosbag2 with an RGB-D sequence.
+        recording: what is played.
         folder: where the results and the node's log go.
         rate: speed, 1 for that of the recording.
         on_progress: called after every frame.
 
     Raises:
-        InputError: the bag or the folder cannot be used.
+        InputError: the recording or the folder cannot be used.
         MissingExtraError: ROS is not installed.
         RuntimeError: the node ended, or gave no pose.
     """
@@ -93,10 +94,9 @@ def demo(
         environment = ros_environment(domain)
         os.environ.update(environment)  # before ROS is loaded in this process
         try:
-            from rgbd_glue_ros.experiments.demo.player import PlayedBag, Player  # noqa: PLC0415 - ROS is optional
+            from rgbd_glue_ros.experiments.demo.player import Player  # noqa: PLC0415 - ROS is optional
         except ImportError as error:
             raise MissingExtraError("rclpy", "ros", "the demonstration") from error
-        recording = PlayedBag.load(bag)
         start = time.monotonic()
         with (
             NodeProcess(_parameters(recording), environment) as node,
@@ -118,14 +118,14 @@ def demo(
         raise RuntimeError(f"the node ended with exit code {code}; its log is in {log}")
     if not figures:
         raise RuntimeError(f"the node gave no pose; its log is in {log}")
-    return DemoResult(figures, recording.frame_count, ready_s, player.summary)
+    return DemoResult(figures, len(player.published_ns), ready_s, player.summary)
 
 
-def _parameters(recording: PlayedBag) -> dict[str, object]:
+def _parameters(recording: Played) -> dict[str, object]:
     return {
         "preset": PRESET,
-        "image_transport": recording.transport(Channel.COLOR),
-        "depth_transport": recording.transport(Channel.DEPTH),
+        "image_transport": transport(recording, Channel.COLOR),
+        "depth_transport": transport(recording, Channel.DEPTH),
         # poses as replay gives them, in the first optical frame
         "camera_axes": "optical",
     }
@@ -143,7 +143,7 @@ def _wait_until_ready(player: Player, node: NodeProcess) -> None:
 
 def _play(
     player: Player,
-    recording: PlayedBag,
+    recording: Played,
     node: NodeProcess,
     rate: float,
     on_progress: Callable[[Progress], None],
@@ -165,7 +165,7 @@ def _play(
     on_progress(Progress(recording.frame_count, played, len(player.poses)))
 
 
-def _run(recording: PlayedBag, config: Config, player: Player) -> Run:
+def _run(recording: Played, config: Config, player: Player) -> Run:
     run = Run(recording.name, config, recording.ground_truth)
     for stamp in sorted(player.poses):
         estimate = OdometryEstimate(

@@ -21,6 +21,7 @@ from rgbd_glue_ros.parameters import share_directory
 
 # Those above are not usable on every platform, 0 is everybody's.
 DOMAINS = range(1, 102)
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # How long the node may take to end after it was told to: it finishes the frame in work.
 STOP_S = 10.0
 
@@ -55,9 +56,25 @@ def ros_environment(domain: int) -> dict[str, str]:
     They have to be set before rclpy is initialised.
     """
     return {
+        **shared_environment(),
         "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(share_directory() / "config" / "fastdds.xml"),
+        PROFILES: str(profiles_file()),
+    }
+
+
+def profiles_file() -> Path:
+    """The DDS profile with which images arrive without loss between processes."""
+    return share_directory() / "config" / "fastdds.xml"
+
+
+def shared_environment() -> dict[str, str]:
+    """Environment variables for a ROS process that talks with others; what is set stays.
+
+    They have to be set before rclpy is loaded.
+    """
+    return {
+        PROFILES: os.environ.get(PROFILES, str(profiles_file())),
         # ROS from PyPI does not set it, and rclpy finds no resources without
         "AMENT_PREFIX_PATH": os.environ.get("AMENT_PREFIX_PATH", sys.prefix),
     }

@@ -1,12 +1,11 @@
-"""Plays a recording to the node over DDS and listens to what it answers; needs ROS."""
+"""Plays a recording to a node over DDS and listens to what it answers; needs ROS."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
 from types import TracebackType
+from typing import TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,118 +16,48 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.demo.played import Played, PlayedMessage, transport
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
-from rgbd_glue_ros.recordings.bag.file import BagFile
-from rgbd_glue_ros.recordings.bag.recording import BagRecording
-from rgbd_glue_ros.types import NANOSECONDS, Float64, Trajectory
+from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 MESSAGE_TYPES = {f"sensor_msgs/msg/{t.__name__}": t for t in (Image, CompressedImage, CameraInfo)}
-QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+QUEUE = 10
+C = TypeVar("C", bound="Camera")
 
 
-@dataclass(frozen=True)
-class PlayedMessage:
-    """A message of a recording.
-
-    Attributes:
-        channel: what it carries.
-        recorded_ns: when it was recorded, nanoseconds.
-        stamp_ns: its header's stamp, nanoseconds.
-        data: its CDR.
-    """
-
-    channel: Channel
-    recorded_ns: int
-    stamp_ns: int
-    data: bytes
-
-
-@dataclass(frozen=True)
-class PlayedBag:
-    """A bag in memory.
-
-    Attributes:
-        name: of the bag.
-        types: of the messages of each channel.
-        messages: in the order of recording.
-        ground_truth: T_world_camera, None if the bag has none.
-    """
-
-    name: str
-    types: dict[Channel, str]
-    messages: tuple[PlayedMessage, ...]
-    ground_truth: Trajectory | None
-
-    @staticmethod
-    def load(path: Path) -> PlayedBag:
-        """Reads a rosbag2.
-
-        Raises:
-            InputError: it cannot be read, holds no RGB-D sequence, or is of ROS 1.
-        """
-        with BagRecording(path) as sequence:
-            name, found, truth = sequence.name, sequence.topics, sequence.ground_truth
-        channels = {
-            found.color: Channel.COLOR,
-            found.depth: Channel.DEPTH,
-            found.info: Channel.INFO,
-        }
-        with BagFile(path) as bag:
-            if bag.is_ros1:
-                raise InputError(path, "is a ROS 1 bag", "convert it with `rgbd-glue convert`")
-            types = {channel: bag.topics[str(topic)].type for topic, channel in channels.items()}
-            messages = tuple(
-                PlayedMessage(
-                    channels[message.topic],
-                    message.stamp_ns,
-                    stamp_ns(bag.deserialize(message).header.stamp),
-                    bytes(message.data),
-                )
-                for message in bag.messages([str(topic) for topic in channels])
-            )
-        return PlayedBag(name, types, messages, truth)
-
-    @property
-    def frame_count(self) -> int:
-        """How many colour images it holds."""
-        return sum(message.channel is Channel.COLOR for message in self.messages)
-
-    def transport(self, channel: Channel) -> str:
-        """The value of ``image_transport`` or ``depth_transport`` to receive this channel with."""
-        if self.types[channel] != "sensor_msgs/msg/CompressedImage":
-            return topics.RAW
-        return "compressedDepth" if channel is Channel.DEPTH else "compressed"
-
-
-class Player:
-    """A camera that shows a recording; a context manager.
+class Camera:
+    """Publishes a recording as a camera's driver would; a context manager.
 
     Attributes:
         published_ns: by stamp, when publication of the last message with it began, monotonic clock.
-        poses: by stamp, the poses [4, 4] that came.
-        arrived_ns: by stamp, when the pose came, monotonic clock.
-        keyframes: stamps of the frames that became keyframes.
-        summary: what the node last said of itself; None before it did.
+        topics: what is published, by channel, with the transport.
     """
 
-    def __init__(self, recording: PlayedBag, domain: int) -> None:
+    def __init__(
+        self,
+        recording: Played,
+        domain: int | None = None,
+        *,
+        reliable: bool = True,
+        names: Mapping[Channel, str] = topics.SUBSCRIBED,
+    ) -> None:
         """Joins the domain.
 
         Args:
             recording: what is to be played.
-            domain: ROS domain.
+            domain: ROS domain; None for the environment's.
+            reliable: whether what is lost is sent again; best effort if not.
+            names: of the topics, without the transport.
         """
         self.published_ns: dict[int, int] = {}
-        self.poses: dict[int, Float64] = {}
-        self.arrived_ns: dict[int, int] = {}
-        self.keyframes: set[int] = set()
-        self.summary: Summary | None = None
         self._recording = recording
+        self._reliability = (
+            ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        )
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         self._node = Node("player", context=self._context)
@@ -137,19 +66,14 @@ class Player:
         self._publishers = {
             channel: self._node.create_publisher(
                 MESSAGE_TYPES[message_type],
-                topics.transported(topics.SUBSCRIBED[channel], recording.transport(channel)),
-                QOS,
+                topics.transported(names[channel], transport(recording, channel)),
+                QoSProfile(depth=QUEUE, reliability=self._reliability),
             )
             for channel, message_type in recording.types.items()
         }
-        for kind, name, receive in (
-            (PoseStamped, topics.POSE, self._receive_pose),
-            (PoseStamped, topics.KEYFRAME_POSE, self._receive_keyframe),
-            (DiagnosticArray, topics.DIAGNOSTICS, self._receive_diagnostics),
-        ):
-            self._node.create_subscription(kind, name, receive, 10)
+        self.topics = {channel: p.topic_name for channel, p in self._publishers.items()}
 
-    def __enter__(self) -> Player:
+    def __enter__(self: C) -> C:
         return self
 
     def __exit__(
@@ -173,16 +97,6 @@ class Player:
             self._executor.spin_once(timeout_sec=min(left, 0.05))
         return True
 
-    def is_matched(self) -> bool:
-        """Whether the node listens to all topics, reliably, and publishes."""
-        for publisher in self._publishers.values():
-            listeners = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
-            if [i.qos_profile.reliability for i in listeners] != [QOS.reliability]:
-                return False
-            if publisher.get_subscription_count() != 1:
-                return False
-        return all(self._node.count_publishers(t) == 1 for t in (topics.POSE, topics.KEYFRAME_POSE))
-
     def publish(self, message: PlayedMessage) -> None:
         """Publishes a message as it was recorded, byte for byte."""
         # before, since a node may have it before this process goes on
@@ -191,14 +105,55 @@ class Player:
 
     def play(self, rate: float) -> Iterator[PlayedMessage]:
         """Publishes all messages at ``rate`` times the recording's speed; gives each after that."""
-        messages = self._recording.messages
-        start_ns = time.monotonic_ns()
-        for message in messages:
-            due_ns = start_ns + (message.recorded_ns - messages[0].recorded_ns) / rate
+        start_ns = first_ns = None
+        for message in self._recording.messages:
+            if start_ns is None or first_ns is None:
+                start_ns, first_ns = time.monotonic_ns(), message.recorded_ns
+            due_ns = start_ns + (message.recorded_ns - first_ns) / rate
             while (left_ns := due_ns - time.monotonic_ns()) > 0:
                 self._executor.spin_once(timeout_sec=left_ns / NANOSECONDS)
             self.publish(message)
             yield message
+
+
+class Player(Camera):
+    """A camera that hears what the node answers.
+
+    Attributes:
+        poses: by stamp, the poses [4, 4] that came.
+        arrived_ns: by stamp, when the pose came, monotonic clock.
+        keyframes: stamps of the frames that became keyframes.
+        summary: what the node last said of itself; None before it did.
+    """
+
+    def __init__(self, recording: Played, domain: int) -> None:
+        """Joins the domain.
+
+        Args:
+            recording: what is to be played.
+            domain: ROS domain.
+        """
+        super().__init__(recording, domain)
+        self.poses: dict[int, Float64] = {}
+        self.arrived_ns: dict[int, int] = {}
+        self.keyframes: set[int] = set()
+        self.summary: Summary | None = None
+        for kind, name, receive in (
+            (PoseStamped, topics.POSE, self._receive_pose),
+            (PoseStamped, topics.KEYFRAME_POSE, self._receive_keyframe),
+            (DiagnosticArray, topics.DIAGNOSTICS, self._receive_diagnostics),
+        ):
+            self._node.create_subscription(kind, name, receive, 10)
+
+    def is_matched(self) -> bool:
+        """Whether the node listens to all topics, reliably, and publishes."""
+        for publisher in self._publishers.values():
+            listeners = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
+            if [i.qos_profile.reliability for i in listeners] != [self._reliability]:
+                return False
+            if publisher.get_subscription_count() != 1:
+                return False
+        return all(self._node.count_publishers(t) == 1 for t in (topics.POSE, topics.KEYFRAME_POSE))
 
     def _receive_pose(self, message: PoseStamped) -> None:
         now_ns = time.monotonic_ns()

@@ -82,8 +82,10 @@ COMPRESSED = ImageCodec(
 )
 """JPEG, and PNG of whole millimetres, as image_transport has them."""
 
-_INFO_TYPE = "sensor_msgs/msg/CameraInfo"
+INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 _POSE_TYPE = "geometry_msgs/msg/PoseStamped"
+
+_TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 _NO_LIMIT = QosTime(0, 0)
 
@@ -119,6 +121,24 @@ class EncodedFrame:
     info: memoryview
 
 
+def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
+    """Serialises a frame's messages; any thread may call it.
+
+    Args:
+        frame: the frame.
+        codec: ``RAW`` or ``COMPRESSED``.
+    """
+    head = header(frame.stamp_ns, frame.frame_id or CAMERA_FRAME)
+    depth_head = header(frame.stamp_ns + frame.depth_delay_ns, head.frame_id)
+    serialize = _TYPES.serialize_cdr
+    return EncodedFrame(
+        frame.stamp_ns,
+        serialize(codec.color(frame.color, head), codec.type),
+        serialize(codec.depth(frame.depth, depth_head), codec.type),
+        serialize(camera_info(frame.intrinsics, head), INFO_TYPE),
+    )
+
+
 class BagWriter:
     """A bag under construction; as a context manager, it leaves a whole bag however it is left.
 
@@ -136,7 +156,6 @@ class BagWriter:
             InputError: the folder exists or cannot be written.
         """
         self._codec = codec
-        self._typestore = get_typestore(Stores.ROS2_JAZZY)
         self._pose: Connection | None = None
         try:
             self._writer = Writer(
@@ -147,19 +166,11 @@ class BagWriter:
             raise InputError(folder, f"cannot be written ({error})", "give a new folder") from error
         self._color = self._topic(COLOR_TOPIC + codec.color_suffix, codec.type, _IMAGE_QOS)
         self._depth = self._topic(DEPTH_TOPIC + codec.depth_suffix, codec.type, _IMAGE_QOS)
-        self._info = self._topic(INFO_TOPIC, _INFO_TYPE, _IMAGE_QOS)
+        self._info = self._topic(INFO_TOPIC, INFO_TYPE, _IMAGE_QOS)
 
     def encode(self, frame: RgbdFrame) -> EncodedFrame:
         """Does the slow part of writing a frame; any thread may call it."""
-        head = header(frame.stamp_ns, frame.frame_id or CAMERA_FRAME)
-        depth_head = header(frame.stamp_ns + frame.depth_delay_ns, head.frame_id)
-        serialize = self._typestore.serialize_cdr
-        return EncodedFrame(
-            frame.stamp_ns,
-            serialize(self._codec.color(frame.color, head), self._codec.type),
-            serialize(self._codec.depth(frame.depth, depth_head), self._codec.type),
-            serialize(camera_info(frame.intrinsics, head), _INFO_TYPE),
-        )
+        return encode_frame(frame, self._codec)
 
     def write(self, frame: EncodedFrame) -> None:
         """Adds colour, depth and camera info; frames and poses come in order of time."""
@@ -172,7 +183,7 @@ class BagWriter:
         if self._pose is None:
             self._pose = self._topic(GROUND_TRUTH_TOPIC, _POSE_TYPE, _POSE_QOS)
         pose = pose_stamped(T_world_camera, header(stamp_ns, WORLD_FRAME))
-        self._writer.write(self._pose, stamp_ns, self._typestore.serialize_cdr(pose, _POSE_TYPE))
+        self._writer.write(self._pose, stamp_ns, _TYPES.serialize_cdr(pose, _POSE_TYPE))
 
     def close(self) -> None:
         """Writes index and metadata."""
@@ -191,5 +202,5 @@ class BagWriter:
 
     def _topic(self, name: str, message_type: str, qos: Qos) -> Connection:
         return self._writer.add_connection(
-            name, message_type, typestore=self._typestore, offered_qos_profiles=[qos]
+            name, message_type, typestore=_TYPES, offered_qos_profiles=[qos]
         )

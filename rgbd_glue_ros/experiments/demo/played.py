@@ -1,0 +1,180 @@
+"""What is played to a node: the messages of a recording, in the order of their recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.recordings.bag.file import BagFile
+from rgbd_glue_ros.recordings.bag.recording import BagRecording
+from rgbd_glue_ros.recordings.bag.writer import INFO_TYPE, ImageCodec, encode_frame
+from rgbd_glue_ros.recordings.prefetch import mapped_ahead
+from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, Trajectory
+
+
+@dataclass(frozen=True)
+class PlayedMessage:
+    """A message of a recording.
+
+    Attributes:
+        channel: what it carries.
+        recorded_ns: when it was recorded, nanoseconds.
+        stamp_ns: its header's stamp, nanoseconds.
+        data: its CDR.
+    """
+
+    channel: Channel
+    recorded_ns: int
+    stamp_ns: int
+    data: bytes
+
+
+class Played(Protocol):
+    """A recording as messages."""
+
+    @property
+    def name(self) -> str:
+        """What to call it in a report."""
+
+    @property
+    def types(self) -> dict[Channel, str]:
+        """Of the messages of each channel."""
+
+    @property
+    def frame_count(self) -> int:
+        """How many colour images it holds, at most."""
+
+    @property
+    def ground_truth(self) -> Trajectory | None:
+        """T_world_camera, None if it is not known."""
+
+    @property
+    def messages(self) -> Iterable[PlayedMessage]:
+        """In the order of recording; they can be had more than once."""
+
+
+def transport(played: Played, channel: Channel) -> str:
+    """The value of ``image_transport`` or ``depth_transport`` to receive a channel with."""
+    if played.types[channel] != "sensor_msgs/msg/CompressedImage":
+        return topics.RAW
+    return "compressedDepth" if channel is Channel.DEPTH else "compressed"
+
+
+@dataclass(frozen=True)
+class PlayedBag:
+    """A bag in memory, byte for byte; a ``Played``."""
+
+    name: str
+    types: dict[Channel, str]
+    messages: tuple[PlayedMessage, ...]
+    ground_truth: Trajectory | None
+
+    @staticmethod
+    def load(path: Path) -> PlayedBag:
+        """Reads a rosbag2.
+
+        Raises:
+            InputError: it cannot be read, holds no RGB-D sequence, or is of ROS 1.
+        """
+        with BagRecording(path) as sequence:
+            name, found, truth = sequence.name, sequence.topics, sequence.ground_truth
+        channels = {
+            found.color: Channel.COLOR,
+            found.depth: Channel.DEPTH,
+            found.info: Channel.INFO,
+        }
+        with BagFile(path) as bag:
+            if bag.is_ros1:
+                raise InputError(path, "is a ROS 1 bag", "convert it with `rgbd-glue convert`")
+            types = {channel: bag.topics[str(topic)].type for topic, channel in channels.items()}
+            messages = tuple(
+                PlayedMessage(
+                    channels[message.topic],
+                    message.stamp_ns,
+                    stamp_ns(bag.deserialize(message).header.stamp),
+                    bytes(message.data),
+                )
+                for message in bag.messages([str(topic) for topic in channels])
+            )
+        return PlayedBag(name, types, messages, truth)
+
+    @property
+    def frame_count(self) -> int:
+        """How many colour images it holds."""
+        return sum(message.channel is Channel.COLOR for message in self.messages)
+
+
+@dataclass(frozen=True)
+class PlayedRecording:
+    """Any recording, whose frames are put into messages while it is played; a ``Played``.
+
+    Attributes:
+        recording: the frames.
+        codec: how images are put into messages.
+        start_s: left out of its beginning, seconds.
+        duration_s: length of what is played, seconds; None for all that is left.
+    """
+
+    recording: Recording
+    codec: ImageCodec
+    start_s: float = 0.0
+    duration_s: float | None = None
+
+    @property
+    def name(self) -> str:
+        """What to call it in a report."""
+        return self.recording.name
+
+    @property
+    def types(self) -> dict[Channel, str]:
+        """Of the messages of each channel."""
+        return {
+            Channel.INFO: INFO_TYPE,
+            Channel.COLOR: self.codec.type,
+            Channel.DEPTH: self.codec.type,
+        }
+
+    @property
+    def frame_count(self) -> int:
+        """How many frames the recording holds; fewer are played of a part of it."""
+        return self.recording.frame_count
+
+    @property
+    def ground_truth(self) -> Trajectory | None:
+        """True poses of the recording."""
+        return self.recording.ground_truth
+
+    @property
+    def messages(self) -> Iterator[PlayedMessage]:
+        """Camera info, colour and depth of each frame, at the frame's stamp.
+
+        Raises:
+            InputError: a frame cannot be read, or none is in the part to be played.
+        """
+        is_empty = True
+        for encoded in mapped_ahead(partial(encode_frame, codec=self.codec), self._part()):
+            is_empty = False
+            stamp = encoded.stamp_ns
+            yield PlayedMessage(Channel.INFO, stamp, stamp, bytes(encoded.info))
+            yield PlayedMessage(Channel.COLOR, stamp, stamp, bytes(encoded.color))
+            yield PlayedMessage(Channel.DEPTH, stamp, stamp, bytes(encoded.depth))
+        if is_empty:
+            raise InputError(self.name, "has no frame to play", "start earlier, or play for longer")
+
+    def _part(self) -> Iterator[RgbdFrame]:
+        first_ns: int | None = None
+        for frame in self.recording:
+            first_ns = frame.stamp_ns if first_ns is None else first_ns
+            since_s = (frame.stamp_ns - first_ns) / NANOSECONDS - self.start_s
+            if self.duration_s is not None and since_s >= self.duration_s:
+                return
+            if since_s >= 0:
+                yield frame
