@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
+from importlib import metadata
+
 # A damaged or hostile message may hold texts of megabytes, and its words are quoted.
 _LONGEST = 1000
 
@@ -33,13 +36,35 @@ class InputError(ValueError):
         return type(self), (self.where, self.cause, self.remedy)
 
 
+def install_command(extra: str) -> str:
+    """What brings an extra, wherever the package came from: a checkout, a wheel or an index.
+
+    It names the extra's libraries, since ``package[extra]`` would be looked for in an index.
+    """
+    clause = f'extra == "{extra}"'
+    required = [
+        line.replace(f" and {clause}", "").removesuffix(f"; {clause}")
+        for line in _requirements()
+        if clause in line.replace("'", '"')
+    ]
+    words = required or [f"{__package__}[{extra}]"]
+    return f"pip install {' '.join(map(shlex.quote, words))}"
+
+
+def _requirements() -> list[str]:
+    """What the installed package requires, with its extras; none if it is not installed."""
+    try:
+        return metadata.requires(__package__ or "") or []
+    except metadata.PackageNotFoundError:
+        return []
+
+
 class MissingExtraError(ImportError):
     """An optional library is not installed; names the extra that brings it."""
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
         super().__init__(
-            f"{library} is not installed, but {purpose} needs it; "
-            f"run: pip install 'rgbd_glue_ros[{extra}]'"
+            f"{library} is not installed, but {purpose} needs it; run: {install_command(extra)}"
         )
         self.library = library
         self.extra = extra

@@ -129,7 +129,7 @@ def test_a_missing_extra_is_named_with_exit_code_2(
 ) -> None:
     fail_with(MissingExtraError("Open3D", "open3d", "fpfh"))
     assert main(["fail"]) == 2
-    assert "pip install 'rgbd_glue_ros[open3d]'" in capsys.readouterr().err
+    assert "pip install 'open3d" in capsys.readouterr().err
 
 
 def test_version_is_that_of_the_installed_package_or_says_that_there_is_none() -> None:

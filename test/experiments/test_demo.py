@@ -128,5 +128,5 @@ sys.exit(main(["demo", "-o", {str(tmp_path)!r}]))
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
-    assert "pip install 'rgbd_glue_ros[ros]'" in done.stderr
+    assert "pip install 'ros-jazzy" in done.stderr
     assert done.stderr.count("\n") == 1

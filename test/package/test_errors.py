@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import pickle
+import re
+import shlex
 
 import pytest
 
-from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros import errors
+from rgbd_glue_ros.errors import InputError, MissingExtraError, install_command
 
 
 @pytest.mark.parametrize(
@@ -21,3 +24,20 @@ def test_an_error_survives_the_way_to_another_process(error: Exception) -> None:
     assert type(copy) is type(error)
     assert str(copy) == str(error)
     assert vars(copy) == vars(error)
+
+
+def test_the_command_for_an_extra_names_its_libraries_and_finds_no_package_of_ours() -> None:
+    command = install_command("scale")
+    assert command.startswith("pip install ")
+    projects = [re.split("[^a-z]", word)[0] for word in shlex.split(command)[2:]]
+    assert sorted(projects) == ["dask", "distributed"]
+
+
+def test_a_requirement_keeps_the_machines_that_it_is_for() -> None:
+    words = shlex.split(install_command("open3d"))[2:]
+    assert all("platform_machine" in word and "extra" not in word for word in words)
+
+
+def test_without_an_installed_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(errors, "_requirements", list)
+    assert install_command("slam") == "pip install 'rgbd_glue_ros[slam]'"

@@ -11,7 +11,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.errors import InputError, MissingExtraError, install_command
 from rgbd_glue_ros.experiments.batch.journal import prepare
 from rgbd_glue_ros.experiments.bench.contest import OURS, Contest
 from rgbd_glue_ros.experiments.bench.degraded import DegradedSequence, first
@@ -93,7 +93,7 @@ class _Bench:
         try:
             return PEERS[name]()
         except MissingExtraError as error:
-            self.not_installed[name] = f"pip install 'rgbd_glue_ros[{error.extra}]'"
+            self.not_installed[name] = install_command(error.extra)
         except InputError as error:
             self.not_installed[name] = error.remedy
         return None

@@ -85,7 +85,7 @@ on {machine["cores"]} cores of {machine["processor"]}, {machine["memory_gb"]} GB
 Processes that wanted to run on the whole machine, over a minute: {load}; niceness of these \
 {machine["niceness"]}.{_BUSY if busy else ""}
 
-The peers come with `pip install 'rgbd_glue_ros[bench]'`; `scripts/bench` does all of it."""
+The peers are those of the extra `bench`; `scripts/bench` installs them and does all of it."""
 
 
 def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
