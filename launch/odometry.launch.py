@@ -17,7 +17,13 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchContext, LaunchDescription
 from rgbd_glue_ros.live.camera_presets import TOPIC_ARGUMENTS, camera_names, load_camera, remappings
-from rgbd_glue_ros.parameters import PACKAGE, NodeConfig, parameters, share_directory
+from rgbd_glue_ros.parameters import (
+    PACKAGE,
+    NodeConfig,
+    parameters,
+    profiles_file,
+    share_directory,
+)
 
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 COMPRESSED = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
@@ -106,9 +112,7 @@ def generate_launch_description() -> LaunchDescription:
         ),
     ]
     # without the profile, images of 640x480 are lost between processes
-    profiles = EnvironmentVariable(
-        PROFILES, default_value=str(share_directory() / "config" / "fastdds.xml")
-    )
+    profiles = EnvironmentVariable(PROFILES, default_value=str(profiles_file()))
     return LaunchDescription(
         [*arguments, SetEnvironmentVariable(PROFILES, profiles), OpaqueFunction(function=actions)]
     )

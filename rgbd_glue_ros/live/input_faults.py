@@ -7,6 +7,12 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.messages.stamps import explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.types import NANOSECONDS
+
+# Fewer drops than this part of all frames are told in the counts alone.
+WORTH_A_WARNING = 0.1
+# Images of this width are processed at 30 Hz on two cores.
+SMALL_WIDTH = 640
 
 
 @dataclass(frozen=True)
@@ -83,23 +89,57 @@ def explain_interval(interval_ns: int, period_ns: int) -> str | None:
     )
 
 
-def explain_missing(missing: Mapping[Channel, int], received: Mapping[Channel, int]) -> str | None:
-    """Which messages never came, by gaps in the stamps; None if all did.
+def explain_losses(
+    received: Mapping[Channel, int], missing: Mapping[Channel, int], profiles: object
+) -> str | None:
+    """What was lost between camera and node; None while it is less than a tenth.
+
+    Camera infos are small and arrive where images are lost: what one channel has received, all were
+    sent. Gaps between stamps tell of what no channel received. Stamps that jitter leave small gaps
+    and lose nothing.
 
     Args:
-        missing: messages that never came, of each channel.
-        received: messages that did.
+        received: messages of each channel, lately.
+        missing: messages that never came, by gaps in the stamps of each channel, lately.
+        profiles: the DDS profile that loses no image.
     """
-    gaps = [
-        f"{count} of {count + received[channel]} {channel.value}"
-        for channel, count in missing.items()
-        if count > 0
+    most = max(received.values())
+    lost = {c: max(missing[c], most - received[c]) for c in received}
+    words = [
+        f"{lost[c]} of {lost[c] + received[c]} {c.value}"
+        for c in received
+        if lost[c] > 1 and lost[c] >= WORTH_A_WARNING * (lost[c] + received[c])
     ]
-    if not gaps:
+    if not words:
         return None
     return (
-        f"By gaps in their stamps, {' and '.join(gaps)} messages never came: the driver left them "
-        "out, or DDS lost them on the way (docs/node.md, Images without loss)"
+        f"{' and '.join(words)} messages never came: lost on the way, or left out by the driver. "
+        "Let the driver publish reliably, and set for it and for the node: "
+        f"export FASTRTPS_DEFAULT_PROFILES_FILE={profiles}"
+    )
+
+
+def explain_slowness(processed: int, left_out: int, period_ns: int, width: int) -> str | None:
+    """That frames come faster than they are processed; None while it is less than a tenth.
+
+    Args:
+        processed: frames with an estimate, lately.
+        left_out: frames that gave way to a newer one, lately.
+        period_ns: between colour images, nanoseconds.
+        width: of the colour images as they are processed, pixels; 0 if none came yet.
+    """
+    frames = processed + left_out
+    if left_out <= 1 or left_out < WORTH_A_WARNING * frames:
+        return None
+    rate = f" at {NANOSECONDS / period_ns:.0f} Hz" if period_ns else ""
+    remedy = (
+        f"set max_width:={SMALL_WIDTH}, or have the driver send smaller images"
+        if width > SMALL_WIDTH
+        else "give the node more of the processor, or have the driver send fewer frames"
+    )
+    return (
+        f"{left_out} of {frames} frames were left out, since they come faster{rate} than this "
+        f"machine processes them at {width} pixels of width: {remedy}"
     )
 
 

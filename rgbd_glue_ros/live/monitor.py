@@ -94,10 +94,12 @@ class Monitor:
 
     Attributes:
         is_paused: whether frames are left out until somebody says otherwise.
+        width: of the last frame's colour image, pixels; 0 before the first.
     """
 
     def __init__(self) -> None:
         self.is_paused = False
+        self.width = 0
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0

@@ -23,6 +23,7 @@ DIAGNOSTIC_LEVELS = {
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
 DIAGNOSTICS_S = 1.0
+LOG_S = 60.0
 
 
 class NodeDiagnostics:
@@ -51,14 +52,23 @@ class NodeDiagnostics:
         # not the node's clock: simulated time may stand still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(DIAGNOSTICS_S, self._publish, clock=steady)
+        node.create_timer(LOG_S, self._log, clock=steady)
 
     def _verdict(self, state: TrackingState) -> tuple[bytes, str]:
         if self._monitor.is_paused:
             return DiagnosticStatus.WARN, "paused"
         if self._watch.silence:
             return DiagnosticStatus.STALE, self._watch.silence
+        if state is TrackingState.TRACKING and self._watch.drops:
+            return DiagnosticStatus.WARN, self._watch.drops
         why = self._monitor.why_no_pose
         return DIAGNOSTIC_LEVELS[state], f"{state.value}: {why}" if why else state.value
+
+    def _log(self) -> None:
+        """Says that it works, or how badly."""
+        summary = self._monitor.summary(time.monotonic_ns())
+        if summary.frames:
+            self._node.get_logger().info(f"{summary.rate_hz:.1f} poses a second; {summary}")
 
     def _publish(self) -> None:
         values: dict[str, object] = {**self._monitor.values(time.monotonic_ns())}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,22 +14,35 @@ from rclpy.node import Node
 from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_interval,
-    explain_missing,
+    explain_losses,
     explain_silence,
+    explain_slowness,
 )
+from rgbd_glue_ros.live.monitor import Drop, Monitor
 from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
+from rgbd_glue_ros.parameters import profiles_file
 
 LOOK_S = 5.0
 
 
 @dataclass(frozen=True)
 class _Counts:
-    """Complete frames, and messages of each channel that came and that did not, so far."""
+    """What became of messages and frames so far.
+
+    Attributes:
+        matches: complete frames.
+        received: messages of each channel that came.
+        missing: messages of each channel that did not, by gaps in the stamps.
+        processed: frames with an estimate.
+        left_out: frames that gave way to a newer one.
+    """
 
     matches: int
     received: dict[Channel, int]
     missing: dict[Channel, int]
+    processed: int
+    left_out: int
 
 
 class NodeWatch:
@@ -36,10 +50,15 @@ class NodeWatch:
 
     Attributes:
         silence: why no frame was complete lately; "" if some were.
+        drops: why more than a tenth of the frames got no pose lately; "" if fewer.
     """
 
     def __init__(
-        self, node: Node, synchronizer: Synchronizer[Any], inputs: Sequence[NodeInput]
+        self,
+        node: Node,
+        synchronizer: Synchronizer[Any],
+        inputs: Sequence[NodeInput],
+        monitor: Monitor,
     ) -> None:
         """Starts the timer.
 
@@ -47,8 +66,10 @@ class NodeWatch:
             node: has the timer and the log.
             synchronizer: counts messages.
             inputs: the subscriptions; may be filled later.
+            monitor: counts frames.
         """
-        self.silence = ""
+        self.silence = self.drops = ""
+        self._monitor = monitor
         self._node = node
         self._synchronizer = synchronizer
         self._inputs = inputs
@@ -59,10 +80,13 @@ class NodeWatch:
 
     def _counts(self) -> _Counts:
         counts = self._synchronizer.counts
+        summary = self._monitor.summary(time.monotonic_ns())
         return _Counts(
             self._synchronizer.matches,
             {c: counts[c].received for c in Channel},
             {c: counts[c].missing for c in Channel},
+            summary.frames,
+            summary.drops[Drop.SUPERSEDED],
         )
 
     def _look(self) -> None:
@@ -71,7 +95,16 @@ class NodeWatch:
         received = {c: now.received[c] - before.received[c] for c in Channel}
         missing = {c: now.missing[c] - before.missing[c] for c in Channel}
         synchronizer = self._synchronizer
-        self._say_if_new("missing", explain_missing(missing, received))
+        lost = explain_losses(received, missing, profiles_file())
+        slow = explain_slowness(
+            now.processed - before.processed,
+            now.left_out - before.left_out,
+            synchronizer.period_ns,
+            self._monitor.width,
+        )
+        self._say_if_new("lost", lost)
+        self._say_if_new("slow", slow)
+        self.drops = "; ".join(line for line in (lost, slow) if line)
         self._say_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )

@@ -27,6 +27,7 @@ from std_srvs.srv import Empty, Trigger
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics, pose_parameter
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
@@ -104,7 +105,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
-        watch = NodeWatch(self, self._synchronizer, self._inputs)
+        watch = NodeWatch(self, self._synchronizer, self._inputs, self.monitor)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, watch)
         for name, serve in (
             (topics.RESET_SERVICE, self._serve_reset),
@@ -278,7 +279,10 @@ class OdometryNode(Node):  # type: ignore[misc]
         color, depth, info = (i.topic for i in self._inputs)
         names = FrameTopics(color, depth, info, self._depth_camera.topic)
         taken_by = self._depth_camera.of(match, names)
-        return frame_of_match(match, names, taken_by, self._node_config.metres_per_unit)
+        frame = frame_of_match(match, names, taken_by, self._node_config.metres_per_unit)
+        frame = reduced(frame, self._node_config.max_width)
+        self.monitor.width = frame.intrinsics.width
+        return frame
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
         """Starts anew when time went back; ``Match.restarted`` may have been superseded."""
@@ -309,6 +313,8 @@ class OdometryNode(Node):  # type: ignore[misc]
                 f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f} ({why}): no pose is published "
                 "until the camera is found again"
             )
+        elif before is TrackingState.INITIALIZING:
+            self.get_logger().info(f"Tracking: first pose at {estimate.stamp_ns / NANOSECONDS:.3f}")
         elif before is TrackingState.LOST:
             self.get_logger().info(f"Tracking again at {estimate.stamp_ns / NANOSECONDS:.3f}")
 

@@ -36,6 +36,11 @@ def parse_assignment(text: str) -> tuple[str, object]:
     return name, "" if parsed is None else parsed
 
 
+def profiles_file() -> Path:
+    """The DDS profile with which images arrive between processes without loss."""
+    return share_directory() / "config" / "fastdds.xml"
+
+
 def share_directory() -> Path:
     """The folder that holds ``config/``, ``launch/`` and ``package.xml``: source tree or share.
 

@@ -13,6 +13,7 @@ from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
 from rgbd_glue_ros.recordings.folder import recording as image_folder
 from rgbd_glue_ros.recordings.recording import Recording
+from rgbd_glue_ros.recordings.reduced import ReducedRecording
 from rgbd_glue_ros.types import CameraIntrinsics
 
 
@@ -104,7 +105,9 @@ def open_recording(
         raise InputError(path, "does not exist", "give a bag or the folder of a data set")
     kind = format_of(path)
     if kind is not None:
-        return kind.open(path, topics, calibration, inputs or InputConfig())
+        inputs = inputs or InputConfig()
+        recording = kind.open(path, topics, calibration, inputs)
+        return ReducedRecording(recording, inputs.max_width) if inputs.max_width else recording
     several = layout.separate_bags(path)
     if several:
         names = ", ".join(file.name for file in several)

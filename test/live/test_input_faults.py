@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_interval,
-    explain_missing,
+    explain_losses,
     explain_silence,
+    explain_slowness,
 )
 from rgbd_glue_ros.messages.synchronizer import Channel
 
@@ -54,10 +57,45 @@ def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
     assert explain_interval(16 * MS, 33 * MS) is None
 
 
-def test_messages_that_never_came_are_said_by_channel() -> None:
-    received = {Channel.COLOR: 145, Channel.DEPTH: 150, Channel.INFO: 148}
-    missing = {Channel.COLOR: 5, Channel.DEPTH: 0, Channel.INFO: 2}
-    line = explain_missing(missing, received)
+@pytest.mark.parametrize(
+    ("received", "missing", "words"),
+    [
+        # gaps in the stamps, of colour alone
+        ((130, 150, 150), (20, 0, 0), ["20 of 150 color messages never came"]),
+        # best effort without the profile: infos arrive, and most gaps are too wide to be counted
+        (
+            (34, 36, 150),
+            (24, 20, 0),
+            ["116 of 150 color", "114 of 150 depth", "FASTRTPS_DEFAULT_PROFILES_FILE=/p.xml"],
+        ),
+        # stamps that jitter look like gaps
+        ((150, 150, 150), (7, 5, 0), None),
+        ((148, 150, 149), (0, 0, 0), None),
+        ((0, 0, 0), (0, 0, 0), None),
+    ],
+)
+def test_a_loss_of_more_than_a_tenth_is_said_with_what_mends_it(
+    received: tuple[int, ...], missing: tuple[int, ...], words: list[str] | None
+) -> None:
+    line = explain_losses(
+        dict(zip(Channel, received, strict=True)),
+        dict(zip(Channel, missing, strict=True)),
+        "/p.xml",
+    )
+    if words is None:
+        assert line is None
+    else:
+        assert line is not None
+        assert all(word in line for word in words)
+
+
+def test_frames_that_come_too_fast_are_said_with_the_parameter_that_makes_them_smaller() -> None:
+    line = explain_slowness(67, 83, 33_333_333, 1280)
     assert line is not None
-    assert "5 of 150 color and 2 of 150 camera_info messages never came" in line
-    assert explain_missing(dict.fromkeys(Channel, 0), received) is None
+    assert "83 of 150 frames were left out, since they come faster at 30 Hz" in line
+    assert "max_width:=640" in line
+    small = explain_slowness(67, 83, 33_333_333, 640)
+    assert small is not None
+    assert "max_width" not in small
+    assert explain_slowness(140, 10, 33_333_333, 1280) is None
+    assert explain_slowness(0, 0, 0, 0) is None

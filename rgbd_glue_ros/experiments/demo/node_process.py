@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.parameters import share_directory
+from rgbd_glue_ros.parameters import profiles_file
 
 # Those above are not usable on every platform, 0 is everybody's.
 DOMAINS = range(1, 102)
@@ -61,11 +61,6 @@ def ros_environment(domain: int) -> dict[str, str]:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         PROFILES: str(profiles_file()),
     }
-
-
-def profiles_file() -> Path:
-    """The DDS profile with which images arrive without loss between processes."""
-    return share_directory() / "config" / "fastdds.xml"
 
 
 def shared_environment() -> dict[str, str]:

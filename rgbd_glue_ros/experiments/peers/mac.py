@@ -25,6 +25,19 @@ _NODES, _EDGES_PER_NODE = 1000, 20
 _CLIQUES_LOOKED_AT, _CLIQUES_TRIED = 30_000, 1000
 
 
+def require_networkx() -> Any:
+    """The library that finds the cliques.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    try:
+        import networkx as nx  # noqa: PLC0415 - optional
+    except ImportError as error:
+        raise MissingExtraError("networkx", "bench", "the peer fpfh_mac") from error
+    return nx
+
+
 def mac(matches: Correspondences) -> Float64 | None:
     """The transform of the clique that all matches agree with best.
 
@@ -37,10 +50,7 @@ def mac(matches: Correspondences) -> Float64 | None:
     Raises:
         MissingExtraError: networkx is not installed.
     """
-    try:
-        import networkx as nx  # noqa: PLC0415 - optional
-    except ImportError as error:
-        raise MissingExtraError("networkx", "bench", "the peer fpfh_mac") from error
+    nx = require_networkx()
     candidates = matches.select(np.argsort(-matches.weights, kind="stable")[: 3 * _NODES])
     if len(candidates) < 3:
         return None

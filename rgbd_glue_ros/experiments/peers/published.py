@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rgbd_glue_ros.experiments.peers.base import NoTransformError
-from rgbd_glue_ros.experiments.peers.mac import mac
+from rgbd_glue_ros.experiments.peers.mac import mac, require_networkx
 from rgbd_glue_ros.features.geometric import DescribedPoints, VoxelFpfh
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.registration.sc2_pcr import sc2_pcr
@@ -35,6 +35,15 @@ class Sc2Pcr(_FpfhMatches):
 
 class Mac(_FpfhMatches):
     """MAC."""
+
+    def __init__(self) -> None:
+        """Prepares the features.
+
+        Raises:
+            MissingExtraError: networkx is not installed.
+        """
+        require_networkx()
+        super().__init__()
 
     def register(self, source: DescribedPoints, target: DescribedPoints) -> Float64:
         """T_target_source."""

@@ -24,6 +24,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import (
     summarise_depth,
 )
 from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, to_yaml
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, Trajectory
@@ -68,6 +69,8 @@ def replay(
     """
     _warn_of_other_results(folder, sequence.name)
     start_results(config, folder)
+    logger.info("warming up; where nothing is compiled yet, it takes some seconds")
+    warm_up(config)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
     odometry = odometry or Odometry(config)
     start = perf_counter()

@@ -1,0 +1,70 @@
+"""Smaller images of a large frame, whose intrinsics follow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.types import Float32, RgbdFrame, UInt8
+
+# Samples of depth in a block that differ by less than this part of it are of one surface.
+_SAME_SURFACE = 0.02
+
+
+def reduced(frame: RgbdFrame, max_width: int) -> RgbdFrame:
+    """A frame whose images are at most so wide.
+
+    Every block of n x n pixels becomes one, n being the least whole number that does. Colour is the
+    mean of the block. Depth is the mean of one surface in it, that of the valid sample nearest to
+    the block's centre, so that none lies in the air between two.
+
+    Args:
+        frame: the frame.
+        max_width: of the images, pixels; 0 leaves them as they are.
+    """
+    width = frame.intrinsics.width
+    if not 0 < max_width < width:
+        return frame
+    side = -(-width // max_width)
+    columns, rows = width // side, frame.intrinsics.height // side
+    # what is left over at the right and at the bottom is less than a block
+    part = slice(0, rows * side), slice(0, columns * side)
+    color = cv2.resize(frame.color[part], (columns, rows), interpolation=cv2.INTER_AREA)
+    whole = replace(frame.intrinsics, width=columns * side, height=rows * side)
+    return replace(
+        frame,
+        color=np.asarray(color, np.uint8),
+        depth=_depth(np.ascontiguousarray(frame.depth[part]), side, _from_centre(side)),
+        intrinsics=whole.scaled(columns, rows),
+    )
+
+
+def _from_centre(side: int) -> UInt8:
+    """The pixels of a block [side², 2] as row and column, the nearest to its centre first."""
+    offsets = np.array([(row, column) for row in range(side) for column in range(side)])
+    distance = ((offsets - (side - 1) / 2) ** 2).sum(axis=1)
+    return offsets[np.argsort(distance, kind="stable")].astype(np.uint8)
+
+
+@compiled
+def _depth(depth: Float32, side: int, order: UInt8) -> Float32:
+    """Depth of each block [H / side, W / side], metres; NaN where no sample is valid."""
+    rows, columns = depth.shape[0] // side, depth.shape[1] // side
+    small = np.empty((rows, columns), np.float32)
+    for row in range(rows):
+        for column in range(columns):
+            nearest, total, count = np.nan, 0.0, 0
+            for i in range(len(order)):
+                z = depth[row * side + order[i, 0], column * side + order[i, 1]]
+                if np.isnan(z):
+                    continue
+                if np.isnan(nearest):
+                    nearest = z
+                if abs(z - nearest) < _SAME_SURFACE * nearest:
+                    total += z
+                    count += 1
+            small[row, column] = total / count if count else np.nan
+    return small
