@@ -193,6 +193,8 @@ def interpolated(reference: Trajectory, stamps_ns: Int64) -> Float64:
     after = np.searchsorted(stamps, stamps_ns).clip(1, len(stamps) - 1)
     gap = stamps[after] - stamps[after - 1]
     inside = (stamps_ns >= stamps[0]) & (stamps_ns <= stamps[-1]) & (gap <= _MAX_TRUTH_GAP_NS)
+    if not inside.any():
+        return poses  # older versions of scipy refuse to interpolate at no time
     # floats hold microseconds since the first stamp, not since 1970
     times, wanted = (np.asarray(s - stamps[0], np.float64) for s in (stamps, stamps_ns[inside]))
     poses[inside] = np.eye(4)
