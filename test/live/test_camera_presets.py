@@ -1,14 +1,25 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rigs.bags import (
+    COLOR,
+    DEPTH,
+    INFO,
+    assert_same_frame,
+    make_frames,
+    recorded,
+    write_rosbag2,
+)
 from rigs.paths import ROOT
 
 from rgbd_glue_ros import parameters as config
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.camera_presets import camera_names, load_camera, remappings
 from rgbd_glue_ros.messages.images import is_rectified
+from rgbd_glue_ros.recordings import open_recording
 
 FOLDER = ROOT / "config" / "cameras"
 
@@ -16,6 +27,7 @@ FOLDER = ROOT / "config" / "cameras"
 def test_the_common_cameras_have_presets() -> None:
     assert camera_names() == [
         "azure_kinect",
+        "gazebo",
         "kinect_v1",
         "kinect_v2",
         "oak_d",
@@ -24,6 +36,7 @@ def test_the_common_cameras_have_presets() -> None:
         "orbbec_gemini",
         "realsense_d400",
         "realsense_l515",
+        "zed",
     ]
 
 
@@ -40,6 +53,21 @@ def test_a_preset_names_the_driver_and_all_that_the_node_subscribes_to(name: str
 def test_colour_and_depth_of_a_preset_are_both_rectified_or_both_not(name: str) -> None:
     topics = load_camera(name).topics
     assert is_rectified(topics["color"]) == is_rectified(topics["depth"])
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_a_bag_with_the_topics_of_a_preset_is_read_without_being_told(
+    name: str, tmp_path: Path
+) -> None:
+    topics = load_camera(name).topics
+    renamed = {COLOR: topics["color"], DEPTH: topics["depth"], INFO: topics["camera_info"]}
+    frames = make_frames(2)
+    messages = [replace(m, topic=renamed[m.topic]) for m in recorded(frames)]
+    with open_recording(write_rosbag2(tmp_path / "bag", messages)) as recording:
+        read = list(recording)
+    assert len(read) == len(frames)
+    for frame, original in zip(read, frames, strict=True):
+        assert_same_frame(frame, original)
 
 
 @pytest.mark.parametrize("name", camera_names())
