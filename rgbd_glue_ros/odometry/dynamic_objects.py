@@ -17,7 +17,7 @@ import numpy as np
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.depth import surface_tolerance
-from rgbd_glue_ros.refinement.residuals import NEAREST_M
+from rgbd_glue_ros.refinement.sampling import NEAREST_M
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 # Surfaces are compared cell by cell, so that an error of the pose of as many pixels does no harm.

@@ -11,25 +11,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.depth import SURFACE_SIGMAS
 from rgbd_glue_ros.parameters import RefineConfig
+from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
 from rgbd_glue_ros.refinement.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.refinement.residuals import (
-    LevelProblem,
-    Six,
-    level_problem,
-    pixel_residual,
-    plane_residual,
+    AGREEING_SIGMAS,
+    PlaneCounts,
+    pixel_residuals,
+    plane_residuals,
 )
 from rgbd_glue_ros.types import Float64, View
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
-_AGREEING_SIGMAS = 3.0
 # A step shorter than this, in metres and radians, ends the search; at the levels before the last
 # one, which only have to find the next one's start, a longer one does.
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
@@ -90,18 +89,18 @@ def refine(
         model: planes and pixels.
         source: the frame whose pose it is.
         config: steps at each level (0 only evaluates the start) and weights.
-        levels: of the pyramid to take the steps at; the result is judged at the last.
+        levels: of the pyramid to take the steps at; the result is evaluated at the last.
         affine_brightness: as of ``Refinement``, as far as it is known.
     """
     images = pyramid(source.grey, max(levels) + 1)
-    affine_brightness = np.array(affine_brightness)
-    T = T_model_source
+    T, brightness = T_model_source, np.array(affine_brightness)
     for level in levels[:-1]:
         problem = level_problem(model, images[level], level, source, config)
-        T = _descended(T, problem, affine_brightness, config.iterations, _NEAR_ENOUGH)[0]
-    finest = levels[-1]
-    problem = level_problem(model, images[finest], finest, source, config)
-    return Refinement(*_descended(T, problem, affine_brightness, config.iterations, _CONVERGED))
+        descent = _descend(T, problem, brightness, config.iterations, _NEAR_ENOUGH)
+        T, brightness = descent.T, descent.next_affine_brightness
+    final = levels[-1]
+    problem = level_problem(model, images[final], final, source, config)
+    return _refinement(_descend(T, problem, brightness, config.iterations, _CONVERGED))
 
 
 def evaluate_pose(
@@ -110,10 +109,10 @@ def evaluate_pose(
     """How well a model and a frame agree on a pose, at a level of the pyramid."""
     image = pyramid(source.grey, level + 1)[level]
     problem = level_problem(model, image, level, source, config)
-    affine_brightness = np.array(START_BRIGHTNESS)
     # brightness is compared under the gain and bias that the first look finds
-    _linearised(T_model_source, problem, affine_brightness)
-    return Refinement(*_descended(T_model_source, problem, affine_brightness, 0, _CONVERGED))
+    first = _linearise(T_model_source, problem, np.array(START_BRIGHTNESS))
+    brightness = first.pixels.next_affine_brightness
+    return _refinement(_descend(T_model_source, problem, brightness, 0, _CONVERGED))
 
 
 def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
@@ -130,126 +129,123 @@ def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
     return H[6:, 6:] - elimination @ H[:6, 6:], g[6:] - elimination @ g[:6]
 
 
-@compiled
-def _descended(
-    T: Float64, problem: LevelProblem, affine_brightness: Float64, iterations: int, converged: float
-) -> tuple[Float64, Float64, int, int, int, int, float, Float64]:
-    """T after Gauss-Newton steps, until one is shorter than ``converged``, as ``Refinement``.
+class _PixelFit(NamedTuple):
+    """Pixels seen, the correlation of their brightness, and the affine brightness that fits it.
 
-    What is said of it is from before that last step. ``affine_brightness`` is updated.
+    Exposure changes between frames, so that brightness is estimated anew for the next step.
     """
+
+    seen: int
+    correlation: float
+    next_affine_brightness: Float64
+
+
+class _Linearisation(NamedTuple):
+    """Hessian [6, 6] and gradient [6] at a pose, and what planes and pixels say of it."""
+
+    H: Float64
+    g: Float64
+    planes: PlaneCounts
+    pixels: _PixelFit
+
+
+class _Descent(NamedTuple):
+    """Where Gauss-Newton ended, and the linearisation before its last step."""
+
+    T: Float64
+    H: Float64
+    planes: PlaneCounts
+    pixels: _PixelFit
+    affine_brightness: Float64
+    next_affine_brightness: Float64
+
+
+def _refinement(descent: _Descent) -> Refinement:
+    return Refinement(
+        T_model_source=descent.T,
+        information=descent.H,
+        planes_seen=descent.planes.seen,
+        planes_agreeing=descent.planes.agreeing,
+        planes_occluded=descent.planes.occluded,
+        pixels_seen=descent.pixels.seen,
+        brightness_correlation=descent.pixels.correlation,
+        affine_brightness=descent.affine_brightness,
+    )
+
+
+@compiled
+def _descend(
+    T: Float64,
+    problem: LevelProblem,
+    affine_brightness: Float64,
+    iterations: int,
+    converged: float,
+) -> _Descent:
+    """Takes Gauss-Newton steps from T, until one is shorter than ``converged``."""
+    brightness = affine_brightness
     for i in range(iterations + 1):
-        used = affine_brightness.copy()
-        H, g, planes, pixels = _linearised(T, problem, affine_brightness)
+        used = brightness
+        H, g, planes, pixels = _linearise(T, problem, used)
+        brightness = pixels.next_affine_brightness
         if i == iterations:
             break
         step = np.linalg.solve(H + DAMPING * np.eye(6), -g).astype(np.float64)
         T = se3.exp(step) @ T
         if np.abs(step).max() < converged:
             break
-    return T, H, planes[0], planes[1], planes[2], pixels[0], pixels[1], used
+    return _Descent(T, H, planes, pixels, used, brightness)
 
 
 @compiled
-def _linearised(
-    T: Float64, problem: LevelProblem, affine_brightness: Float64
-) -> tuple[Float64, Float64, tuple[int, int, int], tuple[int, float]]:
-    """Hessian and gradient at T, the counts of planes, of pixels; updates the brightness."""
+def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> _Linearisation:
+    """The normal equations at T."""
     H, g = np.zeros((6, 6)), np.zeros(6)
     pixels = _add_pixels(T, problem, affine_brightness, H, g)
-    planes = _add_planes(T, problem, H, g)
+    table, planes = plane_residuals(T, problem)
+    for i in range(len(table)):
+        _add(table[i], table[i, 1], H, g)
     for a in range(6):
         for b in range(a):
             H[a, b] = H[b, a]
-    return H, g, planes, pixels
-
-
-@compiled
-def _add_planes(T: Float64, problem: LevelProblem, H: Float64, g: Float64) -> tuple[int, int, int]:
-    """Adds the point-to-plane terms at T to g and to the upper half of H.
-
-    Returns the planes seen, those of them that agree, and those that something nearer hides.
-    """
-    points, normals, depth, K = problem.points, problem.normals, problem.depth, problem.K_depth
-    twist, readout_time, delay = problem.twist, problem.readout_time, problem.delay
-    cauchy = problem.plane_cauchy
-    seen, agreeing, hidden = 0, 0, 0
-    for i in range(len(points)):
-        is_seen, is_nearer, squared, w, r, J, _ = plane_residual(
-            T, points, normals, i, depth, K, twist, readout_time, delay, cauchy
-        )
-        if not is_seen:
-            continue
-        seen += 1
-        if squared > SURFACE_SIGMAS**2:
-            hidden += int(is_nearer)
-            continue
-        if squared < _AGREEING_SIGMAS**2:
-            agreeing += 1
-        _add(w, r, J, H, g)
-    return seen, agreeing, hidden
+    return _Linearisation(H, g, planes, pixels)
 
 
 @inlined
-def _add(w: float, r: float, J: Six, H: Float64, g: Float64) -> None:
-    """Adds the terms of a residual to g and to the upper half of H."""
+def _add(row: Float64, w: float, H: Float64, g: Float64) -> None:
+    """Adds the terms of a row of residuals to g and to the upper half of H."""
     for a in range(6):
-        g[a] += w * r * J[a]
+        g[a] += w * row[2] * row[3 + a]
         for b in range(a, 6):
-            H[a, b] += w * J[a] * J[b]
+            H[a, b] += w * row[3 + a] * row[3 + b]
 
 
 @compiled
 def _add_pixels(
     T: Float64, problem: LevelProblem, affine_brightness: Float64, H: Float64, g: Float64
-) -> tuple[int, float]:
-    """Adds the photometric terms at T to g and H's upper half; returns pixels seen, correlation.
-
-    ``affine_brightness`` is as in ``Refinement``. It is estimated anew for the next call, as
-    exposure changes between frames.
-    """
-    points, brightness = problem.pixels, problem.brightness
-    image, K = problem.image, problem.K_image
-    depth, K_depth = problem.depth, problem.K_depth
-    twist, readout_time, delay = problem.twist, problem.readout_time, problem.delay
-    weight, cauchy = problem.pixel_weight, problem.pixel_cauchy
+) -> _PixelFit:
+    """Adds the photometric terms at T to g and to the upper half of H."""
     sigma = affine_brightness[2]
-    seen, spread = 0, 0.0
+    weight, brightness = problem.pixel_weight, problem.brightness
+    table = pixel_residuals(T, problem, affine_brightness)
+    seen, spread = len(table), 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
-    for i in range(len(points)):
-        is_seen, value, w, r, J, _ = pixel_residual(
-            T,
-            points,
-            brightness,
-            i,
-            image,
-            K,
-            depth,
-            K_depth,
-            twist,
-            readout_time,
-            delay,
-            affine_brightness,
-            cauchy,
-        )
-        if not is_seen:
-            continue
-        seen += 1
-        spread += min(abs(r), _AGREEING_SIGMAS * sigma)
+    for i in range(seen):
+        w, x, y = table[i, 1], table[i, 10], brightness[int(table[i, 0])]
+        spread += min(abs(table[i, 2]), AGREEING_SIGMAS * sigma)
         sw += w
-        sx += w * value
-        sy += w * brightness[i]
-        sxx += w * value * value
-        sxy += w * value * brightness[i]
-        syy += w * brightness[i] * brightness[i]
-        w *= weight / (sigma * sigma)
-        _add(w, r, J, H, g)
+        sx += w * x
+        sy += w * y
+        sxx += w * x * x
+        sxy += w * x * y
+        syy += w * y * y
+        _add(table[i], w * (weight / (sigma * sigma)), H, g)
     if sw < 10.0:
-        return seen, 0.0
+        return _PixelFit(seen, 0.0, affine_brightness)
     var_x, var_y = sxx / sw - (sx / sw) ** 2, syy / sw - (sy / sw) ** 2
     covariance = sxy / sw - sx / sw * sy / sw
-    affine_brightness[0] = min(max(covariance / max(var_x, 1.0), 0.5), 2.0)
-    affine_brightness[1] = sy / sw - affine_brightness[0] * sx / sw
+    gain = min(max(covariance / max(var_x, 1.0), 0.5), 2.0)
+    bias = sy / sw - gain * sx / sw
     # 1.25 mean |r| is the standard deviation of a normal distribution
-    affine_brightness[2] = min(max(1.25 * spread / seen, 2.0), 30.0)
-    return seen, covariance / max(np.sqrt(max(var_x, 0.0) * max(var_y, 0.0)), 1.0)
+    deviation = min(max(1.25 * spread / seen, 2.0), 30.0)
+    correlation = covariance / max(np.sqrt(max(var_x, 0.0) * max(var_y, 0.0)), 1.0)
+    return _PixelFit(seen, correlation, np.array([gain, bias, deviation]))

@@ -16,14 +16,9 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import RefineConfig, TimeOffsetsConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
+from rgbd_glue_ros.refinement.level_problem import level_problem
 from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.refinement.residuals import (
-    Rows,
-    level_problem,
-    normal_equations,
-    pixel_rows,
-    plane_rows,
-)
+from rgbd_glue_ros.refinement.residual_rows import Rows, normal_equations, pixel_rows, plane_rows
 from rgbd_glue_ros.types import Float64, View
 
 # No driver is later, and no camera of a moving robot reads slower.

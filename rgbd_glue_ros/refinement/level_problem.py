@@ -1,0 +1,85 @@
+"""A model and a frame at one level of the pyramid: all that residuals are made of but the pose."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rgbd_glue_ros.parameters import RefineConfig
+from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.types import Float32, Float64, UInt8, View
+
+
+class Exposure(NamedTuple):
+    """How and when one image of a frame was taken.
+
+    Attributes:
+        K: float64 [4], fx, fy, cx, cy.
+        height: of the image, pixels.
+        twist: float64 [6], velocity of the camera.
+        readout_time: seconds from the first row to the last.
+        delay: seconds from the colour image to this one.
+    """
+
+    K: Float64
+    height: int
+    twist: Float64
+    readout_time: float
+    delay: float
+
+
+class LevelProblem(NamedTuple):
+    """What the residuals of planes and pixels are computed from, as compiled code takes it.
+
+    Attributes:
+        points: float64 [N, 3] of planes.
+        normals: float64 [N, 3].
+        depth: float32 [H, W] of the frame.
+        depth_exposure: of ``depth``.
+        pixels: float64 [M, 3], textured points.
+        brightness: float64 [M] of these.
+        image: uint8 [H / 2^level, W / 2^level] of the frame.
+        image_exposure: of ``image``.
+        plane_cauchy: residual, in standard deviations, at which a plane's weight is halved.
+        pixel_cauchy: that of a pixel.
+        pixel_weight: of a pixel against a plane.
+    """
+
+    points: Float64
+    normals: Float64
+    depth: Float32
+    depth_exposure: Exposure
+    pixels: Float64
+    brightness: Float64
+    image: UInt8
+    image_exposure: Exposure
+    plane_cauchy: float
+    pixel_cauchy: float
+    pixel_weight: float
+
+
+def level_problem(
+    model: Model, image: UInt8, level: int, source: View, config: RefineConfig
+) -> LevelProblem:
+    """A model and a frame at a level, of which ``image`` is that of the frame's pyramid.
+
+    The planes are every 2^level-th of the model.
+    """
+    K = source.intrinsics.focal_and_centre
+    every = slice(None, None, 2**level)
+    twist, readout_time, delay = source.twist, source.readout_time, source.depth_delay
+    return LevelProblem(
+        points=np.ascontiguousarray(model.planes.points[every]),
+        normals=np.ascontiguousarray(model.planes.normals[every]),
+        depth=source.depth,
+        depth_exposure=Exposure(K, source.depth.shape[0], twist, readout_time, delay),
+        pixels=model.pixels[level].points,
+        brightness=model.pixels[level].brightness,
+        image=image,
+        # pyrDown centres pixel i of a level on pixel 2 i of the one below
+        image_exposure=Exposure(K / 2**level, image.shape[0], twist, readout_time, 0.0),
+        plane_cauchy=config.plane_cauchy,
+        pixel_cauchy=config.pixel_cauchy,
+        pixel_weight=config.pixel_weight,
+    )

@@ -1,0 +1,66 @@
+"""All residuals of a model at a pose as rows, for what has more unknowns than the pose."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.refinement.level_problem import LevelProblem
+from rgbd_glue_ros.refinement.residuals import pixel_residuals, plane_residuals
+from rgbd_glue_ros.types import Float64, Int64
+
+
+class Rows(NamedTuple):
+    """Residuals of planes or pixels, those that count.
+
+    Attributes:
+        point: int64 [N], which plane or pixel of the problem.
+        weight: float64 [N].
+        residual: float64 [N].
+        jacobian: float64 [N, 6], by a perturbation on the left of T.
+        row_time: float64 [N], normalised time of the image row that shows it.
+    """
+
+    point: Int64
+    weight: Float64
+    residual: Float64
+    jacobian: Float64
+    row_time: Float64
+
+
+def plane_rows(T: Float64, problem: LevelProblem) -> Rows:
+    """The residuals at T, metres, of the planes that the depth image shows."""
+    return _rows(plane_residuals(T, problem)[0])
+
+
+def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Rows:
+    """The residuals at T, grey levels, of the pixels that the image shows."""
+    rows = _rows(pixel_residuals(T, problem, affine_brightness))
+    sigma = affine_brightness[2]
+    return rows._replace(weight=rows.weight * (problem.pixel_weight / (sigma * sigma)))
+
+
+@compiled
+def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Float64, Float64]:
+    """Hessian [K, K] and gradient [K] of weighted residuals with the derivatives J [N, K].
+
+    Not by BLAS, whose last digits depend on how many threads it has.
+    """
+    size = J.shape[1]
+    H, g = np.zeros((size, size)), np.zeros(size)
+    for i in range(len(J)):
+        for a in range(size):
+            by_a = weight[i] * J[i, a]
+            g[a] += by_a * residual[i]
+            for b in range(a, size):
+                H[a, b] += by_a * J[i, b]
+    for a in range(size):
+        for b in range(a):
+            H[a, b] = H[b, a]
+    return H, g
+
+
+def _rows(table: Float64) -> Rows:
+    return Rows(table[:, 0].astype(np.int64), table[:, 1], table[:, 2], table[:, 3:9], table[:, 9])
