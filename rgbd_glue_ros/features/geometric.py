@@ -44,8 +44,8 @@ class GeometricFeature(Protocol):
     def extract(self, view: View) -> Any:
         """The geometric features of a frame."""
 
-    def match(self, source: Any, target: Any, rough: TransformPrior | None) -> Correspondences:
-        """C_geo; a search that can be guided looks only within ``rough.radius`` of ``rough``."""
+    def match(self, source: Any, target: Any, prior: TransformPrior | None) -> Correspondences:
+        """C_geo; a search that can be guided looks only within ``prior.radius`` of ``prior``."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class VoxelFpfh:
         self,
         source: DescribedPoints,
         target: DescribedPoints,
-        rough: TransformPrior | None,  # noqa: ARG002 - the paper matches first and filters after
+        prior: TransformPrior | None,  # noqa: ARG002 - the paper matches first and filters after
     ) -> Correspondences:
         """Section 3.1."""
         return nearest_matches(source.thinned(self._most), target)
@@ -145,10 +145,10 @@ class GridFpfh:
         return DescribedGrid(points, normals, fpfh, view.intrinsics, self._step)
 
     def match(
-        self, source: DescribedGrid, target: DescribedGrid, rough: TransformPrior | None
+        self, source: DescribedGrid, target: DescribedGrid, prior: TransformPrior | None
     ) -> Correspondences:
         """Guided search within the radius; without a guide, nearest neighbours everywhere."""
-        if rough is None:
+        if prior is None:
             return nearest_matches(source.known(), target.known())
         K = target.intrinsics
         p, q, distance = guided_search(
@@ -156,10 +156,10 @@ class GridFpfh:
             source.descriptors,
             target.points,
             target.descriptors,
-            rough.T_target_source,
+            prior.T_target_source,
             np.array([K.fx, K.fy, K.cx, K.cy]),
             target.step,
-            rough.radius,
+            prior.radius,
             _GUIDED_HALF_WINDOW,
         )
         # a histogram triple's norm is at most 3 · 200, and few differ by more than 200
@@ -176,7 +176,7 @@ class NoGeometricFeature:
         self,
         source: None,  # noqa: ARG002
         target: None,  # noqa: ARG002
-        rough: TransformPrior | None,  # noqa: ARG002
+        prior: TransformPrior | None,  # noqa: ARG002
     ) -> Correspondences:
         """No matches."""
         return Correspondences.empty()

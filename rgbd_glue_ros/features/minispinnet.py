@@ -59,7 +59,7 @@ class MiniSpinNet:
         self,
         source: DescribedPoints,
         target: DescribedPoints,
-        rough: TransformPrior | None,  # noqa: ARG002 - the paper matches first and filters after
+        prior: TransformPrior | None,  # noqa: ARG002 - the paper matches first and filters after
     ) -> Correspondences:
         """Section 3.1."""
         return nearest_matches(source, target)

@@ -63,17 +63,17 @@ def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspo
 
 
 def surviving(
-    matches: Correspondences, rough: TransformPrior, config: Config
+    matches: Correspondences, prior: TransformPrior, config: Config
 ) -> Correspondences | None:
     """Equation 8, or None where almost no match survives it.
 
     That are less than ``glue.min_credible``, or less than ``glue.over_chance`` times those that
     would survive had the points been matched at random: so many survive any transform.
     """
-    survivors = consistent(matches, rough.T_target_source, rough.radius)
+    survivors = consistent(matches, prior.T_target_source, prior.radius)
     order = np.random.default_rng(config.seed).permutation(len(matches))
     at_random = Correspondences(matches.source, matches.target[order], matches.weights)
-    by_chance = len(consistent(at_random, rough.T_target_source, rough.radius))
+    by_chance = len(consistent(at_random, prior.T_target_source, prior.radius))
     least = max(config.glue.min_credible, config.glue.over_chance * by_chance)
     return survivors if len(survivors) >= least else None
 
@@ -122,6 +122,34 @@ class FrameFeatures:
     stages_ms: dict[str, float]
 
 
+@dataclass(frozen=True)
+class _RoughTransform:
+    """What visual matches say before geometric ones are looked at.
+
+    Attributes:
+        inliers: C_vis^in, equation 4.
+        sigma_m: sigma-hat of equation 5, metres; NaN where there is none.
+        prior: the rough transform and epsilon of equation 7; None where there is none.
+    """
+
+    inliers: Correspondences
+    sigma_m: float
+    prior: TransformPrior | None
+
+
+@dataclass(frozen=True)
+class _GeometricMatches:
+    """Geometric matches before and after the filter.
+
+    Attributes:
+        matches: C_geo.
+        credible: C_geo^in of equation 8; None where the filter was skipped.
+    """
+
+    matches: Correspondences
+    credible: Correspondences | None
+
+
 class Glue:
     """Registers RGB-D frames by the features and parameters of a configuration."""
 
@@ -167,65 +195,94 @@ class Glue:
         Returns:
             The result; its status says why where there is no transform.
         """
-        glue = self._config.glue
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
 
-        pixels = self._visual.match(source.visual, target.visual)
-        C_vis = lift(pixels, source.view, target.view)
+        C_vis = lift(self._visual.match(source.visual, target.visual), source.view, target.view)
         clock.lap("visual_matching")
-
-        T, agreeing = ransac(C_vis, glue.inlier_threshold, self._config.ransac.iterations, rng)
+        rough = self._rough_transform(C_vis, prior, rng)
         clock.lap("ransac")
-
-        C_vis_in, sigma, rough = Correspondences.empty(), float("nan"), prior
-        if T is not None and agreeing >= self._config.ransac.min_inliers:
-            C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, glue.k)
-            if len(C_vis_in) >= glue.min_visual:
-                variance = error_variance(C_vis_in, T)
-                sigma = float(np.sqrt(variance))
-                rough = TransformPrior(T, adaptive_threshold(variance, glue.confidence))
-        guide = rough if glue.filter else None
-        C_geo = self._geometric.match(source.geometric, target.geometric, guide)
-        credible = None if guide is None else surviving(C_geo, guide, self._config)
+        geometric = self._filtered(source, target, rough.prior)
         clock.lap("geometric_matching")
-
-        if credible is None and glue.filter and glue.fallback in FALLBACKS:
-            unguided = C_geo
-            if guide is not None:
-                unguided = self._geometric.match(source.geometric, target.geometric, None)
-            found_again = FALLBACKS[glue.fallback](unguided, self._config)
-            if found_again is not None:
-                rough = found_again
-                C_geo = self._geometric.match(source.geometric, target.geometric, rough)
-                credible = surviving(C_geo, rough, self._config)
-                T, sigma = rough.T_target_source, float("nan")
-                C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, glue.k)
+        if geometric.credible is None and self._has_fallback:
+            rough, geometric = self._fall_back(source, target, C_vis, rough, geometric)
             clock.lap("fallback")
 
-        filtered = credible is not None
-        C_geo_in = C_geo if credible is None else credible
-        C = C_vis_in + C_geo_in
-        found = RegistrationResult(
+        C_geo_in = geometric.matches if geometric.credible is None else geometric.credible
+        C = rough.inliers + C_geo_in
+        can_be_fitted = len(C) >= self._config.glue.min_visual and C.weights.any()
+        T = FITS[self._config.fit.method](C, self._config, rng) if can_be_fitted else None
+        covariance = None if T is None else fit_covariance(T, C)
+        clock.lap("fit")
+
+        filtered = geometric.credible is not None
+        unfitted = RegistrationResult(
             T_target_source=None,
             status=RegistrationStatus.TOO_FEW_CORRESPONDENCES,
             visual=C_vis,
-            visual_inliers=C_vis_in,
-            geometric=C_geo,
+            visual_inliers=rough.inliers,
+            geometric=geometric.matches,
             credible=C_geo_in,
             filtered=filtered,
-            sigma_m=sigma,
-            epsilon_m=rough.radius if filtered and rough else float("nan"),
+            sigma_m=rough.sigma_m,
+            epsilon_m=rough.prior.radius if filtered and rough.prior else float("nan"),
             stages_ms=clock.laps_ms,
         )
-        if len(C) < glue.min_visual or not C.weights.any():
-            return found
-        T = FITS[self._config.fit.method](C, self._config, rng)
-        clock.lap("fit")
-        covariance = None if T is None else fit_covariance(T, C)
+        if not can_be_fitted:
+            return unfitted
         if T is None or covariance is None:
-            return found.refused(RegistrationStatus.DEGENERATE)
-        return found.accepted(T, covariance)
+            return unfitted.refused(RegistrationStatus.DEGENERATE)
+        return unfitted.accepted(T, covariance)
+
+    @property
+    def _has_fallback(self) -> bool:
+        return self._config.glue.filter and self._config.glue.fallback in FALLBACKS
+
+    def _rough_transform(
+        self, C_vis: Correspondences, prior: TransformPrior | None, rng: np.random.Generator
+    ) -> _RoughTransform:
+        """Section 3.2 with equations 4 to 7; the prior where visual matches are too few."""
+        glue, ransac_config = self._config.glue, self._config.ransac
+        T, agreeing = ransac(C_vis, glue.inlier_threshold, ransac_config.iterations, rng)
+        if T is None or agreeing < ransac_config.min_inliers:
+            return _RoughTransform(Correspondences.empty(), float("nan"), prior)
+        C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, glue.k)
+        if len(C_vis_in) < glue.min_visual:
+            return _RoughTransform(C_vis_in, float("nan"), prior)
+        variance = error_variance(C_vis_in, T)
+        epsilon = adaptive_threshold(variance, glue.confidence)
+        return _RoughTransform(C_vis_in, float(np.sqrt(variance)), TransformPrior(T, epsilon))
+
+    def _filtered(
+        self, source: FrameFeatures, target: FrameFeatures, prior: TransformPrior | None
+    ) -> _GeometricMatches:
+        """C_geo, and what equation 8 leaves of it where the filter is on and has a transform."""
+        guide = prior if self._config.glue.filter else None
+        C_geo = self._geometric.match(source.geometric, target.geometric, guide)
+        credible = None if guide is None else surviving(C_geo, guide, self._config)
+        return _GeometricMatches(C_geo, credible)
+
+    def _fall_back(
+        self,
+        source: FrameFeatures,
+        target: FrameFeatures,
+        C_vis: Correspondences,
+        rough: _RoughTransform,
+        geometric: _GeometricMatches,
+    ) -> tuple[_RoughTransform, _GeometricMatches]:
+        """The same by a transform from geometric matches alone; as it was where there is none."""
+        glue = self._config.glue
+        unguided = geometric.matches
+        if rough.prior is not None:
+            unguided = self._geometric.match(source.geometric, target.geometric, None)
+        prior = FALLBACKS[glue.fallback](unguided, self._config)
+        if prior is None:
+            return rough, geometric
+        C_vis_in = assumed_inliers(C_vis, prior.T_target_source, glue.inlier_threshold, glue.k)
+        return (
+            _RoughTransform(C_vis_in, float("nan"), prior),
+            self._filtered(source, target, prior),
+        )
 
 
 def fit_covariance(T: Float64, matches: Correspondences) -> Float64 | None:

@@ -1,0 +1,84 @@
+"""One thread beside the caller's, and the values that it brings up to date."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
+
+PATIENCE_S = 10.0
+
+
+@pytest.fixture
+def background() -> Iterator[BackgroundThread]:
+    thread = BackgroundThread()
+    yield thread
+    thread.close()
+
+
+def test_jobs_are_done_in_the_order_they_were_submitted(background: BackgroundThread) -> None:
+    done: list[int] = []
+    for i in range(5):
+        last = background.submit(done.append, i)
+    last.result(PATIENCE_S)
+    assert done == list(range(5))
+
+
+def test_the_first_of_two_stages_is_known_before_the_second(background: BackgroundThread) -> None:
+    may_finish = threading.Event()
+
+    def then(value: int) -> int:
+        may_finish.wait(PATIENCE_S)
+        return value + 1
+
+    first, second = background.submit_stages(lambda: 1, then)
+    assert first.result(PATIENCE_S) == 1
+    assert not second.done()
+    may_finish.set()
+    assert second.result(PATIENCE_S) == 2
+
+
+def test_an_error_of_the_first_stage_is_that_of_both(background: BackgroundThread) -> None:
+    first, second = background.submit_stages(lambda: 1 // 0, lambda value: value)
+    for future in (first, second):
+        with pytest.raises(ZeroDivisionError):
+            future.result(PATIENCE_S)
+
+
+def test_a_value_waits_for_its_update(background: BackgroundThread) -> None:
+    value = BackgroundValue(background, 1)
+    may_finish = threading.Event()
+
+    def update(before: int, by: int) -> int:
+        may_finish.wait(PATIENCE_S)
+        return before + by
+
+    value.update_later(update, 2)
+    threading.Timer(0.01, may_finish.set).start()
+    assert value.current() == 3
+
+
+def test_a_value_that_is_replaced_takes_no_update_from_before(background: BackgroundThread) -> None:
+    value = BackgroundValue(background, 1)
+    value.update_later(lambda before: before + 1)
+    value.replace(7)
+    assert value.current() == 7
+
+
+def test_an_update_that_fails_is_told_to_who_asks(background: BackgroundThread) -> None:
+    value = BackgroundValue(background, 0)
+    value.update_later(lambda before: 1 // before)
+    with pytest.raises(ZeroDivisionError):
+        value.current()
+
+
+def test_closing_finishes_what_was_submitted_and_takes_nothing_more() -> None:
+    background = BackgroundThread()
+    last = background.submit(int, "5")
+    background.close()
+    assert last.done()
+    with pytest.raises(RuntimeError):
+        background.submit(int, "5")
