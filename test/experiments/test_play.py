@@ -70,7 +70,7 @@ def test_a_node_hears_what_is_played_in_a_loop_until_it_is_interrupted(
     from rigs.ros import Rig
 
     transports = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
-    words = ["play", str(bundled_bag()), option, "--loop", "--start", "0.5", "--duration", "0.5"]
+    words = ["play", str(bundled_bag()), option, "--loop", "--start", "0.5", "--duration", "1"]
     with (
         node_in(ros_domain, **(transports if option == "--compressed" else {})),
         Rig(ros_domain) as listener,
@@ -83,6 +83,6 @@ def test_a_node_hears_what_is_played_in_a_loop_until_it_is_interrupted(
     ):
         for publisher in (listener.color, listener.depth, listener.info):
             listener.node.destroy_publisher(publisher)
-        listener.wait(lambda: len(listener.poses) > 20, "poses of a second round")
+        listener.wait(lambda: len(listener.poses) > 35, "poses of a second round")
         player.send_signal(signal.SIGINT)
         assert player.wait() == 130
