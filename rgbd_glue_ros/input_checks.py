@@ -12,11 +12,6 @@ from rgbd_glue_ros.errors import InputError
 if TYPE_CHECKING:
     from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame
 
-# No RGB-D camera sees as far: such depth is in millimetres.
-_FARTHEST_M = 100.0
-# Every so many rows and columns are looked at, which takes 20 µs of a frame.
-_STEP_PX = 16
-
 
 def check_intrinsics(camera: CameraIntrinsics) -> None:
     """Refuses a camera that can see nothing.
@@ -37,7 +32,9 @@ def check_intrinsics(camera: CameraIntrinsics) -> None:
 
 
 def check_frame(frame: RgbdFrame) -> None:
-    """Refuses images that are of another type, shape or unit than they are taken for.
+    """Refuses images that are of another type or shape than they are taken for.
+
+    Depth of another unit has the right type: the odometry's estimate says so.
 
     Raises:
         InputError: they are.
@@ -64,15 +61,6 @@ def check_frame(frame: RgbdFrame) -> None:
     if (camera.height, camera.width) not in {depth.shape, (0, 0)}:
         cause = f"are of {camera.width}x{camera.height}, but the images {_size(depth)}"
         raise _fault(frame, "intrinsics", cause, "give those of these images, as by scaled(w, h)")
-    _check_unit(frame)
-
-
-def _check_unit(frame: RgbdFrame) -> None:
-    seen = frame.depth[::_STEP_PX, ::_STEP_PX]
-    seen = seen[np.isfinite(seen)]
-    if seen.size and (middle := float(np.median(seen))) > _FARTHEST_M:
-        cause = f"is {middle:.0f} m in the middle, which are rather millimetres"
-        raise _fault(frame, "depth", cause, "give metres")
 
 
 def _is_array(value: Any, dtype: type) -> bool:

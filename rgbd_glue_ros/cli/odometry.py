@@ -49,7 +49,8 @@ def run(args: argparse.Namespace) -> str:
     try:
         from rgbd_glue_ros.node.node import main as run_node
     except ImportError as error:
-        raise MissingExtraError(error.name or "rclpy", "ros", "the node") from error
+        library = (error.name or "rclpy").split(".", maxsplit=1)[0]
+        raise MissingExtraError(library, "ros", "the node") from error
     # the node has a log of its own
     logging.getLogger().handlers.clear()
     code = run_node(["--ros-args", *ros])

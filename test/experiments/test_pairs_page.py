@@ -8,7 +8,7 @@ from pathlib import Path
 import make_bag
 import numpy as np
 import pytest
-from rigs.html import Page
+from rigs.pages import Page
 
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigs.html import Page
+from rigs.pages import Page
 
 from rgbd_glue_ros.evaluation.run_record import FrameRecord, Run, metrics
 from rgbd_glue_ros.experiments.replay.report import render

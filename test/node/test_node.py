@@ -526,6 +526,8 @@ def test_an_info_that_was_published_once_before_the_node_came_is_heard(ros_domai
         rig.info.publish(first.info)
         with node_in(ros_domain) as node:
             node.wait_for_line("camera_info: subscribing reliable, transient local", PATIENCE_S)
+            for publisher in (rig.color, rig.depth):
+                rig.wait(publisher.get_subscription_count, "the subscriptions to images")
             for frame in frames:
                 messages = frame_messages(frame, is_compressed=False)
                 rig.color.publish(messages.color)
