@@ -59,7 +59,7 @@ def test_without_ros_it_says_in_one_line_what_to_install() -> None:
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert "rclpy is not installed" in line
-    assert "[ros]" in line
+    assert "ros-jazzy-rclpy" in line
 
 
 def test_the_words_of_ros_may_come_in_groups_as_launch_gives_them() -> None:
