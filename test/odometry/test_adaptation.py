@@ -1,0 +1,142 @@
+"""The odometry goes by what a camera can show: few pixels, few frames a second, one wall."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from rigs.bag_frames import errors, recorded_frames, true_poses
+from rigs.room import panned_frame
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.pose_refinement import matches_prefer
+from rgbd_glue_ros.parameters import Config, with_values
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.model import spacing_px
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    CameraIntrinsics,
+    Correspondences,
+    Float64,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+    View,
+)
+
+PERIOD_NS = NANOSECONDS // 30
+
+
+def blank_view(width: int, height: int) -> View:
+    camera = CameraIntrinsics(width, height, 300.0, 300.0, width / 2, height / 2)
+    return View(np.zeros((height, width), np.uint8), np.ones((height, width), np.float32), camera)
+
+
+@pytest.mark.parametrize(
+    ("width", "height"),
+    [(160, 120), (256, 192), (320, 240), (540, 360), (640, 480), (848, 480), (1280, 720)],
+)
+def test_an_image_of_any_size_has_about_as_many_planes(width: int, height: int) -> None:
+    step = spacing_px(blank_view(width, height), 8)
+    assert 0.65 * 4800 < (width // step) * (height // step) < 1.35 * 4800
+
+
+def halved(frame: RgbdFrame) -> RgbdFrame:
+    """Pixel i of the smaller images is centred on pixel 2 i."""
+    K = frame.intrinsics
+    camera = CameraIntrinsics(K.width // 2, K.height // 2, K.fx / 2, K.fy / 2, K.cx / 2, K.cy / 2)
+    color = np.asarray(cv2.pyrDown(frame.color), np.uint8)
+    depth = np.ascontiguousarray(frame.depth[::2, ::2])
+    return replace(frame, color=color, depth=depth, intrinsics=camera)
+
+
+def track(frames: list[RgbdFrame], config: Config | None = None) -> list[OdometryEstimate]:
+    with Odometry(config or Config()) as odometry:
+        return [odometry.process(frame) for frame in frames]
+
+
+def test_a_camera_of_160x120_pixels_is_tracked() -> None:
+    frames = [halved(frame) for frame in recorded_frames()[:60]]
+    assert frames[0].depth.shape == (120, 160)
+    metres, radians = errors(track(frames), true_poses()[:60])
+    assert metres.max() < 0.03
+    assert radians.max() < 0.03
+
+
+def test_a_camera_of_five_frames_a_second_is_tracked() -> None:
+    metres, radians = errors(track(list(recorded_frames()[::6])), true_poses()[::6])
+    assert metres.max() < 0.02
+    assert radians.max() < 0.02
+
+
+def panned(config: Config) -> list[bool]:
+    """Which frames of a camera that turns by a radian become keyframes."""
+    way = np.arange(0, 1.0, 0.1)
+    frames = [
+        replace(panned_frame(angle), stamp_ns=(1 + i) * PERIOD_NS) for i, angle in enumerate(way)
+    ]
+    return [estimate.is_keyframe for estimate in track(frames, config)]
+
+
+def test_a_frame_of_which_little_is_known_becomes_a_keyframe_however_near_it_is() -> None:
+    far = {"odometry.keyframe_translation": 100.0, "odometry.keyframe_rotation": 100.0}
+    by_distance_alone = panned(with_values(Config(), {**far, "odometry.keyframe_overlap": 0.0}))
+    assert by_distance_alone == [True] + [False] * 9
+    by_overlap = panned(with_values(Config(), {**far, "odometry.keyframe_overlap": 0.7}))
+    assert by_overlap[0]
+    assert 1 <= sum(by_overlap[1:]) <= 5
+
+
+def walls_alone(frame: RgbdFrame) -> RgbdFrame:
+    """A frame whose depth says that the camera is nowhere near: it fits no keyframe."""
+    v, u = np.mgrid[: frame.depth.shape[0], : frame.depth.shape[1]]
+    depth = (1.0 + 0.3 * np.sin(u / 15.0) * np.cos(v / 20.0)).astype(np.float32)
+    return replace(frame, color=np.zeros_like(frame.color), depth=depth)
+
+
+@pytest.mark.parametrize(("rate_hz", "lost"), [(30, 30), (5, 5), (1, 3)])
+def test_a_new_start_waits_for_time_and_frames_both(rate_hz: int, lost: int) -> None:
+    frames = [*recorded_frames()[:3], *[walls_alone(recorded_frames()[3])] * 40]
+    period_ns = NANOSECONDS // rate_hz
+    timed = [replace(frame, stamp_ns=(1 + i) * period_ns) for i, frame in enumerate(frames)]
+    for i in range(3):  # the motion before is the recording's own
+        timed[i] = replace(timed[i], stamp_ns=timed[3].stamp_ns - period_ns - (2 - i) * PERIOD_NS)
+    states = [estimate.state for estimate in track(timed)]
+    assert states[:3] == [TrackingState.TRACKING] * 3
+    without_pose = states[3:].index(TrackingState.TRACKING)
+    assert abs(without_pose + 1 - lost) <= 1
+
+
+def refinement(T: Float64, agreement: float, correlation: float) -> Refinement:
+    agreeing = round(1000 * agreement)
+    return Refinement(T, np.eye(6), 1000, agreeing, 0, 500, correlation, np.array([1.0, 0.0, 5.0]))
+
+
+def along(metres: float) -> Float64:
+    """A pose so far along a corridor."""
+    return se3.exp(np.array([0.0, 0.0, metres, 0.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("matches", "agreement", "correlation", "preferred"),
+    [
+        (60, 0.80, 0.7, True),
+        (15, 0.80, 0.7, False),  # too few matches
+        (60, 0.60, 0.7, False),  # planes contradict
+        (60, 0.80, 0.3, False),  # brightness contradicts
+    ],
+)
+def test_visual_matches_decide_where_planes_fit_both(
+    matches: int, agreement: float, correlation: float, preferred: bool
+) -> None:
+    """The camera went 10 cm along a corridor, and the prediction stayed behind."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-1, -1, 1], [1, 1, 5], (matches, 3))
+    C_vis = Correspondences(points, points + np.array([0, 0, 0.1]), np.ones(matches))
+    walked = refinement(along(0.1), agreement, correlation)
+    stuck = refinement(along(0.0), 0.9, 0.5)
+    assert matches_prefer(walked, stuck, C_vis, 0.05) is preferred
+    assert not matches_prefer(stuck, walked, C_vis, 0.05)
