@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from decimal import Decimal
 from pathlib import Path
 from types import TracebackType
 
@@ -14,14 +13,11 @@ from rgbd_glue_ros.evaluation.text_lines import (
     parsed_lines,
     pose_text,
 )
-from rgbd_glue_ros.evaluation.trajectory_text import stamped_poses
+from rgbd_glue_ros.evaluation.trajectory_text import stamped_poses, stamps_ns
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, Trajectory
 
 MAX_TIME_DIFFERENCE_S = 0.02
 """Stamps further apart than this are not of the same moment (the TUM tools' value)."""
-
-# Below the limit a stamp is of units of so many nanoseconds; 1e11 seconds are three millennia.
-_STAMP_UNITS = ((10**11, NANOSECONDS), (10**14, 10**6), (10**17, 10**3))
 
 TUM_HEADER = "# timestamp tx ty tz qx qy qz qw"
 
@@ -29,15 +25,14 @@ TUM_HEADER = "# timestamp tx ty tz qx qy qz qw"
 def parse_stamp(text: str) -> int:
     """Nanoseconds from a decimal number of seconds, without passing through a float.
 
-    A number that as seconds would lie millennia ahead is of milli-, micro- or nanoseconds.
+    A number too large for seconds is of milli-, micro- or nanoseconds, as in ``stamps_ns``.
 
     Raises:
         ValueError: it is no finite number.
-        ArithmeticError: it is no number at all, or an infinite one.
+        ArithmeticError: it is no number at all.
     """
-    number = Decimal(text)
-    unit_ns = next((unit for limit, unit in _STAMP_UNITS if abs(number) < limit), 1)
-    return int((number * unit_ns).to_integral_value())
+    (stamp_ns,) = stamps_ns([text])
+    return stamp_ns
 
 
 def format_stamp(stamp_ns: int) -> str:
@@ -90,8 +85,8 @@ def read_tum(path: Path) -> Trajectory:
         InputError: the file cannot be read, or none of its lines holds a stamp and a pose. Single
             lines that hold none are skipped, with a warning.
     """
-    stamps_ns, poses = stamped_poses(path)
-    return Trajectory(np.array(stamps_ns, np.int64), np.stack(poses))
+    stamps, poses = stamped_poses(path)
+    return Trajectory(np.array(stamps, np.int64), np.stack(poses))
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
