@@ -46,37 +46,33 @@ class _Counts:
 
 
 class NodeWatch:
-    """Looks every few seconds and logs what is new.
+    """Looks every few seconds, once it is started, and logs what is new.
 
     Attributes:
         silence: why no frame was complete lately; "" if some were.
         drops: why more than a tenth of the frames got no pose lately; "" if fewer.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        synchronizer: Synchronizer[Any],
-        inputs: Sequence[NodeInput],
-        monitor: Monitor,
-    ) -> None:
-        """Starts the timer.
+    def __init__(self, node: Node, synchronizer: Synchronizer[Any], monitor: Monitor) -> None:
+        """Has seen nothing yet.
 
         Args:
             node: has the timer and the log.
             synchronizer: counts messages.
-            inputs: the subscriptions; may be filled later.
             monitor: counts frames.
         """
         self.silence = self.drops = ""
         self._monitor = monitor
         self._node = node
         self._synchronizer = synchronizer
-        self._inputs = inputs
         self._before = self._counts()
         self._said: set[str] = set()
+
+    def start(self, inputs: Sequence[NodeInput]) -> None:
+        """Watches subscriptions from now on."""
         # not the node's clock: simulated time may stand still just when silence is to be reported
-        node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(LOOK_S, lambda: self._look(inputs), clock=clock)
 
     def _counts(self) -> _Counts:
         counts = self._synchronizer.counts
@@ -89,7 +85,7 @@ class NodeWatch:
             summary.drops[Drop.SUPERSEDED],
         )
 
-    def _look(self) -> None:
+    def _look(self, inputs: Sequence[NodeInput]) -> None:
         now, before = self._counts(), self._before
         self._before = now
         received = {c: now.received[c] - before.received[c] for c in Channel}
@@ -108,24 +104,24 @@ class NodeWatch:
         self._say_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
-        if now.matches > before.matches or not self._inputs:
+        if now.matches > before.matches:
             self.silence = ""
             return
-        why = self._explain_silence(received)
+        why = self._explain_silence(inputs, received)
         # counts differ from look to look, and are no news
         if _without_numbers(why) != _without_numbers(self.silence):
             self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {why}")
         self.silence = why
 
-    def _explain_silence(self, received: dict[Channel, int]) -> str:
-        inputs = [
+    def _explain_silence(self, inputs: Sequence[NodeInput], received: dict[Channel, int]) -> str:
+        seen = [
             Input(
                 i.channel, i.topic, i.publishers, received[i.channel], received[i.channel] / LOOK_S
             )
-            for i in self._inputs
+            for i in inputs
         ]
         return explain_silence(
-            inputs, self._synchronizer.closest_miss_ns, self._synchronizer.max_interval_ns
+            seen, self._synchronizer.closest_miss_ns, self._synchronizer.max_interval_ns
         )
 
     def _say_if_new(self, what: str, line: str | None) -> None:

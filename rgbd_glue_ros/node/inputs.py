@@ -127,7 +127,7 @@ class NodeInput:
         return tuple(words)
 
 
-def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> list[NodeInput]:
+def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeInput, ...]:
     """Subscribes to colour, depth and camera info, in this order."""
     transports = {
         Channel.COLOR: config.image_transport,
@@ -143,7 +143,7 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> list[NodeIn
         # as image_transport does it: what users remap is the base topic
         topic = topics.transported(node.resolve_topic_name(topics.SUBSCRIBED[channel]), transport)
         inputs.append(NodeInput(node, channel, message_type, topic, receive, config))
-    return inputs
+    return tuple(inputs)
 
 
 def offered_durability(publishers: list[TopicEndpointInfo]) -> DurabilityPolicy:

@@ -32,7 +32,7 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
-from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
+from rgbd_glue_ros.node.inputs import node_inputs
 from rgbd_glue_ros.node.parameters import declare_parameters
 from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
 from rgbd_glue_ros.node.tf import Broadcaster, listen
@@ -81,7 +81,7 @@ class MappingNode(Node):  # type: ignore[misc]
         )
         self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
         self._stamps: dict[int, int] = {}
-        self._inputs: list[NodeInput] = node_inputs(self, self._config, self._receive)
+        self._inputs = node_inputs(self, self._config, self._receive)
         self.create_subscription(PoseStamped, topics.KEYFRAME_POSE, self._take_pose, 100)
         self.create_subscription(OdometryMessage, topics.KEYFRAME_EDGES, self._take_edge, 100)
         self.create_subscription(PoseStamped, topics.POSE, self._broadcast, 10)

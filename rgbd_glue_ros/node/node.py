@@ -101,12 +101,12 @@ class OdometryNode(Node):  # type: ignore[misc]
         # what is to be done on the worker's thread, before the next frame
         self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._worker = self._create_worker()
-        self._inputs: list[NodeInput] = []
+        self._inputs: tuple[NodeInput, ...] = ()
         self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
-        watch = NodeWatch(self, self._synchronizer, self._inputs, self.monitor)
-        self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, watch)
+        self._watch = NodeWatch(self, self._synchronizer, self.monitor)
+        self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._watch)
         for name, serve in (
             (topics.RESET_SERVICE, self._serve_reset),
             (topics.PAUSE_SERVICE, self._serve_pause),
@@ -147,7 +147,8 @@ class OdometryNode(Node):  # type: ignore[misc]
 
     def _take_parameters(self, node_config: cfg.NodeConfig, config: cfg.Config) -> None:
         """Goes on by changed parameters, from the next frame on."""
-        self._node_config = self._outputs.config = node_config
+        self._node_config = node_config
+        self._outputs.reconfigure(node_config)
         self._requests.put(lambda: self._odometry.reconfigure(config))
 
     # Services
@@ -188,7 +189,8 @@ class OdometryNode(Node):  # type: ignore[misc]
             self._warmed_up.trigger()
 
     def _subscribe(self) -> None:
-        self._inputs += node_inputs(self, self._node_config, self._receive)
+        self._inputs = node_inputs(self, self._node_config, self._receive)
+        self._watch.start(self._inputs)
         self.get_logger().info(self._description())
 
     def _receive(self, channel: Channel, message: Any) -> None:

@@ -30,11 +30,7 @@ NULL_VARIANCE = 9999.0
 
 
 class NodeOutputs:
-    """Publishes what an estimate knows, and nothing that it does not.
-
-    Attributes:
-        config: what to publish; may be replaced where no fixed parameter differs.
-    """
+    """Publishes what an estimate knows, and nothing that it does not."""
 
     def __init__(self, node: Node, config: NodeConfig, *, has_tf: bool) -> None:
         """Creates the publishers.
@@ -45,7 +41,7 @@ class NodeOutputs:
             has_tf: whether /tf can be published.
         """
         self._node = node
-        self.config = config
+        self._config = config
         # without a robot frame, the child is the optical frame, whose parent is the driver's
         does_broadcast = has_tf and config.publish_tf and config.frame_id
         self._broadcaster = Broadcaster(node) if does_broadcast else None
@@ -56,6 +52,10 @@ class NodeOutputs:
         self._path = self._publisher(Path, topics.PATH)
         self._matches = self._publisher(Image, topics.MATCHES)
         self._way: deque[PoseStamped] = deque(maxlen=config.path_poses)
+
+    def reconfigure(self, config: NodeConfig) -> None:
+        """Goes on by parameters of which no fixed one differs."""
+        self._config = config
 
     def _publisher(self, message_type: type, topic: str) -> Publisher:
         def refusal() -> str:
@@ -93,13 +93,13 @@ class NodeOutputs:
         Returns:
             The pose as published; None if there is none.
         """
-        child = self.config.frame_id or frame.frame_id
+        child = self._config.frame_id or frame.frame_id
         self._show_matches(frame, estimate)
         if estimate.T_odom_camera is None:
-            if self.config.publish_null_when_lost:
+            if self._config.publish_null_when_lost:
                 self._odom.publish(self._null(estimate.stamp_ns, child))
             return None
-        head = fields.header(estimate.stamp_ns, self.config.odom_frame_id)
+        head = fields.header(estimate.stamp_ns, self._config.odom_frame_id)
         T_fixed_child = extrinsics.pose(estimate.T_odom_camera)
         pose = fields.copy_fields(fields.pose_stamped(T_fixed_child, head), PoseStamped())
         self._broadcast(T_fixed_child, T_guess_child, estimate.stamp_ns)
@@ -156,7 +156,7 @@ class NodeOutputs:
         """Adds the pose where it is time, and publishes the path while somebody listens."""
         if self._way:
             since_ns = stamp_ns(pose.header.stamp) - stamp_ns(self._way[-1].header.stamp)
-            if since_ns < self.config.path_period * NANOSECONDS:
+            if since_ns < self._config.path_period * NANOSECONDS:
                 return
         self._way.append(pose)
         if self._path.get_subscription_count():
@@ -173,7 +173,7 @@ class NodeOutputs:
         self, T_fixed_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
     ) -> None:
         """Publishes /tf, where that leaves every frame with one parent."""
-        config = self.config
+        config = self._config
         if self._broadcaster is None:
             return
         if not config.guess_frame_id:
@@ -188,7 +188,7 @@ class NodeOutputs:
 
     def _null(self, stamp_ns: int, child: str) -> OdometryMessage:
         """What rtabmap_odom publishes for a frame without a pose."""
-        head = fields.header(stamp_ns, self.config.odom_frame_id)
+        head = fields.header(stamp_ns, self._config.odom_frame_id)
         odom = OdometryMessage()
         fields.copy_fields(head, odom.header)
         odom.child_frame_id = child
