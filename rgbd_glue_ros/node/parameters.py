@@ -67,39 +67,58 @@ def follow_changes(
         config: the method's values so far.
         changed: called with all values after some have changed.
     """
-    now = (node_config, config)
-    fixed = {p.name: p.fixed for part in now for p in cfg.parameters(part)}
+    changes = _Changes(node_config, config, changed)
+    node.add_on_set_parameters_callback(changes.check)
+    node.add_post_set_parameters_callback(changes.take)
 
-    def parts(parameters: list[RosParameter]) -> tuple[dict[str, object], dict[str, object]]:
-        own, method = (
-            {p.name: p.value for p in parameters if p.name in cfg.values(part)} for part in now
-        )
-        return own, method
 
-    def check(parameters: list[RosParameter]) -> SetParametersResult:
-        own, method = parts(parameters)
-        for name in (*own, *method):
-            if fixed[name]:
+class _Changes:
+    """The values that hold now, and what becomes of those that are set."""
+
+    def __init__(
+        self,
+        node_config: cfg.NodeConfig,
+        config: cfg.Config,
+        changed: Callable[[cfg.NodeConfig, cfg.Config], None],
+    ) -> None:
+        self._node_config = node_config
+        self._config = config
+        self._changed = changed
+        self._fixed = {
+            p.name: p.fixed for part in (node_config, config) for p in cfg.parameters(part)
+        }
+
+    def check(self, parameters: list[RosParameter]) -> SetParametersResult:
+        """Whether all of the parameters may take these values while the node runs."""
+        for name in (p.name for p in parameters):
+            if self._fixed.get(name):
                 return SetParametersResult(
                     successful=False,
-                    reason=f"{name} cannot change while the node runs: {fixed[name]}",
+                    reason=f"{name} cannot change while the node runs: {self._fixed[name]}",
                 )
         try:
-            cfg.with_values(now[0], own)
-            cfg.with_values(now[1], method)
+            self._with(parameters)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def take(parameters: list[RosParameter]) -> None:
-        nonlocal now
-        own, method = parts(parameters)
-        if own or method:
-            now = cfg.with_values(now[0], own), cfg.with_values(now[1], method)
-            changed(*now)
+    def take(self, parameters: list[RosParameter]) -> None:
+        """Goes on by these values, and tells whom it concerns."""
+        if any(p.name in self._fixed for p in parameters):
+            self._node_config, self._config = self._with(parameters)
+            self._changed(self._node_config, self._config)
 
-    node.add_on_set_parameters_callback(check)
-    node.add_post_set_parameters_callback(take)
+    def _with(self, parameters: list[RosParameter]) -> tuple[cfg.NodeConfig, cfg.Config]:
+        return (
+            cfg.with_values(self._node_config, _of(self._node_config, parameters)),
+            cfg.with_values(self._config, _of(self._config, parameters)),
+        )
+
+
+def _of(part: cfg.NodeConfig | cfg.Config, parameters: list[RosParameter]) -> dict[str, object]:
+    """The values of those parameters that belong to one part; ROS has some of its own."""
+    names = cfg.values(part)
+    return {p.name: p.value for p in parameters if p.name in names}
 
 
 def _descriptor(parameter: cfg.Parameter) -> ParameterDescriptor:
