@@ -13,7 +13,6 @@ from rgbd_glue_ros.errors import InputError
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.pairs.methods import Estimator
     from rgbd_glue_ros.experiments.pairs.paper_tables import PaperTable
-    from rgbd_glue_ros.parameters import Config
 
 logger = logging.getLogger(__name__)
 
@@ -63,6 +62,7 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.cli.progress import bar, counted
     from rgbd_glue_ros.experiments.batch.workers import pool
     from rgbd_glue_ros.experiments.pairs.experiment import REPORT, TABLES, Experiment, run_pairs
+    from rgbd_glue_ros.experiments.pairs.paper_tables import write_table
 
     table = _paper_table(args)
     config = arguments.config(args)
@@ -108,29 +108,16 @@ def run(args: argparse.Namespace) -> str:
             raise
     summary = _summary(figures)
     summary += f"tables   {args.output / TABLES}\nreport   {args.output / REPORT}\n"
-    return summary if table is None else summary + _write_table(table, config, figures, args.output)
+    if table is None:
+        return summary
+    path = write_table(table, config, figures, args.output)
+    return f"{summary}table    {path}\n\n{path.read_text(encoding='utf-8')}"
 
 
 def _paper_table(args: argparse.Namespace) -> PaperTable | None:
     from rgbd_glue_ros.experiments.pairs.paper_tables import paper_table
 
     return paper_table(args.table) if args.table else None
-
-
-def _write_table(table: PaperTable, config: Config, figures: dict[str, Any], folder: Path) -> str:
-    from rgbd_glue_ros.experiments.pairs.paper_tables import render
-    from rgbd_glue_ros.whole_files import write_whole
-
-    estimators, absent = table.estimators(config)
-    measured = {
-        name: figures["gaps"] if estimator == config else figures["others"][name]["gaps"]
-        for name, estimator in estimators.items()
-        if name not in figures["absent"]
-    }
-    text = render(table, measured, {**figures["absent"], **absent}, figures["sources"])
-    path = folder / f"table_{table.number}.md"
-    write_whole(path, text)
-    return f"table    {path}\n\n{text}"
 
 
 def _peers(text: str) -> list[str]:

@@ -21,6 +21,7 @@ from rgbd_glue_ros.experiments.pairs.methods import Estimator
 from rgbd_glue_ros.experiments.report import markdown
 from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.parameters import Config, with_values
+from rgbd_glue_ros.whole_files import write_whole
 
 _LEARNED_VISUAL = frozenset({"lightglue", "superglue"})
 _K_LEARNED, _K_HAND_CRAFTED = 3, 5
@@ -294,3 +295,27 @@ def _at(figures: Any, row: Row, column: Column) -> float | None:
         figures = figures[int(key)] if isinstance(figures, list) else figures[key]
     value: float | None = figures
     return value
+
+
+def write_table(table: PaperTable, config: Config, figures: dict[str, Any], folder: Path) -> Path:
+    """Writes a table of the paper with what was measured.
+
+    Args:
+        table: to fill in.
+        config: of the experiment.
+        figures: of the experiment, as ``run_pairs`` returns them.
+        folder: of the file.
+
+    Returns:
+        The file, in Markdown.
+    """
+    estimators, absent = table.estimators(config)
+    measured = {
+        name: figures["gaps"] if estimator == config else figures["others"][name]["gaps"]
+        for name, estimator in estimators.items()
+        if name not in figures["absent"]
+    }
+    text = render(table, measured, {**figures["absent"], **absent}, figures["sources"])
+    path = folder / f"table_{table.number}.md"
+    write_whole(path, text)
+    return path
