@@ -268,3 +268,22 @@ def matrix(path: Path, size: int) -> Float64:
     if numbers.size != size * size:
         raise InputError(path, f"is no {size}x{size} matrix", "restore the file")
     return numbers.reshape(size, size)
+
+
+def ground_truth(files: Iterable[tuple[int, Path]]) -> Trajectory | None:
+    """The poses in files of one matrix [4, 4] each, by the stamps of their frames.
+
+    A file that is missing or whose pose is not finite, as where tracking was lost, gives none.
+
+    Returns:
+        None if there is no pose at all.
+
+    Raises:
+        InputError: a file is malformed.
+    """
+    poses = [(stamp, matrix(path, 4)) for stamp, path in files if path.is_file()]
+    known = [(stamp, T) for stamp, T in poses if np.isfinite(T).all()]
+    if not known:
+        return None
+    stamps, matrices = zip(*known, strict=True)
+    return Trajectory(np.array(stamps, np.int64), np.stack(matrices))

@@ -8,9 +8,15 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.image_codecs import decode
-from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImagePair, ImageSequence, matrix
+from rgbd_glue_ros.recordings.image_sequence import (
+    DepthEncoding,
+    ImagePair,
+    ImageSequence,
+    ground_truth,
+    matrix,
+)
 from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens, stamp_ns
-from rgbd_glue_ros.types import CameraIntrinsics, Float64, Trajectory
+from rgbd_glue_ros.types import CameraIntrinsics
 
 SIGNATURE = f"*{SUFFIX}, or color, depth and pose"
 
@@ -55,22 +61,17 @@ def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageS
     """Frame i of a scan is in files named i; those without a finite pose have no ground truth."""
     files = [p for p in (folder / "color").iterdir() if p.suffix in _COLOR_TYPES]
     pairs: list[ImagePair] = []
-    stamps: list[int] = []
-    poses: list[Float64] = []
+    poses: list[tuple[int, Path]] = []
     for number, color in sorted((_number(path), path) for path in files):
         stamp = stamp_ns(number)
         depth, pose = folder / f"depth/{number}.png", folder / f"pose/{number}.txt"
         if not depth.is_file():
             raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
         pairs.append(ImagePair(stamp, color, stamp, depth))
-        if pose.is_file():
-            T = matrix(pose, 4)
-            if np.isfinite(T).all():
-                stamps.append(stamp)
-                poses.append(T)
+        poses.append((stamp, pose))
     if not pairs:
         raise InputError(folder / "color", "holds no image", "export the scan again")
-    truth = Trajectory(np.array(stamps, np.int64), np.stack(poses)) if poses else None
+    truth = ground_truth(poses)
     camera = calibration or _camera(folder, pairs[0].depth)
     color_size = _size(pairs[0].color)
     return ImageSequence(folder.resolve().name, tuple(pairs), _DEPTH, camera, truth, color_size)

@@ -7,8 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImagePair, ImageSequence, matrix
-from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
+from rgbd_glue_ros.recordings.image_sequence import (
+    DepthEncoding,
+    ImagePair,
+    ImageSequence,
+    ground_truth,
+    matrix,
+)
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics
 
 _DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0, 65535))
 _RATE_HZ = 30
@@ -37,8 +43,7 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
             A frame whose pose is missing or not finite has no ground truth.
     """
     pairs: list[ImagePair] = []
-    stamps: list[int] = []
-    poses: list[Float64] = []
+    poses: list[tuple[int, Path]] = []
     for color in sorted(folder.glob("frame-*.color.*")):
         stem = color.name.split(".")[0]
         stamp = _stamp(color, stem)
@@ -46,13 +51,8 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
         if not depth.is_file():
             raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
         pairs.append(ImagePair(stamp, color, stamp, depth))
-        if pose.is_file():
-            T = matrix(pose, 4)
-            # where 3DMatch's tracking was lost there is a pose that is not finite
-            if np.isfinite(T).all():
-                stamps.append(stamp)
-                poses.append(T)
-    truth = Trajectory(np.array(stamps, np.int64), np.stack(poses)) if poses else None
+        poses.append((stamp, pose))
+    truth = ground_truth(poses)
     camera = calibration or _camera(folder)
     return ImageSequence(_name(folder.resolve()), tuple(pairs), _DEPTH, camera, truth)
 
