@@ -234,3 +234,26 @@ def procrustes_information(T: Float64, matches: Correspondences) -> Float64:
     outer = (moved.T * w) @ moved
     H[3:, 3:] = np.eye(3) * np.trace(outer) - outer
     return H
+
+
+def fit_covariance(T: Float64, matches: Correspondences) -> Float64 | None:
+    """Covariance [6, 6] of the weighted Procrustes fit, from its own residuals.
+
+    That of weighted least squares with independent errors of equal variance s²,
+    H⁻¹ (sum w² JᵀJ s²) H⁻¹ with H = sum w JᵀJ; s² by moments as in equation 5.
+
+    Returns:
+        Order x y z rx ry rz, perturbation on the left, target frame; None when the matches leave
+        a degree of freedom open.
+    """
+    H = procrustes_information(T, matches)
+    scale = np.sqrt(np.diag(H))
+    if (scale <= 0).any() or np.linalg.cond(H / np.outer(scale, scale)) > 1e8:
+        return None
+    w = matches.weights
+    variance = float(w @ distances(T, matches) ** 2 / w.sum()) / 3
+    squared = Correspondences(matches.source, matches.target, w**2)
+    inverse = np.linalg.inv(H)
+    covariance: Float64 = inverse @ (procrustes_information(T, squared) * variance) @ inverse
+    symmetric: Float64 = (covariance + covariance.T) / 2
+    return symmetric

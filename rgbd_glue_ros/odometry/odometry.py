@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, 
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_refinement import PoseProblem, corrected_motion
+from rgbd_glue_ros.odometry.progress import Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
@@ -34,29 +35,6 @@ from rgbd_glue_ros.types import (
 
 # Between frames farther apart than this the twist says too little of the moment of one of them.
 _TWIST_IS_CERTAIN_NS = NANOSECONDS // 10
-
-
-@dataclass(frozen=True)
-class _Progress:
-    """How far tracking has come; replaced as a whole, never changed.
-
-    Attributes:
-        state: after the last frame.
-        motion: at the last frame with a pose; None before the first.
-        T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if there was.
-        last_stamp_ns: of the last frame; None before the first.
-        frames_missed: that showed something and had no pose, since the last one that had.
-    """
-
-    state: TrackingState = TrackingState.INITIALIZING
-    motion: Motion | None = None
-    T_guess_camera: Float64 | None = None
-    last_stamp_ns: int | None = None
-    frames_missed: int = 0
-
-    def with_pose(self, motion: Motion) -> _Progress:
-        """After a frame that has a pose."""
-        return replace(self, state=TrackingState.TRACKING, motion=motion, frames_missed=0)
 
 
 class Odometry:
@@ -91,7 +69,7 @@ class Odometry:
 
     def reset(self) -> None:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
-        self._progress = _Progress()
+        self._progress = Progress()
         self._map = KeyframeMap(self._glue, self._background, self._config)
         self._calibration = SelfCalibration(self._background, self._config)
         self._candidate: KeyframeCandidate | None = None

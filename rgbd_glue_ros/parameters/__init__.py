@@ -31,12 +31,12 @@ from rgbd_glue_ros.parameters.method import (
     FitConfig,
     GlueConfig,
     MotionConfig,
-    OdometryConfig,
     RansacConfig,
     RefineConfig,
     TimeOffsetsConfig,
 )
 from rgbd_glue_ros.parameters.node import NodeConfig
+from rgbd_glue_ros.parameters.odometry import OdometryConfig
 from rgbd_glue_ros.parameters.parameter import (
     Parameter,
     Value,

@@ -41,6 +41,8 @@ ROOT_MODULES = {
     "whole_files",
 }
 ROS_PLACES = ("node", "experiments/demo/player.py")
+CORE = {"geometry", "features", "registration", "refinement", "odometry"}
+MOST_LINES, MOST_LINES_OF_THE_CORE = 400, 300
 OPTIONAL_LIBRARIES = {
     "argcomplete",
     "dask",
@@ -145,6 +147,12 @@ def test_every_folder_says_what_it_is_for_in_one_sentence(path: Path) -> None:
     assert docstring.split("\n\n", maxsplit=1)[0].endswith(".")
 
 
+@pytest.mark.parametrize("path", _sources(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_module_is_read_in_one_sitting(path: Path) -> None:
+    most = MOST_LINES_OF_THE_CORE if _place(path) in CORE else MOST_LINES
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= most
+
+
 def test_everything_but_the_ros_modules_imports_without_ros_and_without_the_extras() -> None:
     modules = [
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
@@ -166,6 +174,21 @@ class Absent:
 sys.meta_path.insert(0, Absent)
 for name in {modules}:
     importlib.import_module(name)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_the_experiments_the_robot_still_drives() -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    program = """
+import sys
+sys.modules["rgbd_glue_ros.experiments"] = None
+import rgbd_glue_ros.node.node
+import rgbd_glue_ros.odometry.odometry
+import rgbd_glue_ros.recordings
 """
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False

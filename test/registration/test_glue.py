@@ -26,7 +26,7 @@ from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import VisualMatches
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import distances, procrustes
+from rgbd_glue_ros.geometry.fitting import distances, fit_covariance, procrustes
 from rgbd_glue_ros.parameters import (
     FALLBACK_METHODS,
     FIT_METHODS,
@@ -43,7 +43,6 @@ from rgbd_glue_ros.registration.glue import (
     assumed_inliers,
     consistent,
     error_variance,
-    fit_covariance,
 )
 from rgbd_glue_ros.types import (
     Correspondences,

@@ -1,0 +1,31 @@
+"""How far tracking has come: what one frame leaves for the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.types import Float64, TrackingState
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far tracking has come; replaced as a whole, never changed.
+
+    Attributes:
+        state: after the last frame.
+        motion: at the last frame with a pose; None before the first.
+        T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if there was.
+        last_stamp_ns: of the last frame; None before the first.
+        frames_missed: that showed something and had no pose, since the last one that had.
+    """
+
+    state: TrackingState = TrackingState.INITIALIZING
+    motion: Motion | None = None
+    T_guess_camera: Float64 | None = None
+    last_stamp_ns: int | None = None
+    frames_missed: int = 0
+
+    def with_pose(self, motion: Motion) -> Progress:
+        """After a frame that has a pose."""
+        return replace(self, state=TrackingState.TRACKING, motion=motion, frames_missed=0)

@@ -1,0 +1,142 @@
+"""The parameters of keyframes, of what is believed, and of what happens when it is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rgbd_glue_ros.parameters.parameter import parameter
+
+
+@dataclass(frozen=True)
+class OdometryConfig:
+    """Keyframes and tracking state."""
+
+    keyframes: int = parameter(
+        50,
+        "Keyframes kept at most: the window, and anchors, which are earlier ones that serve to "
+        "find a lost camera and to take drift out.",
+        minimum=1,
+        maximum=1000,
+        fixed="the room for keyframes is made at the start",
+    )
+    window: int = parameter(
+        5,
+        "Latest keyframes that tracking chooses from. A step back to an older one would show as a "
+        "jump of the drift since then.",
+        minimum=1,
+        maximum=1000,
+        fixed="the room for keyframes is made at the start",
+    )
+    keyframe_spacing: float = parameter(
+        0.6,
+        "A keyframe that leaves the window is forgotten where it is nearer than this to an anchor, "
+        "metres and radians added.",
+        minimum=0.0,
+        fixed="the keyframes kept were chosen by it",
+    )
+    drift_radius: float = parameter(
+        1.0,
+        "A new keyframe is compared with the earliest anchor that is nearer than this, metres and "
+        "radians added: what they disagree by is drift, and is taken out. 0 compares with none.",
+        minimum=0.0,
+    )
+    drift_rate: float = parameter(
+        0.01,
+        "Drift is taken out by this part of the camera's way at most, metres and radians added, so "
+        "that the pose never jumps.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    references: int = parameter(
+        3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
+    )
+    keyframe_translation: float = parameter(
+        0.25, "A frame this far from its keyframe becomes one.", unit="m", minimum=0.001
+    )
+    keyframe_rotation: float = parameter(
+        0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.001
+    )
+    keyframe_overlap: float = parameter(
+        0.35,
+        "A frame of which the keyframes show less than this part becomes one, however near it is.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    prior_radius: float = parameter(
+        0.1,
+        "Radius of the search around the motion prior where visual matches give no transform; "
+        "0 registers without a prior.",
+        unit="m",
+        minimum=0.0,
+    )
+    surprise_translation: float = parameter(
+        0.03,
+        "A pose this far from the motion prior competes with one refined from the prior.",
+        unit="m",
+        minimum=0.0,
+    )
+    surprise_rotation: float = parameter(
+        0.03,
+        "A pose turned this much from the motion prior competes with one refined from the prior.",
+        unit="rad",
+        minimum=0.0,
+    )
+    min_planes: int = parameter(
+        50, "Planes that must be seen for their agreement to count.", minimum=1
+    )
+    min_pixels: int = parameter(
+        50, "Textured pixels that must be seen for their correlation to count.", minimum=1
+    )
+    plane_agreement: float = parameter(
+        0.5,
+        "A pose is believed when at least this part of the planes seen agrees with it; it is "
+        "refused, whatever the pixels say, below half of this.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    brightness_correlation: float = parameter(
+        0.6,
+        "A pose is believed when the brightness of model and image correlates at least this much "
+        "and no plane contradicts.",
+        minimum=-1.0,
+        maximum=1.0,
+    )
+    timing_error: float = parameter(
+        0.015,
+        "What rolling shutter, exposure and stamps leave unknown about the time of an image; the "
+        "covariance grows by the way travelled in it.",
+        unit="s",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    scale_error: float = parameter(
+        0.005,
+        "Relative error of the camera's scale; the covariance grows by this part of the distance "
+        "from the keyframe.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    relocalisation_attempts: int = parameter(
+        3,
+        "Keyframes tried per frame when tracking fails; while the camera is lost, all in turn.",
+        minimum=0,
+        maximum=100,
+    )
+    relocalisation_inliers: int = parameter(
+        25,
+        "Visual inliers that relocalisation needs: a wrong pose is worse than none.",
+        minimum=3,
+    )
+    reset_countdown: int = parameter(
+        3,
+        "Frames that show something and have no pose, after which a new keyframe starts at the "
+        "last pose, if reset_delay has passed too; 0 waits for ever.",
+        minimum=0,
+    )
+    reset_delay: float = parameter(
+        1.0,
+        "Time without a pose before a new keyframe starts at the last one. A slow camera has moved "
+        "out of sight of its keyframes by then; a fast one may yet come back.",
+        unit="s",
+        minimum=0.0,
+    )
