@@ -48,7 +48,8 @@ def test_two_views_of_a_room_are_one_cloud_where_poses_are_right_and_double_wher
 
 def test_nothing_makes_an_empty_cloud() -> None:
     assert len(fused([], np.empty((0, 4, 4)))) == 0
-    dark = RgbdFrame(0, np.zeros((8, 8), np.uint8), np.full((8, 8), np.nan, np.float32), CAMERA)
+    size = CAMERA.height, CAMERA.width
+    dark = RgbdFrame(0, np.zeros(size, np.uint8), np.full(size, np.nan, np.float32), CAMERA)
     assert len(fused([cloud_of(dark)], np.eye(4)[None])) == 0
 
 
