@@ -11,6 +11,7 @@ from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.errors import InputError
 
 if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.pairs.experiment import Experiment
     from rgbd_glue_ros.experiments.pairs.methods import Estimator
     from rgbd_glue_ros.experiments.pairs.paper_tables import PaperTable
 
@@ -61,32 +62,26 @@ def run(args: argparse.Namespace) -> str:
     """Registers the pairs and returns their figures."""
     from rgbd_glue_ros.cli.progress import bar, counted
     from rgbd_glue_ros.experiments.batch.workers import pool
-    from rgbd_glue_ros.experiments.pairs.experiment import REPORT, TABLES, Experiment, run_pairs
+    from rgbd_glue_ros.experiments.pairs.experiment import run_pairs
     from rgbd_glue_ros.experiments.pairs.paper_tables import write_table
+    from rgbd_glue_ros.experiments.pairs.report import REPORT, TABLES
 
     table = _paper_table(args)
-    config = arguments.config(args)
-    others: dict[str, Estimator] = {peer: peer for peer in _peers(args.peers)}
-    others |= table.estimators(config)[0] if table else {}
-    # a row that is the configuration itself is measured already
-    others = {name: other for name, other in others.items() if other != config}
-    gaps = sorted({*(args.gap or (table.gaps if table else [20]))})
-    experiment = Experiment(config, gaps, args.every, others)
+    experiment = _experiment(args, table)
     args.recordings += args.data
     if not args.recordings:
         raise InputError("pairs", "no recording is given", "name a data set or a bag")
     sources = arguments.sources(args)
-    with pool(args.workers, args.scheduler) as workers, bar(" pairs", 0) as shown:
+    with pool(args.workers, args.scheduler) as workers, bar(" pairs", 0) as progress:
 
         def expect(total: int, done: int) -> None:
-            shown.total, shown.initial = total, done
-            shown.update(done)
+            progress.total, progress.initial = total, done
+            progress.update(done)
             if done:
-                said = counted(done, "pair")
-                logger.warning("going on after %s that an earlier run left", said)
+                logger.warning("going on after %s that an earlier run left", counted(done, "pair"))
 
         def step(_: object) -> None:
-            shown.update()
+            progress.update()
 
         try:
             figures = run_pairs(
@@ -99,8 +94,8 @@ def run(args: argparse.Namespace) -> str:
                 on_pair=step,
             )
         except KeyboardInterrupt:
-            shown.close()
-            if experiment.results:
+            progress.close()
+            if progress.n:
                 logger.warning(
                     "interrupted; what was done is in %s, and the same command goes on",
                     args.output,
@@ -110,8 +105,20 @@ def run(args: argparse.Namespace) -> str:
     summary += f"tables   {args.output / TABLES}\nreport   {args.output / REPORT}\n"
     if table is None:
         return summary
-    path = write_table(table, config, figures, args.output)
+    path = write_table(table, experiment.config, figures, args.output)
     return f"{summary}table    {path}\n\n{path.read_text(encoding='utf-8')}"
+
+
+def _experiment(args: argparse.Namespace, table: PaperTable | None) -> Experiment:
+    from rgbd_glue_ros.experiments.pairs.experiment import Experiment
+
+    config = arguments.config(args)
+    others: dict[str, Estimator] = {peer: peer for peer in _peers(args.peers)}
+    gaps = args.gap or [20]
+    if table:
+        others |= table.others(config)
+        gaps = args.gap or table.gaps
+    return Experiment(config, sorted({*gaps}), args.every, others)
 
 
 def _paper_table(args: argparse.Namespace) -> PaperTable | None:

@@ -22,10 +22,12 @@ from rgbd_glue_ros.cli.parser import BAD_INPUT
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
-from rgbd_glue_ros.experiments.pairs.experiment import FIGURES, GLUE, TABLES, Experiment, run_pairs
+from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.figures import gap_figures
 from rgbd_glue_ros.experiments.pairs.jobs import Results, Unposed, evaluate_pairs, pairs_of
 from rgbd_glue_ros.experiments.pairs.methods import Described, GlueMethod, PairMethod
+from rgbd_glue_ros.experiments.pairs.report import FIGURES, TABLES
+from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, values
 from rgbd_glue_ros.recordings.recording import selected
@@ -90,13 +92,12 @@ def at_m(index: int) -> float:
 
 def walked(experiment: Experiment, walk: Walk | None = None) -> dict[int, list[float]]:
     """The lengths of the ways between the frames of each pair, cm, by gap."""
+    lengths: dict[int, list[float]] = {gap: [] for gap in experiment.gaps}
     for outcome in evaluated(experiment, {GLUE: GlueMethod(experiment.config)}, walk or Walk()):
-        if isinstance(outcome, dict):
-            experiment.add(outcome)
-    return {
-        gap: [record.errors.translation_cm for record in records]
-        for gap, records in experiment.results[GLUE].items()
-    }
+        assert isinstance(outcome, dict)
+        result = outcome[GLUE]
+        lengths[result.source - result.target].append(result.errors.translation_cm)
+    return lengths
 
 
 def evaluated(
@@ -133,11 +134,16 @@ def test_without_every_a_pair_starts_where_the_last_one_ended() -> None:
 
 def test_frames_without_a_true_pose_are_left_out_and_counted(tmp_path: Path) -> None:
     experiment = Experiment(BLIND, [3], every=1)
-    run_pairs([Path("walk")], opened(Walk(unposed=(4,))), experiment, tmp_path)
+    lengths: list[float] = []
+
+    def measure(pair: Results) -> None:
+        lengths.append(pair[GLUE].errors.translation_cm)
+
+    walk = opened(Walk(unposed=(4,)))
+    figures = run_pairs([Path("walk")], walk, experiment, tmp_path, on_pair=measure)
     starts = [start for start in range(9) if 4 not in {start, start + 3}]
-    found = [result.errors.translation_cm for result in experiment.results[GLUE][3]]
-    assert found == pytest.approx(ways(3, starts))
-    assert experiment.problems == ["walk: frames without a true pose, left out: 1"]
+    assert lengths == pytest.approx(ways(3, starts))
+    assert figures["problems"] == ["walk: frames without a true pose, left out: 1"]
 
 
 def test_a_frame_in_several_pairs_is_described_once() -> None:

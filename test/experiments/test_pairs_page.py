@@ -12,9 +12,11 @@ from rigs.pages import Page
 
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
-from rgbd_glue_ros.experiments.pairs.experiment import GLUE, REPORT, Experiment, run_pairs
+from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.gallery import TYPICAL, WORST, chosen, severity
 from rgbd_glue_ros.experiments.pairs.page import render
+from rgbd_glue_ros.experiments.pairs.report import REPORT
+from rgbd_glue_ros.experiments.pairs.results import GLUE, PairResults
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.recordings import open_recording
 
@@ -35,13 +37,11 @@ def result(number: int, error: float = 1.0, *, failed: bool = False) -> PairResu
     )
 
 
-def page_of(results: dict[str, list[PairResult]], config: Config | None = None) -> str:
-    experiment = Experiment(config or Config(), [20])
-    experiment.sources.append("a <script> & more")
-    for rows in results.values():
-        for row in rows:
-            experiment.add({name: row for name, own in results.items() if own is rows})
-    return render(experiment.figures(), experiment.results, GLUE, experiment.config, [])
+def page_of(by_method: dict[str, list[PairResult]], config: Config | None = None) -> str:
+    by_gap = {name: {20: results} for name, results in by_method.items()}
+    results = PairResults(by_gap, ["a <script> & more"], [], {})
+    config = config or Config()
+    return render(results.figures(config, None), by_gap, config, [])
 
 
 def test_the_page_is_well_formed_and_fetches_nothing_whatever_a_recording_is_called() -> None:
@@ -92,11 +92,11 @@ def test_the_report_of_scannets_test_split_is_smaller_than_five_megabytes() -> N
 def test_a_run_leaves_a_report_with_pictures_of_its_pairs(tmp_path: Path) -> None:
     config = with_values(Config(), {"features.keypoints": 300})
     experiment = Experiment(config, [10], 30)
-    run_pairs([make_bag.FOLDER], open_recording, experiment, tmp_path)
+    figures = run_pairs([make_bag.FOLDER], open_recording, experiment, tmp_path)
     source = (tmp_path / REPORT).read_text()
     page = Page(source)
     assert page.open == []
-    assert len(page.fetched) == 2 * len(experiment.results[GLUE][10]) > 0
+    assert len(page.fetched) == 2 * figures["gaps"]["10"]["pairs"] > 0
     assert all(str(image).startswith("data:image/jpeg;base64,") for image in page.fetched)
     assert '<line class="geometric"' in source
     assert '<line class="visual"' in source

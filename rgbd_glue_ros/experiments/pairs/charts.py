@@ -9,11 +9,11 @@ import numpy as np
 
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM, PairResult
+from rgbd_glue_ros.experiments.pairs.metrics import METRICS
+from rgbd_glue_ros.experiments.pairs.results import ByGap
 from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.axes import Axis, linear, logarithmic
 from rgbd_glue_ros.experiments.report.charts import Line
-
-ByGap = Mapping[int, Sequence[PairResult]]
 
 CSS = """
 :root { --c0: #1d5fd1; --c1: #c2620a; --c2: #1a8f5a; --c3: #8a4bd0; --c4: #cf2f3c; --c5: #0f8b9d;
@@ -25,11 +25,6 @@ CSS = """
   gap: 1.5rem 2rem; }
 """
 
-TITLES = {
-    "rotation_deg": ("Rotation", "°"),
-    "translation_cm": ("Translation", "cm"),
-    "chamfer_mm": ("Chamfer distance", "mm"),
-}
 _ERROR_AXES = {
     "rotation_deg": logarithmic(0.1, 0.5, 1, 5, 10, 45),
     "translation_cm": logarithmic(0.5, 1, 5, 10, 25, 100),
@@ -74,9 +69,9 @@ def _curve(error: str, compared: Sequence[Sequence[PairResult]]) -> str:
         below = np.searchsorted(np.sort(errors), x, side="right")
         color, style = _look(i)
         lines.append(Line("", color, x, 100 * below / len(errors), style))
-    title, unit = TITLES[error]
+    metric = METRICS[error]
     # the first on top, which is our own
-    return charts.plot(f"{title}, {unit}", lines[::-1], axis, _PERCENT, 6)
+    return charts.plot(f"{metric.title}, {metric.symbol}", lines[::-1], axis, _PERCENT, 6)
 
 
 def _key(name: str, i: int) -> Line:

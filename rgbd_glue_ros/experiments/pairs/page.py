@@ -8,10 +8,12 @@ from typing import Any
 
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.charts import CSS as CHARTS_CSS
-from rgbd_glue_ros.experiments.pairs.charts import TITLES, ByGap, curves, scatter
+from rgbd_glue_ros.experiments.pairs.charts import curves, scatter
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM
 from rgbd_glue_ros.experiments.pairs.gallery import CSS as GALLERY_CSS
 from rgbd_glue_ros.experiments.pairs.gallery import LEGEND, WORST, Example, gallery, severity
+from rgbd_glue_ros.experiments.pairs.metrics import METRICS
+from rgbd_glue_ros.experiments.pairs.results import GLUE, ByGap
 from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_parameters, page, tiles
 from rgbd_glue_ros.parameters import Config
@@ -37,7 +39,6 @@ _AT_10_CM = INLIER_THRESHOLDS_CM.index(10)
 def render(
     figures: Mapping[str, Any],
     results: Mapping[str, ByGap],
-    own: str,
     config: Config,
     shown: Sequence[Example],
 ) -> str:
@@ -46,23 +47,22 @@ def render(
     Args:
         figures: the content of ``pairs.json``.
         results: of every pair, by method and gap; one at least.
-        own: name of the configuration's method among those.
-        config: of that method.
+        config: of the experiment.
         shown: pairs to show pictures of, the worst first.
     """
-    names = {name: _name(name, own, figures) for name in results}
-    gaps = sorted(results[own])
+    names = {name: _name(name, figures) for name in results}
+    gaps = sorted(results[GLUE])
     parts = [
-        _summary(figures, results[own]),
+        _summary(figures, results[GLUE]),
         _tiles(figures["gaps"][str(gaps[0])], gaps[0]),
         "<h2>Errors</h2>",
         curves(results, names),
-        _registration(figures, names, own),
+        _registration(figures, names),
         "<h2>Worst pairs</h2>",
         *_pictures(shown),
-        _worst(results[own]),
+        _worst(results[GLUE]),
         "<h2>The adaptive threshold</h2>",
-        _thresholds(figures["gaps"], results[own]),
+        _thresholds(figures["gaps"], results[GLUE]),
         "<h2>Geometric correspondences</h2>",
         _correspondences(figures["gaps"]),
         "<h2>Where the time goes</h2>",
@@ -86,8 +86,8 @@ def _features(figures: Mapping[str, Any]) -> str:
     return " + ".join(side.upper() for side in sides if side != "none") or "no features"
 
 
-def _name(method: str, own: str, figures: Mapping[str, Any]) -> str:
-    return _features(figures) if method == own else method.replace("_", " ")
+def _name(method: str, figures: Mapping[str, Any]) -> str:
+    return _features(figures) if method == GLUE else method.replace("_", " ")
 
 
 def _summary(figures: Mapping[str, Any], own: ByGap) -> str:
@@ -111,10 +111,10 @@ def _tiles(content: Mapping[str, Any], gap: int) -> str:
     return f"<h3>{gap} frames apart</h3>{tiles(shown)}"
 
 
-def _registration(figures: Mapping[str, Any], names: Mapping[str, str], own: str) -> str:
+def _registration(figures: Mapping[str, Any], names: Mapping[str, str]) -> str:
     groups = "".join(
-        f'<th class="group first" colspan="{len(limits) + 2}">{TITLES[name][0]} '
-        f"({TITLES[name][1]})</th>"
+        f'<th class="group first" colspan="{len(limits) + 2}">{METRICS[name].title} '
+        f"({METRICS[name].symbol})</th>"
         for name, limits in THRESHOLDS.items()
     )
     columns = "".join(
@@ -127,7 +127,7 @@ def _registration(figures: Mapping[str, Any], names: Mapping[str, str], own: str
     )
     body = ""
     for gap in figures["gaps"]:
-        rows = {own: figures["gaps"][gap]}
+        rows = {GLUE: figures["gaps"][gap]}
         rows |= {name: peer["gaps"][gap] for name, peer in figures["others"].items()}
         body += _rows_of_gap(gap, {names[name]: row for name, row in rows.items()})
     return (

@@ -18,6 +18,7 @@ from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM
 from rgbd_glue_ros.experiments.pairs.methods import Estimator
+from rgbd_glue_ros.experiments.pairs.metrics import METRICS, Metric
 from rgbd_glue_ros.experiments.report import markdown
 from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.parameters import Config, with_values
@@ -25,9 +26,6 @@ from rgbd_glue_ros.whole_files import write_whole
 
 _LEARNED_VISUAL = frozenset({"lightglue", "superglue"})
 _K_LEARNED, _K_HAND_CRAFTED = 3, 5
-
-_SHORT = {"rotation_deg": "rot.", "translation_cm": "trans.", "chamfer_mm": "chamfer"}
-_UNITS = {"rotation_deg": "deg", "translation_cm": "cm", "chamfer_mm": "mm"}
 
 
 @dataclass(frozen=True)
@@ -45,10 +43,14 @@ class Column:
     digits: int = 1
 
 
+def _bound(metric: Metric, limit: float) -> str:
+    return f"{metric.short} ≤ {limit:g} {metric.unit}"
+
+
 def _accuracy(*names: str) -> dict[str, list[Column]]:
     return {
         name: [
-            Column(f"{_SHORT[name]} ≤ {limit:g} {_UNITS[name]}", (name, "accuracy", f"{limit:g}"))
+            Column(_bound(METRICS[name], limit), (name, "accuracy", f"{limit:g}"))
             for limit in THRESHOLDS[name]
         ]
         for name in names
@@ -56,7 +58,7 @@ def _accuracy(*names: str) -> dict[str, list[Column]]:
 
 
 def _statistic(name: str, statistic: str, title: str) -> Column:
-    return Column(f"{_SHORT[name]} {title}", (name, statistic))
+    return Column(f"{METRICS[name].short} {title}", (name, statistic))
 
 
 def _errors() -> list[Column]:
@@ -182,6 +184,11 @@ class PaperTable:
     def gaps(self) -> list[int]:
         """Of the rows that can be measured."""
         return sorted({row.gap for row in self.rows})
+
+    def others(self, base: Config) -> dict[str, Estimator]:
+        """What measures the rows, by method, less the configuration itself."""
+        estimators, _ = self.estimators(base)
+        return {name: estimator for name, estimator in estimators.items() if estimator != base}
 
     def estimators(self, base: Config) -> tuple[dict[str, Estimator], dict[str, str]]:
         """What measures the rows, by method, and why others cannot be measured."""

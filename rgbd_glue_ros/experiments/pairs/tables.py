@@ -6,13 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
+from rgbd_glue_ros.experiments.pairs.metrics import METRICS
 from rgbd_glue_ros.experiments.report.markdown import number, table
-
-_TITLES = {
-    "rotation_deg": "rotation (deg)",
-    "translation_cm": "translation (cm)",
-    "chamfer_mm": "chamfer (mm)",
-}
 
 _ERRORS = """\
 Accuracy: percent of all pairs whose error is at most the threshold. Of a pair without a transform,
@@ -99,7 +94,9 @@ def comparison(rows: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
 def _error_head() -> list[str]:
     head = []
     for name, limits in THRESHOLDS.items():
-        head += [f"{_TITLES[name]} ≤ {limits[0]:g}", *(f"≤ {limit:g}" for limit in limits[1:])]
+        metric = METRICS[name]
+        head.append(f"{metric.title.lower()} ({metric.unit}) ≤ {limits[0]:g}")
+        head += [f"≤ {limit:g}" for limit in limits[1:]]
         head += ["mean", "med."]
     return head
 

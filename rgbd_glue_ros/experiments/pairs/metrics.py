@@ -1,0 +1,30 @@
+"""What the errors of a registered pair are called in tables, charts and pages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Names of one error.
+
+    Attributes:
+        title: in full.
+        short: where columns are narrow.
+        unit: in plain text.
+        symbol: of the unit, in pages and charts.
+    """
+
+    title: str
+    short: str
+    unit: str
+    symbol: str
+
+
+METRICS = {
+    "rotation_deg": Metric("Rotation", "rot.", "deg", "°"),
+    "translation_cm": Metric("Translation", "trans.", "cm", "cm"),
+    "chamfer_mm": Metric("Chamfer distance", "chamfer", "mm", "mm"),
+}
+"""By the names that ``pairs.json`` gives them."""

@@ -1,0 +1,39 @@
+"""The files that an experiment leaves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rgbd_glue_ros.experiments.pairs.gallery import Example
+from rgbd_glue_ros.experiments.pairs.page import render
+from rgbd_glue_ros.experiments.pairs.results import PairResults
+from rgbd_glue_ros.experiments.pairs.tables import to_markdown
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.whole_files import write_whole
+
+JOURNAL, FIGURES, TABLES, REPORT = "pairs.jsonl", "pairs.json", "pairs.md", "report.html"
+
+
+def write_report(
+    folder: Path,
+    config: Config,
+    results: PairResults,
+    figures: dict[str, Any],
+    shown: Sequence[Example] = (),
+) -> None:
+    """Writes the figures, tables of them, and a page with pictures of some pairs.
+
+    Args:
+        folder: where the files go.
+        config: of the experiment.
+        results: of every pair; one at least.
+        figures: of those, as ``PairResults.figures`` gives them.
+        shown: pairs to show pictures of, the worst first.
+    """
+    text = json.dumps(figures, indent=2, allow_nan=False)
+    write_whole(folder / FIGURES, text + "\n")
+    write_whole(folder / TABLES, to_markdown(figures))
+    write_whole(folder / REPORT, render(figures, results.by_method, config, shown))
