@@ -110,6 +110,7 @@ setup(
             "hypothesis>=6.98",
             "mcap-ros2-support>=0.5",
             "pytest>=7.4",
+            "pytest-timeout>=2.3",
         ],
         "lint": [
             "mypy>=1.13",

@@ -2,41 +2,33 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
-from collections.abc import Iterator
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import make_bag
 import pytest
 from rigs.data_sets import write_data_set
+from rigs.tasks import digits, threads
 
 from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial, pool
-from rgbd_glue_ros.experiments.pairs.evaluation import PairResult
-from rgbd_glue_ros.experiments.pairs.experiment import GLUE, JOURNAL, Experiment, run_pairs
-from rgbd_glue_ros.experiments.pairs.jobs import Results
+from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
+from rgbd_glue_ros.experiments.pairs.jobs import Results, from_json
+from rgbd_glue_ros.experiments.pairs.report import JOURNAL
+from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.recordings import load_calibration, open_recording
 
 GAP, EVERY = 4, 6
-
-
-def digits(number: int) -> Iterator[str]:
-    """The digits of a number; a minus breaks it down."""
-    for character in str(number):
-        if character == "-":
-            raise ValueError(character)
-        yield character
-
-
-def threads(_: int) -> Iterator[tuple[str | None, int]]:
-    import cv2
-
-    yield os.environ.get("OPENBLAS_NUM_THREADS"), cv2.getNumThreads()
+STRANGE = "0.0.1"
 
 
 def test_in_this_process_items_come_one_by_one_and_a_failure_stops_no_other_task() -> None:
@@ -72,19 +64,51 @@ def test_a_scheduler_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatc
         pass
 
 
+def test_workers_that_do_not_have_this_package_are_refused_by_their_address(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip("distributed")
+    from distributed import LocalCluster
+
+    # a package's version is looked up where its metadata is, and these workers find another's
+    metadata = tmp_path / f"rgbd_glue_ros-{STRANGE}.dist-info" / "METADATA"
+    metadata.parent.mkdir()
+    metadata.write_text(f"Metadata-Version: 2.1\nName: rgbd_glue_ros\nVersion: {STRANGE}\n")
+    elsewhere = {**os.environ, "PYTHONPATH": f"{tmp_path}"}
+    with LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as cluster:
+        command = [sys.executable, "-m", "dask", "worker", cluster.scheduler_address, "--no-nanny"]
+        worker = subprocess.Popen(
+            command,
+            env=elsewhere,
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.STDOUT,
+        )
+        try:
+            cluster.get_client().wait_for_workers(1, timeout=60)
+            refused = pytest.raises(InputError, match=rf"tcp://.+ has rgbd_glue_ros {STRANGE}, not")
+            with refused, pool(scheduler=cluster.scheduler_address):
+                pass
+        finally:
+            worker.kill()
+            worker.wait()
+
+
 # pairs
 
 
-def pairs_on(where: Pool, folder: Path, on_pair: object = None) -> Experiment:
+def pairs_on(where: Pool, folder: Path, on_pair: object = None) -> dict[str, Any]:
     experiment = Experiment(Config(), [GAP], EVERY)
     taken = on_pair if callable(on_pair) else lambda _: None
-    run_pairs([make_bag.FOLDER], open_recording, experiment, folder, pool=where, on_pair=taken)
-    return experiment
+    recordings = [make_bag.FOLDER]
+    return run_pairs(recordings, open_recording, experiment, folder, pool=where, on_pair=taken)
 
 
-def without_times(experiment: Experiment, gap: int = GAP) -> list[str]:
-    """Every digit of the results; as text, since NaN is unlike itself."""
-    results: list[PairResult] = experiment.results[GLUE][gap]
+def without_times(folder: Path) -> list[str]:
+    """Every digit of the results that a run left; as text, since NaN is unlike itself."""
+    _, *lines = map(json.loads, (folder / JOURNAL).read_text().splitlines())
+    results = [from_json(line["result"])[GLUE] for line in lines if "result" in line]
+    results.sort(key=lambda result: (result.source, result.target))
     return [repr(replace(result, seconds=0.0, stages_ms={})) for result in results]
 
 
@@ -93,7 +117,7 @@ def test_a_killed_worker_changes_no_bit_of_the_results(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     from distributed import Client, LocalCluster
 
-    serial = pairs_on(Serial(), tmp_path / "serial")
+    pairs_on(Serial(), tmp_path / "serial")
     killed: list[int] = []
     with (
         LocalCluster(
@@ -111,9 +135,9 @@ def test_a_killed_worker_changes_no_bit_of_the_results(tmp_path: Path) -> None:
         parallel = pairs_on(workers, tmp_path / "parallel", kill_one)
         assert killed
         assert killed[0] not in client.run(os.getpid).values()
-    assert len(without_times(serial)) > 15
-    assert without_times(parallel) == without_times(serial)
-    assert parallel.problems == []
+    assert len(without_times(tmp_path / "serial")) > 15
+    assert without_times(tmp_path / "parallel") == without_times(tmp_path / "serial")
+    assert parallel["problems"] == []
 
 
 def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
@@ -123,25 +147,22 @@ def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
     camera = load_calibration(write_data_set(tmp_path / "poster", 12))
     (tmp_path / "poster/rgb/006.png").write_bytes(b"damaged")
     opener = partial(open_recording, calibration=camera)
-    experiments = []
+    sources, experiment = [tmp_path / "poster"], Experiment(Config(), [2])
+    serial, parallel = tmp_path / "serial", tmp_path / "parallel"
+    here = run_pairs(sources, opener, experiment, serial)
     with pool(workers=1) as workers:
-        for where in (Serial(), workers):
-            experiment = Experiment(Config(), [2])
-            folder = tmp_path / type(where).__name__
-            run_pairs([tmp_path / "poster"], opener, experiment, folder, pool=where)
-            experiments.append(experiment)
-    serial, parallel = experiments
-    (problem,) = serial.problems
+        there = run_pairs(sources, opener, experiment, parallel, pool=workers)
+    (problem,) = here["problems"]
     assert "006.png" in problem
-    assert parallel.problems == serial.problems
+    assert there["problems"] == here["problems"]
     # 0-2, 2-4 and, behind the damaged one, 8-10
-    assert len(without_times(serial, 2)) == 3
-    assert without_times(parallel, 2) == without_times(serial, 2)
+    assert len(without_times(serial)) == 3
+    assert without_times(parallel) == without_times(serial)
 
 
 @pytest.mark.slow
 def test_a_run_that_broke_off_goes_on_to_the_same_results(tmp_path: Path) -> None:
-    whole = pairs_on(Serial(), tmp_path / "whole")
+    pairs_on(Serial(), tmp_path / "whole")
     done: list[Results] = []
 
     def interrupt(results: Results) -> None:
@@ -156,9 +177,9 @@ def test_a_run_that_broke_off_goes_on_to_the_same_results(tmp_path: Path) -> Non
     # killed while it wrote
     journal.write_bytes(journal.read_bytes()[:-9])
     more: list[Results] = []
-    resumed = pairs_on(Serial(), folder, more.append)
-    assert len(more) == len(without_times(whole)) - 4
-    assert without_times(resumed) == without_times(whole)
+    pairs_on(Serial(), folder, more.append)
+    assert len(more) == len(without_times(tmp_path / "whole")) - 4
+    assert without_times(folder) == without_times(tmp_path / "whole")
 
 
 @pytest.mark.slow

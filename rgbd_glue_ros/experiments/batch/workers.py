@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import Any, Protocol, TypeVar
 
 import cv2
@@ -18,6 +19,7 @@ logger = logging.getLogger(__name__)
 Task = TypeVar("Task")
 Item = TypeVar("Item")
 
+_PACKAGE = "rgbd_glue_ros"
 _CONNECT_S = 20
 _LARGEST_BATCH = 20
 _BATCHES_PER_WORKER = 4
@@ -133,6 +135,7 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
                 raise InputError(
                     scheduler, "has no workers", f"start some: dask worker {scheduler}"
                 )
+            _check_versions(client)
             yield DaskPool(client)
         return
     assert workers is not None  # noqa: S101 - for the type checker
@@ -149,6 +152,23 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
         Client(cluster) as client,
     ):
         yield DaskPool(client)
+
+
+def _check_versions(client: Any) -> None:
+    """Makes sure that every worker can do this version's tasks; else these would never end.
+
+    Raises:
+        InputError: a worker has another version of this package, or none.
+    """
+    own = version(_PACKAGE)
+    # the function is of the standard library, which a worker has whatever else it lacks
+    for address, installed in client.run(version, _PACKAGE, on_error="return").items():
+        if isinstance(installed, Exception):
+            raise InputError(address, f"has no {_PACKAGE}", f"install version {own} there")
+        if installed != own:
+            raise InputError(
+                address, f"has {_PACKAGE} {installed}, not {own}", "install the same version there"
+            )
 
 
 def _within_threads(function: Callable[[Task], Iterable[Item]], task: Task) -> list[Item]:
