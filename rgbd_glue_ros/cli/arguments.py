@@ -126,6 +126,7 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         ("color", "colour images"),
         ("depth", "depth images"),
         ("info", "camera infos"),
+        ("depth-info", "camera infos of unregistered depth"),
         ("truth", "true poses"),
     ):
         parser.add_argument(
@@ -139,6 +140,13 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         type=path,
         help="camera of the colour images in place of the recording's: a file of ROS, OpenCV, "
         "ORB-SLAM, Kalibr or Open3D, or a 3x3 matrix",
+    )
+    parser.add_argument(
+        "--depth-calibration",
+        metavar="FILE",
+        type=path,
+        help="camera of the depth images, where they are not registered to colour: the same kinds "
+        "of files; where it is, is told by --set depth_camera_pose='x y z roll pitch yaw'",
     )
     parser.add_argument(
         "--depth-scale",
@@ -230,9 +238,25 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
     """
     from rgbd_glue_ros.recordings import Topics, load_calibration, open_recording
 
-    topics = Topics(args.color_topic, args.depth_topic, args.info_topic, args.truth_topic)
-    calibration = load_calibration(args.calibration) if args.calibration else None
-    return partial(open_recording, topics=topics, calibration=calibration, inputs=_inputs(args))
+    topics = Topics(
+        args.color_topic,
+        args.depth_topic,
+        args.info_topic,
+        args.truth_topic,
+        args.depth_info_topic,
+    )
+    cameras = (
+        load_calibration(file) if file else None
+        for file in (args.calibration, args.depth_calibration)
+    )
+    calibration, depth_calibration = cameras
+    return partial(
+        open_recording,
+        topics=topics,
+        calibration=calibration,
+        inputs=_inputs(args),
+        depth_calibration=depth_calibration,
+    )
 
 
 def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:

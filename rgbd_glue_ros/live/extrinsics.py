@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import POSE
+from rgbd_glue_ros.messages.poses import parse_pose
 from rgbd_glue_ros.types import Float64
 
 T_BODY_OPTICAL = se3.from_rotation_translation(
@@ -96,29 +95,6 @@ class Extrinsics:
         return mapped
 
 
-def parse_pose(where: str, text: str) -> Float64:
-    """The transform [4, 4] written as ``x y z roll pitch yaw`` or ``x y z qx qy qz qw``.
-
-    Args:
-        where: name of the parameter, for the error.
-        text: numbers separated by blanks or commas, metres and radians; roll, pitch and yaw turn
-            about fixed axes in this order, as in URDF.
-
-    Raises:
-        InputError: not six or seven finite numbers, or the quaternion is not of unit length.
-    """
-    fault = POSE.fault(text)
-    if fault:
-        raise InputError(where, fault, f"give {POSE.allowed}")
-    numbers = np.array([float(word) for word in text.replace(",", " ").split()])
-    position, orientation = numbers[:3], numbers[3:]
-    if orientation.size == 3:
-        return se3.from_rotation_translation(
-            Rotation.from_euler("xyz", orientation).as_matrix(), position
-        )
-    return se3.from_translation_quaternion(position, orientation)
-
-
 def parse_extrinsics(frame_id: str, camera_pose: str, camera_axes: str) -> Extrinsics:
     """The framing that the parameters of these names ask for.
 
@@ -148,12 +124,3 @@ def parse_extrinsics(frame_id: str, camera_pose: str, camera_axes: str) -> Extri
             "tf2_msgs to have it from TF, or leave frame_id empty to publish the camera's own pose",
         )
     return Extrinsics.of_robot(parse_pose("camera_pose", camera_pose) @ AXES[camera_axes])
-
-
-def pose_parameter(name: str, text: str) -> Float64 | None:
-    """The transform [4, 4] that a parameter gives as ``parse_pose`` reads it; None if empty.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    return parse_pose(name, text) if text else None

@@ -38,6 +38,7 @@ def depth_camera(
     depth_info: CameraInfo | None,
     find_transform: FindTransform,
     topics: FrameTopics,
+    given_T_color_depth: Float64 | None = None,
 ) -> DepthCamera | None:
     """The camera that took a depth image; None if the image is registered to colour.
 
@@ -48,6 +49,7 @@ def depth_camera(
         depth_info: of the depth camera; None if there is none.
         find_transform: gives the place of the depth camera.
         topics: where the messages are from.
+        given_T_color_depth: that place [4, 4] where the user gave it; None where not.
 
     Raises:
         InputError: the depth image is not registered, and the depth camera or its place is not
@@ -55,7 +57,7 @@ def depth_camera(
     """
     color_frame, depth_frame = frame_of(color.header), frame_of(depth.header)
     is_one_frame = color_frame == depth_frame or not (color_frame and depth_frame)
-    if depth_info is not None and frame_of(depth_info.header) != depth_frame:
+    if depth_info is not None and frame_of(depth_info.header) not in {"", depth_frame}:
         depth_info = None  # of another image, as where one of two topics was remapped
     if depth_info is None:
         if is_one_frame:
@@ -64,14 +66,18 @@ def depth_camera(
             topics.depth,
             f"is not registered to colour: its frame is {depth_frame}, that of {topics.color} "
             f"{color_frame}",
-            f"{REGISTER_IN_DRIVER}; or remap {topics.depth_info} to the depth camera's info, to "
-            "have it registered here",
+            f"{REGISTER_IN_DRIVER}; or set depth_info_topic to the topic of the depth camera's "
+            f"info (now {topics.depth_info}), to have it registered here",
         )
     intrinsics = intrinsics_of(depth_info, topics.depth, topics.depth_info)
     if is_one_frame:
-        taken_by = intrinsics_of(color_info, topics.color, topics.info)
-        return None if _is_alike(intrinsics, taken_by) else DepthCamera(intrinsics, np.eye(4))
-    T_color_depth = find_transform(color_frame, depth_frame)
+        if is_same_camera(color_info, depth_info, topics):
+            return None
+        T = np.eye(4) if given_T_color_depth is None else given_T_color_depth
+        return DepthCamera(intrinsics, T)
+    T_color_depth = given_T_color_depth
+    if T_color_depth is None:
+        T_color_depth = find_transform(color_frame, depth_frame)
     if T_color_depth is None:
         raise InputError(
             topics.depth,
@@ -81,6 +87,40 @@ def depth_camera(
             f"{REGISTER_IN_DRIVER}",
         )
     return DepthCamera(intrinsics, T_color_depth)
+
+
+def is_same_camera(color_info: CameraInfo, depth_info: CameraInfo, topics: FrameTopics) -> bool:
+    """Whether both infos tell of one camera, at one resolution or two.
+
+    Raises:
+        InputError: one of them cannot be used.
+    """
+    depth = intrinsics_of(depth_info, topics.depth, topics.depth_info)
+    return _is_alike(depth, intrinsics_of(color_info, topics.color, topics.info))
+
+
+def registration_note(
+    color: AnyImage, depth: AnyImage, taken_by: DepthCamera | None, topics: FrameTopics
+) -> str | None:
+    """What to tell the user of a depth camera that was found by its info alone.
+
+    Args:
+        color: the colour image.
+        depth: the depth image.
+        taken_by: as ``depth_camera`` found it.
+        topics: where the messages are from.
+
+    Returns:
+        None where depth is registered already, or the frames tell as well that it is not.
+    """
+    frames = {frame_of(color.header), frame_of(depth.header)} - {""}
+    if taken_by is None or len(frames) > 1:
+        return None
+    return (
+        f"{topics.depth}: its frame is that of {topics.color}, but its camera another one by "
+        f"{topics.depth_info}: depth is registered here, as from the same place; set "
+        "depth_camera_pose if it is from another, or depth_is_registered if it is registered"
+    )
 
 
 def _is_alike(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:

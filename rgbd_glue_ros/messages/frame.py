@@ -25,7 +25,7 @@ from rgbd_glue_ros.messages.images import (
 )
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Match
-from rgbd_glue_ros.types import Float32, RgbdFrame
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame, UInt8
 
 
 # Depth is decoded beside colour: compressed, each takes milliseconds, and neither holds the
@@ -80,13 +80,9 @@ def frame_from_messages(
         intrinsics_of(info, topics.color, topics.info), (height, width), topics.info, topics.color
     )
     if depth_camera is not None:
-        taken_by = of_image_size(
-            depth_camera.intrinsics, depth_pixels.shape, topics.depth_info, topics.depth
+        color_pixels, depth_pixels, camera = registered_images(
+            color_pixels, depth_pixels, camera, depth_camera, topics
         )
-        if not can_project(camera):
-            color_pixels, camera = lens.undistorted(color_pixels, camera)
-        depth_camera = replace(depth_camera, intrinsics=taken_by)
-        depth_pixels = registered(depth_pixels, depth_camera, camera)
     elif depth_pixels.shape != (height, width):
         check_aspect(depth_pixels.shape, (height, width), topics.depth, topics.color)
         depth_pixels = resampled(depth_pixels, width, height)
@@ -98,6 +94,35 @@ def frame_from_messages(
         frame_id=frame_of(color.header),
         depth_delay_ns=stamp_ns(depth.header.stamp) - stamp_ns(color.header.stamp),
     )
+
+
+def registered_images(
+    color: UInt8,
+    depth: Float32,
+    camera: CameraIntrinsics,
+    depth_camera: DepthCamera,
+    topics: FrameTopics,
+) -> tuple[UInt8, Float32, CameraIntrinsics]:
+    """Brings depth into the view of the colour camera.
+
+    Args:
+        color: [H, W(, 3)].
+        depth: [h, w], metres, NaN where unknown.
+        camera: that took ``color``, of its size.
+        depth_camera: that took ``depth``, at any resolution.
+        topics: where the images are from, for errors.
+
+    Returns:
+        Colour, depth [H, W] and the camera of both; colour is undistorted where its lens is one
+        that depth cannot be brought into.
+
+    Raises:
+        InputError: ``depth`` is of another aspect than its camera.
+    """
+    taken_by = of_image_size(depth_camera.intrinsics, depth.shape, topics.depth_info, topics.depth)
+    if not can_project(camera):
+        color, camera = lens.undistorted(color, camera)
+    return color, registered(depth, replace(depth_camera, intrinsics=taken_by), camera), camera
 
 
 def frame_of_match(
@@ -120,7 +145,8 @@ def registration_doubt(color: AnyImage, depth: AnyImage, topics: FrameTopics) ->
         return None
     return (
         f"{topics.depth}: its frame is {frames[1]}, but that of {topics.color} is {frames[0]}; "
-        "if depth is not registered to colour, give a topic where it is"
+        "if depth is not registered to colour, give a topic where it is (--depth-topic), or its "
+        "camera (--depth-calibration FILE)"
     )
 
 

@@ -1,4 +1,4 @@
-"""Messages that hold a pose -> transform."""
+"""Poses in messages and in parameters -> transforms."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.fields import PoseStamped
 from rgbd_glue_ros.messages.reading import reader_of
+from rgbd_glue_ros.parameters import POSE
 from rgbd_glue_ros.types import Float64
 
 _READERS: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
@@ -39,3 +41,35 @@ def pose_from_message(msg: PoseStamped, where: str) -> Float64:
     if not (np.isfinite(t).all() and np.isfinite(q).all() and q.any()):
         raise InputError(where, "a pose is not finite, or without direction", "correct its source")
     return se3.from_translation_quaternion(t, q)
+
+
+def parse_pose(where: str, text: str) -> Float64:
+    """The transform [4, 4] written as ``x y z roll pitch yaw`` or ``x y z qx qy qz qw``.
+
+    Args:
+        where: name of the parameter, for the error.
+        text: numbers separated by blanks or commas, metres and radians; roll, pitch and yaw turn
+            about fixed axes in this order, as in URDF.
+
+    Raises:
+        InputError: not six or seven finite numbers, or the quaternion is not of unit length.
+    """
+    fault = POSE.fault(text)
+    if fault:
+        raise InputError(where, fault, f"give {POSE.allowed}")
+    numbers = np.array([float(word) for word in text.replace(",", " ").split()])
+    position, orientation = numbers[:3], numbers[3:]
+    if orientation.size == 3:
+        return se3.from_rotation_translation(
+            Rotation.from_euler("xyz", orientation).as_matrix(), position
+        )
+    return se3.from_translation_quaternion(position, orientation)
+
+
+def pose_parameter(name: str, text: str) -> Float64 | None:
+    """The transform [4, 4] that a parameter gives as ``parse_pose`` reads it; None if empty.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    return parse_pose(name, text) if text else None

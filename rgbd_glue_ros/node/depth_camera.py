@@ -13,10 +13,10 @@ from sensor_msgs.msg import CameraInfo
 
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.extrinsics import parse_pose
-from rgbd_glue_ros.messages.depth_camera import depth_camera
+from rgbd_glue_ros.messages.depth_camera import depth_camera, registration_note
 from rgbd_glue_ros.messages.frame import FrameTopics
-from rgbd_glue_ros.messages.synchronizer import Match
+from rgbd_glue_ros.messages.poses import pose_parameter
+from rgbd_glue_ros.messages.synchronizer import Channel, Match
 from rgbd_glue_ros.node.inputs import offered_durability
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
@@ -39,16 +39,15 @@ class DepthCameraInput:
         Raises:
             InputError: ``depth_camera_pose`` cannot be read.
         """
-        self.topic: str = node.resolve_topic_name(topics.DEPTH_INFO)
+        self.topic = _info_topic(node, config)
         self._node = node
         self._is_registered = config.depth_is_registered
-        pose = config.depth_camera_pose
-        self._T_color_depth = parse_pose("depth_camera_pose", pose) if pose else None
+        self._T_color_depth = pose_parameter("depth_camera_pose", config.depth_camera_pose)
         self._transforms = transforms
         self._wait_s = config.wait_for_transform
         self._info: CameraInfo | None = None
         self._came = threading.Event()
-        self._has_waited = False
+        self._has_waited = self._has_noted = False
         self._durability = DurabilityPolicy.VOLATILE
         self._subscription = self._subscribe()
 
@@ -87,11 +86,33 @@ class DepthCameraInput:
         if not self._has_waited and self._node.count_publishers(self.topic) > 0:
             self._came.wait(FIRST_INFO_S)
             self._has_waited = True
-        return depth_camera(
-            match.color, match.depth, match.info, self._info, self._find_transform, names
+        taken_by = depth_camera(
+            *(match.color, match.depth, match.info, self._info),
+            self._find_transform,
+            names,
+            self._T_color_depth,
         )
+        if not self._has_noted:
+            self._has_noted = True
+            note = registration_note(match.color, match.depth, taken_by, names)
+            if note is not None and self._T_color_depth is None:
+                self._node.get_logger().warning(note)
+        return taken_by
 
     def _find_transform(self, color_frame: str, depth_frame: str) -> Float64 | None:
-        if self._T_color_depth is not None or self._transforms is None:
-            return self._T_color_depth
+        if self._transforms is None:
+            return None
         return self._transforms.lookup(color_frame, depth_frame, None, self._wait_s)
+
+
+def _info_topic(node: Node, config: NodeConfig) -> str:
+    """The topic that was given or remapped, or else the one beside the depth images."""
+    if config.depth_info_topic:
+        return str(node.resolve_topic_name(config.depth_info_topic))
+    remapped = str(node.resolve_topic_name(topics.DEPTH_INFO))
+    if remapped != node.resolve_topic_name(topics.DEPTH_INFO, only_expand=True):
+        return remapped
+    images = str(node.resolve_topic_name(topics.SUBSCRIBED[Channel.DEPTH]))
+    beside = f"{images.rpartition('/')[0]}/camera_info"
+    of_color = node.resolve_topic_name(topics.SUBSCRIBED[Channel.INFO])
+    return remapped if beside == of_color else beside

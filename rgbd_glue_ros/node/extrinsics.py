@@ -5,8 +5,8 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.live import extrinsics
-from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics
+from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
@@ -25,7 +25,7 @@ class NodeExtrinsics:
         self._config = config
         self._transforms = transforms
         self._at_origin = self._given()
-        self._T_odom_start = extrinsics.pose_parameter("initial_pose", config.initial_pose)
+        self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
         self._said: set[str] = set()
         if config.guess_frame_id and not (config.frame_id and transforms):
             raise InputError(
@@ -39,7 +39,7 @@ class NodeExtrinsics:
         config = self._config
         if config.frame_id and not config.camera_pose and self._transforms is not None:
             return None
-        return extrinsics.parse_extrinsics(config.frame_id, config.camera_pose, config.camera_axes)
+        return parse_extrinsics(config.frame_id, config.camera_pose, config.camera_axes)
 
     def start_at(self, T_odom_start: Float64 | None) -> None:
         """Sets the pose [4, 4] that the next start is at; None for the origin."""

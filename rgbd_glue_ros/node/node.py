@@ -29,12 +29,12 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.extrinsics import Extrinsics, pose_parameter
+from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
 from rgbd_glue_ros.live.monitor import Drop, Monitor
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
-from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.poses import pose_from_message, pose_parameter
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
+from rgbd_glue_ros.parameters.checks import POSE, or_nothing
 from rgbd_glue_ros.parameters.parameter import parameter
 
 HEADER, RECEIPT = "header", "receipt"
@@ -28,6 +29,12 @@ class InputConfig:
         False,
         "Depth is registered to colour whatever its frame says, and depth/camera_info of no "
         "interest. Without it, depth in another frame than colour is registered here or refused.",
+    )
+    depth_camera_pose: str = read_once(
+        "",
+        "Pose of the depth camera in the colour camera, between the optical frames, for depth that "
+        "is not registered.",
+        check=or_nothing(POSE),
     )
     max_width: int = read_once(
         0,

@@ -55,11 +55,10 @@ class NodeConfig(InputConfig):
     depth_transport: str = read_once(
         "raw", "Transport of the depth image.", choices=("raw", "compressedDepth")
     )
-    depth_camera_pose: str = read_once(
+    depth_info_topic: str = read_once(
         "",
-        "Pose of the depth camera in the colour camera, between the optical frames, for depth that "
-        "is not registered.",
-        check=or_nothing(POSE),
+        "Topic of the depth camera's info, for depth that is not registered. Empty for "
+        "depth/camera_info if that is remapped, and else for camera_info beside the depth images.",
     )
     qos: int = read_once(
         0,

@@ -2,19 +2,58 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, tum
 from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
 from rgbd_glue_ros.recordings.folder import recording as image_folder
+from rgbd_glue_ros.recordings.image_sequence import ImageSequence
 from rgbd_glue_ros.recordings.recording import Recording
 from rgbd_glue_ros.recordings.reduced import ReducedRecording
 from rgbd_glue_ros.types import CameraIntrinsics
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a user tells of a recording.
+
+    Attributes:
+        topics: of a bag, or the names of images; what is None is found.
+        camera: of the colour images; None takes what the recording says.
+        depth_calibration: of the depth images, where they are not registered to colour.
+        inputs: how images are understood and paired.
+    """
+
+    topics: Topics
+    camera: CameraIntrinsics | None
+    depth_calibration: CameraIntrinsics | None
+    inputs: InputConfig
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """The camera of depth images that lie in a folder; None if they are registered."""
+        if self.depth_calibration is None or self.inputs.depth_is_registered:
+            return None
+        T = pose_parameter("depth_camera_pose", self.inputs.depth_camera_pose)
+        if T is None:
+            logger.warning(
+                "the depth camera is taken to be at the colour camera's place; if it is not, give "
+                "--set depth_camera_pose='x y z roll pitch yaw', between the optical frames"
+            )
+            T = np.eye(4)
+        return DepthCamera(self.depth_calibration, T)
 
 
 @dataclass(frozen=True)
@@ -25,46 +64,52 @@ class Format:
         name: of the format.
         signature: what it is known by, in words.
         matches: whether a path is of this format.
-        open: opens it, given topics (of a bag, or the names of images), the camera if known, and
-            how images are understood.
+        open: opens it, given what the user tells.
     """
 
     name: str
     signature: str
     matches: Callable[[Path], bool]
-    open: Callable[[Path, Topics | None, CameraIntrinsics | None, InputConfig], Recording]
+    open: Callable[[Path, Given], Recording]
 
 
-def _open_tum(
-    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
-) -> Recording:
-    return tum.open_tum(path, camera).with_depth_scale(inputs.metres_per_unit)
+def _open_tum(path: Path, given: Given) -> Recording:
+    return _understood(tum.open_tum(path, given.camera), given)
 
 
-def _open_icl(
-    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
-) -> Recording:
-    return icl_nuim.open_icl_nuim(path, camera).with_depth_scale(inputs.metres_per_unit)
+def _open_icl(path: Path, given: Given) -> Recording:
+    return _understood(icl_nuim.open_icl_nuim(path, given.camera), given)
 
 
-def _open_seven(
-    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
-) -> Recording:
-    return seven_scenes.open_seven_scenes(path, camera).with_depth_scale(inputs.metres_per_unit)
+def _open_seven(path: Path, given: Given) -> Recording:
+    return _understood(seven_scenes.open_seven_scenes(path, given.camera), given)
 
 
-def _open_scannet(
-    path: Path, _: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
-) -> Recording:
-    return scannet.open_scannet(path, camera).with_depth_scale(inputs.metres_per_unit)
+def _open_scannet(path: Path, given: Given) -> Recording:
+    scan = scannet.open_scannet(path, given.camera)
+    if isinstance(scan, ImageSequence):
+        return _understood(scan, given)
+    if given.depth_calibration is not None:
+        scan.close()
+        raise InputError("--depth-calibration", f"{path} holds aligned images", "leave it out")
+    return scan.with_depth_scale(given.inputs.metres_per_unit)
 
 
-def _open_folder(
-    path: Path, topics: Topics | None, camera: CameraIntrinsics | None, inputs: InputConfig
-) -> Recording:
-    wanted = topics or Topics()
-    recording = image_folder.open_folder(path, camera, wanted.color, wanted.depth)
-    return recording.with_depth_scale(inputs.metres_per_unit)
+def _open_folder(path: Path, given: Given) -> Recording:
+    recording = image_folder.open_folder(
+        path, given.camera, given.topics.color, given.topics.depth, given.depth_camera
+    )
+    return _understood(recording, given)
+
+
+def _open_bag(path: Path, given: Given) -> Recording:
+    return BagRecording(path, given.topics, given.camera, given.inputs, given.depth_calibration)
+
+
+def _understood(sequence: ImageSequence, given: Given) -> ImageSequence:
+    """The sequence with what is given of its depth."""
+    sequence = sequence.with_depth_scale(given.inputs.metres_per_unit)
+    return sequence.with_depth_camera(given.depth_camera)
 
 
 FORMATS = (
@@ -74,7 +119,7 @@ FORMATS = (
     ),
     Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
     Format("ScanNet", scannet.SIGNATURE, scannet.matches, _open_scannet),
-    Format("rosbag", layout.SIGNATURE, layout.is_bag, BagRecording),
+    Format("rosbag", layout.SIGNATURE, layout.is_bag, _open_bag),
     Format("images", image_folder.SIGNATURE, image_folder.matches, _open_folder),
 )
 
@@ -89,6 +134,7 @@ def open_recording(
     topics: Topics | None = None,
     calibration: CameraIntrinsics | None = None,
     inputs: InputConfig | None = None,
+    depth_calibration: CameraIntrinsics | None = None,
 ) -> Recording:
     """Opens a recording of any known format.
 
@@ -97,6 +143,7 @@ def open_recording(
         topics: of a bag; None finds them by type and name.
         calibration: of the camera; None takes what the recording says.
         inputs: how images are understood and paired; None as by default.
+        depth_calibration: of the depth camera, where depth is not registered to colour.
 
     Raises:
         InputError: there is nothing there, it is of no known format, or it cannot be used.
@@ -106,7 +153,8 @@ def open_recording(
     kind = format_of(path)
     if kind is not None:
         inputs = inputs or InputConfig()
-        recording = kind.open(path, topics, calibration, inputs)
+        given = Given(topics or Topics(), calibration, depth_calibration, inputs)
+        recording = kind.open(path, given)
         return ReducedRecording(recording, inputs.max_width) if inputs.max_width else recording
     several = layout.separate_bags(path)
     if several:

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size
+from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
@@ -96,6 +98,7 @@ class ImageSequence:
         color_size: width and height of the colour images where these are larger than depth; they
             are reduced to its size.
         frame_id: the camera's optical frame, "" if not known.
+        depth_camera: that took the depth images; None if they are registered to colour.
     """
 
     name: str
@@ -105,6 +108,7 @@ class ImageSequence:
     ground_truth: Trajectory | None
     color_size: tuple[int, int] | None = None
     frame_id: str = ""
+    depth_camera: DepthCamera | None = None
 
     @property
     def frame_count(self) -> int:
@@ -114,6 +118,10 @@ class ImageSequence:
     def with_depth_scale(self, metres_per_unit: float | None) -> ImageSequence:
         """The same with depth in other units; None leaves them as they are."""
         return replace(self, encoding=self.encoding.with_scale(metres_per_unit))
+
+    def with_depth_camera(self, depth_camera: DepthCamera | None) -> ImageSequence:
+        """The same with depth taken by another camera than colour; None leaves it registered."""
+        return replace(self, depth_camera=depth_camera)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time; those that cannot be read are skipped, counted and logged.
@@ -154,10 +162,18 @@ class ImageSequence:
         size = (self.intrinsics.height, self.intrinsics.width)
         shape = size if any(size) else color.shape[:2]
         camera = of_image_size(self.intrinsics, shape, self.name, str(pair.color))
+        color = reduced(color, camera)
+        depth_size = camera if self.depth_camera is None else self.depth_camera.intrinsics
+        depth = self._depth(pair.depth, (depth_size.width, depth_size.height))
+        if self.depth_camera is not None:
+            files = FrameTopics(
+                str(pair.color), str(pair.depth), self.name, "the given depth calibration"
+            )
+            color, depth, camera = registered_images(color, depth, camera, self.depth_camera, files)
         return RgbdFrame(
             pair.stamp_ns,
-            reduced(color, camera),
-            self._depth(pair.depth, camera),
+            color,
+            depth,
             camera,
             self.frame_id,
             depth_delay_ns=pair.depth_stamp_ns - pair.stamp_ns,
@@ -167,8 +183,8 @@ class ImageSequence:
         own = self.intrinsics.width, self.intrinsics.height
         return to_rgb(self._decoded(path, self.color_size or own), str(path))
 
-    def _depth(self, path: Path, camera: CameraIntrinsics) -> Float32:
-        image = self._decoded(path, (camera.width, camera.height))
+    def _depth(self, path: Path, size: tuple[int, int]) -> Float32:
+        image = self._decoded(path, size)
         if image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f"):
             raise InputError(
                 path,

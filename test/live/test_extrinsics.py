@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL, Extrinsics, parse_extrinsics, parse_pose
+from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL, Extrinsics, parse_extrinsics
+from rgbd_glue_ros.messages.poses import parse_pose
 from rgbd_glue_ros.types import Float64
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -126,21 +127,6 @@ def test_rotation_noise_of_the_camera_becomes_position_noise_of_a_robot_behind_i
     expected[1, 1] = (2 * 0.01) ** 2
     expected[1, 5] = expected[5, 1] = -2 * 0.01**2
     np.testing.assert_allclose(published, expected, atol=1e-15)
-
-
-def test_six_numbers_are_urdfs_roll_pitch_yaw_and_seven_a_quaternion() -> None:
-    six = parse_pose("camera_pose", "1 2 3 0 0 1.5707963267948966")
-    seven = parse_pose("camera_pose", "1, 2, 3, 0, 0, 0.70710678, 0.70710678")
-    np.testing.assert_allclose(six, seven, atol=1e-8)
-    np.testing.assert_allclose(six @ [1, 0, 0, 1], [1, 3, 3, 1], atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    "text", ["1 2 3", "a b c d e f", "0 0 0 0 0 nan", "0 0 0 0 0 0 0", "0 0 0 0 0 0 2"]
-)
-def test_a_pose_that_is_none_is_refused_with_the_form_it_should_have(text: str) -> None:
-    with pytest.raises(InputError, match="x y z roll pitch yaw"):
-        parse_pose("camera_pose", text)
 
 
 def test_a_robot_frame_without_an_extrinsic_is_refused_and_not_taken_as_the_identity() -> None:

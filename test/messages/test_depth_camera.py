@@ -8,7 +8,7 @@ import pytest
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.depth_camera import depth_camera
+from rgbd_glue_ros.messages.depth_camera import depth_camera, registration_note
 from rgbd_glue_ros.messages.fields import camera_info, color_image, depth_image, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
@@ -24,6 +24,7 @@ def taken_by(
     info_frame: str | None,
     info_camera: CameraIntrinsics = DEPTH,
     T: Float64 | None = T_COLOR_DEPTH,
+    given: Float64 | None = None,
 ) -> Any:
     return depth_camera(
         color_image(np.zeros((48, 64), np.uint8), header(0, "color_optical")),
@@ -34,6 +35,7 @@ def taken_by(
             T if (target, source) == ("color_optical", "depth_optical") else None
         ),
         TOPICS,
+        given,
     )
 
 
@@ -61,6 +63,27 @@ def test_depth_in_the_frame_of_colour_with_another_lens_was_taken_at_the_same_pl
     assert np.array_equal(camera.T_color_depth, np.eye(4))
 
 
+def test_a_place_that_is_given_comes_before_that_of_frames() -> None:
+    given = se3.exp(np.array([0.1, 0, 0, 0, 0, 0]))
+    for frame in ("color_optical", "depth_optical", ""):
+        camera = taken_by(frame, frame, given=given)
+        assert np.array_equal(camera.T_color_depth, given)
+
+
+def test_depth_that_is_registered_for_its_info_alone_is_noted() -> None:
+    color = color_image(np.zeros((48, 64), np.uint8), header(0, "color_optical"))
+    for frame, camera, is_noted in (
+        ("color_optical", DEPTH, True),
+        ("", DEPTH, True),
+        ("color_optical", COLOR, False),
+        ("depth_optical", DEPTH, False),
+    ):
+        depth = depth_image(np.ones((64, 80), np.float32), header(0, frame))
+        note = registration_note(color, depth, taken_by(frame, frame, camera), TOPICS)
+        assert (note is not None) == is_noted
+        assert note is None or "set depth_camera_pose" in note
+
+
 def test_unregistered_depth_without_an_info_is_refused_with_what_to_switch_on() -> None:
     with pytest.raises(InputError) as caught:
         taken_by("depth_optical", None)
@@ -69,7 +92,7 @@ def test_unregistered_depth_without_an_info_is_refused_with_what_to_switch_on() 
         "/depth: is not registered to colour: its frame is depth_optical, that of /color "
         "color_optical; switch registration on in the driver (realsense2_camera: align_depth.enable"
     )
-    assert "remap /depth/info" in said
+    assert "set depth_info_topic to the topic of the depth camera's info (now /depth/info)" in said
     assert "\n" not in said
 
 

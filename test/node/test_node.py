@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
-from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL, parse_pose
+from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import VISUAL
 from rgbd_glue_ros.live.topics import MATCHES, PATH, POSE, SUBSCRIBED
 from rgbd_glue_ros.messages.fields import camera_info, color_image, copy_fields, depth_image, header
 from rgbd_glue_ros.messages.images import color_from_message
-from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import Config, NodeConfig, parameters

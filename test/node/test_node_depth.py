@@ -76,9 +76,13 @@ def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_kno
     ros_domain: int,
 ) -> None:
     x, y, z = PLACE
-    given = {"depth_camera_pose": f"'{x} {y} {z} 0 0 0'", "camera_axes": "optical"}
+    given = {
+        "depth_camera_pose": f"'{x} {y} {z} 0 0 0'",
+        "depth_info_topic": "/elsewhere/camera_info",
+        "camera_axes": "optical",
+    }
     with node_in(ros_domain, **given), Rig(ros_domain) as rig:
-        info = rig.publisher(CameraInfo, DEPTH_INFO)
+        info = rig.publisher(CameraInfo, "/elsewhere/camera_info")
         rig.wait_until_matched()
         rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
         publish(rig, 0, info)

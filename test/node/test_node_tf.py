@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
-from rgbd_glue_ros.live.extrinsics import parse_pose
-from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
 

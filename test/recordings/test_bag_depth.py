@@ -12,6 +12,7 @@ import pytest
 from rigs.bags import CAMERA, COLOR, INFO, Recorded, write_rosbag2
 from rosbags.typesys import Stores, get_typestore
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import (
     camera_info,
     color_image,
@@ -19,12 +20,14 @@ from rgbd_glue_ros.messages.fields import (
     header,
     pose_stamped,
 )
-from rgbd_glue_ros.recordings.bag.recording import BagRecording
+from rgbd_glue_ros.parameters import InputConfig
+from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 TYPES: Any = get_typestore(Stores.ROS2_JAZZY).types
 DEPTH, DEPTH_INFO = "/camera/depth/image", "/camera/depth/camera_info"
 DEPTH_CAMERA = CameraIntrinsics(80, 60, 70.0, 70.0, 39.5, 29.5)
+NARROW_CAMERA = CameraIntrinsics(80, 60, 140.0, 140.0, 39.5, 29.5)
 STAMP_NS = 1_300_000_000_000_000_001
 # the depth camera is half a metre behind the colour camera, two steps down the tree
 T_LINK_COLOR, T_LINK_DEPTH = np.eye(4), np.eye(4)
@@ -44,7 +47,7 @@ def static_transform(child: str, T_link_child: Float64) -> Recorded:
     return Recorded("/tf_static", "tf2_msgs/msg/TFMessage", STAMP_NS, message)
 
 
-def recorded(depth_frame: str) -> list[Recorded]:
+def recorded(depth_frame: str, camera: CameraIntrinsics = DEPTH_CAMERA) -> list[Recorded]:
     """A wall at 2 m from the depth camera, seen by both."""
     head, depth_head = header(STAMP_NS, "color_optical"), header(STAMP_NS, depth_frame)
     color = color_image(np.zeros((48, 64), np.uint8), head)
@@ -57,7 +60,7 @@ def recorded(depth_frame: str) -> list[Recorded]:
             DEPTH_INFO,
             "sensor_msgs/msg/CameraInfo",
             STAMP_NS,
-            camera_info(DEPTH_CAMERA, depth_head),
+            camera_info(camera, depth_head),
         ),
     ]
 
@@ -78,14 +81,77 @@ def test_depth_of_another_camera_is_registered_by_its_info_and_the_static_transf
     np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
 
 
-def test_without_its_place_depth_of_another_camera_is_taken_as_registered_and_that_is_said(
+def test_ros_1_tells_the_place_on_tf(tmp_path: Path) -> None:
+    places = [replace(place, topic="/tf") for place in PLACES]
+    bag = write_rosbag2(tmp_path / "bag", [*places, *recorded("depth_optical")])
+    with BagRecording(bag) as sequence:
+        (frame,) = sequence
+    np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
+
+
+def test_a_depth_camera_of_unknown_place_is_taken_to_be_at_that_of_colour_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bag = write_rosbag2(tmp_path / "bag", recorded("depth_optical", NARROW_CAMERA))
+    with caplog.at_level(logging.WARNING), BagRecording(bag) as sequence:
+        (frame,) = sequence
+    np.testing.assert_allclose(frame.depth[18:-18, 20:-20], 2.0, rtol=1e-5)
+    assert np.isnan(frame.depth[:, 0]).all()  # which that camera does not see
+    assert "--set depth_camera_pose=" in caplog.text
+
+
+def test_its_place_is_taken_from_a_parameter(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bag = write_rosbag2(tmp_path / "bag", recorded("depth_optical"))
+    inputs = InputConfig(depth_camera_pose="0 0 -0.5 0 0 0")
+    with caplog.at_level(logging.WARNING), BagRecording(bag, inputs=inputs) as sequence:
+        (frame,) = sequence
+    np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
+    assert not caplog.text
+
+
+def without_info(depth_frame: str) -> list[Recorded]:
+    return [message for message in recorded(depth_frame) if message.topic != DEPTH_INFO]
+
+
+@pytest.mark.parametrize("depth_frame", ["color_optical", "depth_optical", ""])
+def test_the_depth_camera_is_taken_from_a_calibration(depth_frame: str, tmp_path: Path) -> None:
+    bag = write_rosbag2(tmp_path / "bag", without_info(depth_frame))
+    inputs = InputConfig(depth_camera_pose="0 0 -0.5 0 0 0")
+    with BagRecording(bag, inputs=inputs, depth_calibration=DEPTH_CAMERA) as sequence:
+        (frame,) = sequence
+    np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
+
+
+def test_its_info_is_taken_from_any_topic(tmp_path: Path) -> None:
+    *others, info = recorded("depth_optical")
+    bag = write_rosbag2(tmp_path / "bag", [*PLACES, *others, replace(info, topic="/elsewhere")])
+    with BagRecording(bag, Topics(depth_info="elsewhere")) as sequence:
+        (frame,) = sequence
+    np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
+    with pytest.raises(InputError, match=r"no topic /no of .*--depth-calibration FILE"):
+        BagRecording(bag, Topics(depth_info="/no"))
+
+
+def test_depth_in_the_frame_of_colour_by_another_camera_is_registered_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bag = write_rosbag2(tmp_path / "bag", recorded("color_optical", NARROW_CAMERA))
+    with caplog.at_level(logging.WARNING), BagRecording(bag) as sequence:
+        (frame,) = sequence
+    assert np.isnan(frame.depth[:, 0]).all()  # which that camera does not see
+    assert "its camera another one by /camera/depth/camera_info" in caplog.text
+
+
+def test_without_an_info_depth_in_another_frame_is_taken_as_registered_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bag = write_rosbag2(tmp_path / "bag", without_info("depth_optical"))
     with caplog.at_level(logging.WARNING), BagRecording(bag) as sequence:
         (frame,) = sequence
     np.testing.assert_array_equal(frame.depth, 2.0)
-    assert "if depth is not registered to colour" in caplog.text
+    assert "--depth-calibration FILE" in caplog.text
 
 
 def test_depth_that_is_registered_stays_as_it_is(tmp_path: Path) -> None:

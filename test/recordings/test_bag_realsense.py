@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rigs.bags import Recorded, write_rosbag2
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages.fields import color_image
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
+from rgbd_glue_ros.types import CameraIntrinsics, Float32
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
+STRING: Any = get_typestore(Stores.ROS2_JAZZY).types["std_msgs/msg/String"]
 SENSOR = "/device_0/sensor_0"
 COLOR, DEPTH = "/device_0/sensor_1/Color_0", f"{SENSOR}/Depth_0"
 BASELINE_M, WALL_M = 0.1, 2.0
@@ -73,7 +79,7 @@ def transform(x: float) -> Any:
     )
 
 
-def write(path: Path, unit_m: float, left_out: str = "") -> Path:
+def write(path: Path, unit_m: float, left_out: str = "", reference: str = "tf/0") -> Path:
     """Three frames of a wall, its depth camera beside that of colour."""
     units = np.zeros((48, 64), np.uint16)
     units[:, EDGE:] = round(WALL_M / unit_m)
@@ -82,8 +88,8 @@ def write(path: Path, unit_m: float, left_out: str = "") -> Path:
         (f"{DEPTH}/info/camera_info", info()),
         (f"{COLOR}/info/camera_info", info()),
         (f"{SENSOR}/option/Depth Units/value", float32),
-        (f"{DEPTH}/tf/0", transform(0.0)),
-        (f"{COLOR}/tf/0", transform(BASELINE_M)),
+        (f"{DEPTH}/{reference}", transform(0.0)),
+        (f"{COLOR}/{reference}", transform(BASELINE_M)),
     ]
     messages = [(topic, 1, content) for topic, content in told if topic != left_out]
     for i in range(3):
@@ -104,6 +110,14 @@ def write(path: Path, unit_m: float, left_out: str = "") -> Path:
     return path
 
 
+def assert_registered(depth: Float32) -> None:
+    """The wall's edge is seen so many pixels to the right of where the depth camera has it."""
+    shift = round(60 * BASELINE_M / WALL_M)
+    assert np.nanmedian(depth) == pytest.approx(WALL_M, abs=1e-3)
+    assert np.isnan(depth[24, EDGE + shift - 2])
+    assert depth[24, EDGE + shift + 2] == pytest.approx(WALL_M, abs=1e-3)
+
+
 @pytest.mark.parametrize("unit_m", [0.001, 0.00025, 0.000125])
 def test_depth_is_registered_from_its_own_place_in_its_own_unit(
     unit_m: float, tmp_path: Path
@@ -111,12 +125,7 @@ def test_depth_is_registered_from_its_own_place_in_its_own_unit(
     with BagRecording(write(tmp_path / "viewer.bag", unit_m)) as recording:
         frames = list(recording)
     assert len(frames) == 3
-    depth = frames[0].depth
-    # the wall's edge is seen so many pixels to the right of where the depth camera has it
-    shift = round(60 * BASELINE_M / WALL_M)
-    assert np.nanmedian(depth) == pytest.approx(WALL_M, abs=1e-3)
-    assert np.isnan(depth[24, EDGE + shift - 2])
-    assert depth[24, EDGE + shift + 2] == pytest.approx(WALL_M, abs=1e-3)
+    assert_registered(frames[0].depth)
     assert frames[0].stamp_ns == 360 * 10**9
 
 
@@ -126,9 +135,64 @@ def test_a_given_unit_is_taken_in_place_of_the_bags(tmp_path: Path) -> None:
         assert np.nanmedian(next(iter(recording)).depth) == pytest.approx(WALL_M / 2, abs=1e-3)
 
 
-def test_without_its_place_depth_is_refused_rather_than_taken_for_registered(
-    tmp_path: Path,
-) -> None:
+def test_without_its_place_depth_is_refused_with_what_to_give(tmp_path: Path) -> None:
     path = write(tmp_path / "viewer.bag", 0.001, left_out=f"{COLOR}/tf/0")
     with BagRecording(path) as recording, pytest.raises(InputError, match="where the depth camera"):
         next(iter(recording))
+    told = InputConfig(depth_camera_pose=f"{BASELINE_M} 0 0 0 0 0")
+    with BagRecording(path, inputs=told) as recording:
+        assert_registered(next(iter(recording)).depth)
+    registered = InputConfig(depth_is_registered=True)
+    with BagRecording(path, inputs=registered) as recording:
+        assert np.isfinite(next(iter(recording)).depth[:, EDGE:]).all()
+
+
+def test_without_its_camera_depth_is_taken_as_registered_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write(tmp_path / "viewer.bag", 0.001, left_out=f"{DEPTH}/info/camera_info")
+    with BagRecording(path) as recording:
+        assert np.isfinite(next(iter(recording)).depth[:, EDGE:]).all()
+    assert "if it is not, give --depth-calibration FILE" in caplog.text
+    camera = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
+    with BagRecording(path, depth_calibration=camera) as recording:
+        assert_registered(next(iter(recording)).depth)
+
+
+def test_places_in_another_reference_than_the_first_are_read(tmp_path: Path) -> None:
+    with BagRecording(write(tmp_path / "viewer.bag", 0.001, reference="tf/2")) as recording:
+        assert_registered(next(iter(recording)).depth)
+
+
+def test_bags_of_the_sdk_for_ros_2_tell_cameras_and_places_as_text(tmp_path: Path) -> None:
+    """The rotation turns about the optical axis by a right angle, and is written by columns."""
+    columns = "0,1,0,-1,0,0,0,0,1"
+    text = "width=64;height=48;fx=60;ppx=31.5;fy=60;ppy=23.5;model=Brown Conrady;coeffs=0,0,0,0,0"
+    told = {
+        f"{DEPTH}/camera_info": text,
+        f"{COLOR}/camera_info": text,
+        f"{SENSOR}/option/Depth_Units/value": "0.000250",
+        f"{DEPTH}/tf/ref_0": "rotation=1,0,0,0,1,0,0,0,1;translation=0,0,0",
+        f"{COLOR}/tf/ref_0": f"rotation={columns};translation=0,0,0.5",
+    }
+    messages = [
+        Recorded(topic, "std_msgs/msg/String", 1, STRING(data=content))
+        for topic, content in told.items()
+    ]
+    units = np.zeros((48, 64), np.uint16)
+    units[:, 32:] = round(WALL_M / 0.00025)
+    stamp_ns = 360 * 10**9
+    color = color_image(np.zeros((48, 64), np.uint8), fields.header(stamp_ns, "Color"))
+    depth = replace(
+        color_image(np.zeros((48, 64), np.uint8), fields.header(stamp_ns, "Depth")),
+        encoding="mono16",
+        step=128,
+        data=units.view(np.uint8).ravel(),
+    )
+    for stream, image in ((COLOR, color), (DEPTH, depth)):
+        messages.append(Recorded(f"{stream}/image/data", "sensor_msgs/msg/Image", 1000, image))
+    with BagRecording(write_rosbag2(tmp_path / "bag", messages)) as recording:
+        (frame,) = recording
+    # x of the depth camera is y of the colour camera, which is half a metre behind
+    assert np.isnan(frame.depth[:20]).all()
+    assert frame.depth[40, 32] == pytest.approx(WALL_M + 0.5, abs=1e-3)

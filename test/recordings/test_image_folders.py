@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import Topics, open_recording, recordings
 from rgbd_glue_ros.types import CameraIntrinsics
 
@@ -289,3 +290,22 @@ def test_a_folder_of_recordings_is_none_itself(tmp_path: Path) -> None:
         "plain/one",
         "plain/two",
     ]
+
+
+def test_depth_of_another_camera_in_a_folder_is_registered_by_its_calibration(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is half a metre behind, and sees half as far to the side in more pixels."""
+    images(tmp_path, "color/{i}.png", "depth/{i}.png", color_size=(64, 48))
+    for i in range(FRAMES):
+        write(tmp_path / f"depth/{i}.png", depth(i, 1000, (100, 60)))
+    other = CameraIntrinsics(100, 60, 200.0, 200.0, 49.5, 29.5)
+    inputs = InputConfig(depth_camera_pose="0 0 -0.5 0 0 0")
+    for recording, nearer in (
+        (open_recording(tmp_path, None, CAMERA, inputs, other), 0.5),
+        (open_recording(tmp_path, None, CAMERA, None, other), 0.0),
+    ):
+        frame = list(recording)[2]
+        assert frame.depth[24, 32] == pytest.approx(metres(2) - nearer, abs=1e-5)
+        assert np.isnan(frame.depth[:, 0]).all()
+    assert "--set depth_camera_pose=" in caplog.text

@@ -3,25 +3,39 @@
 from __future__ import annotations
 
 import logging
+from itertools import islice
 from typing import Any
+
+import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import INFO_TYPES, intrinsics_of
-from rgbd_glue_ros.messages.depth_camera import depth_camera
-from rgbd_glue_ros.messages.frame import FrameTopics
+from rgbd_glue_ros.messages.depth_camera import depth_camera, is_same_camera, registration_note
+from rgbd_glue_ros.messages.fields import CameraInfo, camera_info, header
+from rgbd_glue_ros.messages.frame import FrameTopics, registration_doubt
 from rgbd_glue_ros.messages.images import base_name
-from rgbd_glue_ros.messages.poses import pose_from_message
-from rgbd_glue_ros.messages.reading import plain_frame
+from rgbd_glue_ros.messages.poses import pose_from_message, pose_parameter
+from rgbd_glue_ros.messages.reading import frame_of, plain_frame
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.messages.transform_tree import TransformTree
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings.bag import realsense
 from rgbd_glue_ros.recordings.bag.file import BagFile
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 logger = logging.getLogger(__name__)
 
-STATIC_TRANSFORMS = "/tf_static"
+STATIC_TRANSFORMS, TRANSFORMS = "/tf_static", "/tf"
+# ROS 1 repeats static transforms on /tf; all of them are there within so many messages
+_FIRST_TRANSFORMS = 500
+
+GIVEN = "the given depth calibration"
+
+_GIVE_PLACE = (
+    "give --set depth_camera_pose='x y z roll pitch yaw', between the optical frames, or "
+    "--set depth_is_registered=true if depth is registered to colour"
+)
 
 
 class RecordedDepthCamera:
@@ -32,74 +46,156 @@ class RecordedDepthCamera:
         metres_per_unit: of the depth images; None where the bag does not tell.
     """
 
-    def __init__(self, bag: BagFile, topics: FrameTopics) -> None:
-        """Reads the first camera info beside the depth images, and the static transforms.
+    def __init__(
+        self,
+        bag: BagFile,
+        topics: FrameTopics,
+        inputs: InputConfig,
+        calibration: CameraIntrinsics | None,
+        info_topic: str | None,
+    ) -> None:
+        """Finds what tells of the depth camera.
+
+        Args:
+            bag: the bag.
+            topics: of colour, depth and the colour camera's info.
+            inputs: may tell where the depth camera is, or that depth is registered.
+            calibration: of the depth camera; None takes the bag's info.
+            info_topic: of that info; None takes the one beside the depth images.
 
         Raises:
-            InputError: a bag of the RealSense SDK does not tell where its depth camera is.
+            InputError: the given info cannot be read, or ``depth_camera_pose`` cannot.
         """
+        self._bag = bag
+        self._is_registered = inputs.depth_is_registered
+        self._T_color_depth = pose_parameter("depth_camera_pose", inputs.depth_camera_pose)
+        self._is_realsense = realsense.is_realsense(topics.depth)
+        self._is_given = calibration is not None or info_topic is not None
         self.metres_per_unit: float | None = None
-        self._T_color_depth: Float64 | None = None
-        if realsense.is_realsense(topics.depth):
-            self._read_realsense(bag, topics)
-            return
+        if self._is_realsense:
+            self.metres_per_unit = realsense.metres_per_unit(bag, topics.depth)
+            if not self._is_given:
+                calibration = realsense.camera_in_text(bag, topics.depth)
+        if calibration is not None:
+            name: str | None = GIVEN
+            self._info: CameraInfo | None = camera_info(calibration, header(0, ""))
+        else:
+            name = info_topic or self._info_beside(topics)
+            self._info = None if name is None else self._info_in(name)
+        self.topics = FrameTopics(topics.color, topics.depth, topics.info, name or "camera_info")
+
+    def of(self, match: Match[Any]) -> DepthCamera | None:
+        """The camera that took a depth image; None if the image is taken as registered.
+
+        What is doubtful is logged. Unlike a live camera, a recording cannot be made anew: what may
+        be registered is taken as it is, and a depth camera whose place is nowhere told is taken to
+        be where the colour camera is.
+
+        Raises:
+            InputError: what was given does not fit, or a bag of the RealSense SDK does not tell
+                where its depth camera is.
+        """
+        if self._is_registered:
+            return None
+        if self._info is None:
+            self._say_what_is_taken_as_registered(match)
+            return None
+        if self._is_realsense:
+            # depth is never registered there, and frames have no names
+            T = self._T_color_depth
+            if T is None:
+                T = realsense.T_color_depth(self._bag, self.topics.color, self.topics.depth)
+            return DepthCamera(
+                intrinsics_of(self._info, self.topics.depth, self.topics.depth_info), T
+            )
+        try:
+            return self._by_frames(match, self._info)
+        except InputError as error:
+            if self._is_given:
+                raise
+            logger.warning(
+                "%s: %s; depth is taken as registered to colour", error.where, error.cause
+            )
+            return None
+
+    def _by_frames(self, match: Match[Any], info: CameraInfo) -> DepthCamera | None:
+        color_frame, depth_frame = frame_of(match.color.header), frame_of(match.depth.header)
+        T = self._place(color_frame, depth_frame)
+        doubt = registration_doubt(match.color, match.depth, self.topics)
+        if T is None and doubt is not None:
+            if is_same_camera(match.info, info, self.topics):
+                logger.warning("%s", doubt)
+                return None
+            logger.warning(
+                "%s is of another camera than colour, and the bag does not tell where %s is in "
+                "%s: it is taken to be at the colour camera's place; %s",
+                self.topics.depth,
+                depth_frame,
+                color_frame,
+                _GIVE_PLACE,
+            )
+            T = np.eye(4)
+        taken_by = depth_camera(
+            *(match.color, match.depth, match.info, info),
+            lambda *_: T,
+            self.topics,
+            self._T_color_depth,
+        )
+        note = registration_note(match.color, match.depth, taken_by, self.topics)
+        if note is not None and self._T_color_depth is None:
+            logger.warning("%s", note)
+        return taken_by
+
+    def _place(self, color_frame: str, depth_frame: str) -> Float64 | None:
+        """The pose [4, 4] of the depth camera in that of colour; None where it is not told."""
+        if self._T_color_depth is not None:
+            return self._T_color_depth
+        tree = TransformTree()
+        for topic, most in ((STATIC_TRANSFORMS, None), (TRANSFORMS, _FIRST_TRANSFORMS)):
+            if topic not in self._bag.topics:
+                continue
+            for message in islice(self._bag.messages([topic]), most):
+                for item in self._bag.deserialize(message).transforms:
+                    parent = plain_frame(item.header.frame_id)
+                    T_parent_child = pose_from_message(item, topic)
+                    tree.add(parent, plain_frame(item.child_frame_id), T_parent_child, None)
+            found = tree.lookup(color_frame, depth_frame, None, 0)
+            if found is not None:
+                return found
+        return None
+
+    def _say_what_is_taken_as_registered(self, match: Match[Any]) -> None:
+        doubt = registration_doubt(match.color, match.depth, self.topics)
+        if self._is_realsense:
+            doubt = (
+                f"{self.topics.depth}: the bag does not tell its camera, so depth is taken as "
+                "registered to colour; if it is not, give --depth-calibration FILE"
+            )
+        if doubt is not None:
+            logger.warning("%s", doubt)
+
+    def _info_beside(self, topics: FrameTopics) -> str | None:
+        """The topic of the only camera info beside the depth images; None without."""
+        if self._is_realsense:
+            topic = realsense.info_topic(topics.depth)
+            return topic if topic in self._bag.topics else None
         namespace = base_name(topics.depth).rpartition("/")[0]
         beside = [
             topic.name
-            for topic in bag.topics.values()
+            for topic in self._bag.topics.values()
             if topic.type.rpartition("/")[2] in INFO_TYPES
             and topic.name.rpartition("/")[0] == namespace
             and topic.name != topics.info
         ]
-        self.topics = topics
-        self._info: Any = None
-        self._transforms = TransformTree()
-        if len(beside) != 1:
-            return
-        self.topics = FrameTopics(topics.color, topics.depth, topics.info, beside[0])
+        return beside[0] if len(beside) == 1 else None
+
+    def _info_in(self, topic: str) -> CameraInfo | None:
+        """The first info of a topic; None, and said, where one that was found cannot be read."""
         try:
-            self._info = bag.deserialize(next(bag.messages(beside)))
-            self._read_transforms(bag)
+            info: CameraInfo = self._bag.deserialize(next(self._bag.messages([topic])))
         except InputError as error:
-            logger.warning("%s; taking depth as registered to colour", error)
-            self._info = None
-
-    def _read_realsense(self, bag: BagFile, topics: FrameTopics) -> None:
-        info_topic = realsense.depth_info_topic(topics.depth)
-        self.topics = FrameTopics(topics.color, topics.depth, topics.info, info_topic)
-        self.metres_per_unit = realsense.metres_per_unit(bag, topics.depth)
-        self._info = None
-        if info_topic in bag.topics:
-            self._info = bag.deserialize(next(bag.messages([info_topic])))
-            self._T_color_depth = realsense.T_color_depth(bag, topics.color, topics.depth)
-
-    def _read_transforms(self, bag: BagFile) -> None:
-        if STATIC_TRANSFORMS not in bag.topics:
-            return
-        for message in bag.messages([STATIC_TRANSFORMS]):
-            for item in bag.deserialize(message).transforms:
-                parent, child = plain_frame(item.header.frame_id), plain_frame(item.child_frame_id)
-                T_parent_child = pose_from_message(item, STATIC_TRANSFORMS)
-                self._transforms.add(parent, child, T_parent_child, None)
-
-    def of(self, match: Match[Any]) -> DepthCamera | None:
-        """The camera that took a depth image; None if it is registered, or the bag does not tell.
-
-        Unlike a live camera, a recording cannot be made anew: what may be registered is taken as
-        it is.
-        """
-        if self._info is None:
+            if self._is_given:
+                raise
+            logger.warning("%s; depth is taken as registered to colour", error)
             return None
-        if self._T_color_depth is not None:
-            # frames have no names there, and depth is never registered
-            camera = intrinsics_of(self._info, self.topics.depth, self.topics.depth_info)
-            return DepthCamera(camera, self._T_color_depth)
-        try:
-            return depth_camera(
-                match.color, match.depth, match.info, self._info, self._find_transform, self.topics
-            )
-        except InputError:
-            return None
-
-    def _find_transform(self, color_frame: str, depth_frame: str) -> Float64 | None:
-        return self._transforms.lookup(plain_frame(color_frame), plain_frame(depth_frame), None, 0)
+        return info

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
@@ -13,20 +13,23 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.fields import camera_info, header
-from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match, registration_doubt
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import StampSource, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
+from rgbd_glue_ros.recordings.bag import realsense
 from rgbd_glue_ros.recordings.bag.depth_camera import RecordedDepthCamera
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.topics import (
     Topics,
     find_color,
     find_depth,
+    find_depth_info,
     find_ground_truth,
     find_info,
 )
@@ -61,6 +64,7 @@ class BagRecording:
         topics: Topics | None = None,
         calibration: CameraIntrinsics | None = None,
         inputs: InputConfig | None = None,
+        depth_calibration: CameraIntrinsics | None = None,
     ) -> None:
         """Opens the bag and finds its topics.
 
@@ -69,13 +73,14 @@ class BagRecording:
             topics: those to take; None, and any that is None, is found by type and name.
             calibration: of the colour camera; None takes the bag's camera info.
             inputs: how images are understood and paired; None as by default.
+            depth_calibration: of the depth camera, where depth is not registered; None takes the
+                bag's.
 
         Raises:
             InputError: it is no bag or an empty one, or the topics are missing or ambiguous.
         """
         wanted = topics or Topics()
         self._bag = BagFile(path)
-        self._calibration = calibration
         self._inputs = inputs or InputConfig()
         self.skipped = 0
         have = self._bag.topics
@@ -83,16 +88,26 @@ class BagRecording:
             encoding = self._bag.encoding
             color = find_color(have, wanted.color, path, encoding, wanted.depth or "")
             depth = find_depth(have, wanted.depth, path, encoding, color)
+            if calibration is None and wanted.info is None and realsense.is_realsense(color):
+                calibration = realsense.camera_in_text(self._bag, color)
             info = (
                 find_info(have, wanted.info, color, path)
                 if calibration is None
                 else "the given calibration"
             )
             self._ground_truth = find_ground_truth(have, wanted.ground_truth, path)
+            self._depth_camera = RecordedDepthCamera(
+                self._bag,
+                FrameTopics(color, depth, info),
+                self._inputs,
+                depth_calibration,
+                find_depth_info(have, wanted.depth_info, path),
+            )
         except InputError:
             self.close()
             raise
-        self._topics = FrameTopics(color, depth, info)
+        self._calibration = calibration
+        self._topics = self._depth_camera.topics
 
     @property
     def name(self) -> str:
@@ -144,9 +159,7 @@ class BagRecording:
         sync: Synchronizer[Any] = Synchronizer(
             round(self._inputs.max_interval_s * NANOSECONDS), QUEUE_SIZE
         )
-        depth_camera = RecordedDepthCamera(self._bag, self._topics)
-        matches = self._watched(self._matches(sync, faults), depth_camera)
-        for result in mapped_ahead(partial(self._frame, depth_camera), matches):
+        for result in mapped_ahead(self._frame, self._watched(self._matches(sync, faults))):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
@@ -216,24 +229,22 @@ class BagRecording:
         return RECEIPT
 
     def _watched(
-        self, matches: Iterator[Match[Any]], depth_camera: RecordedDepthCamera
-    ) -> Iterator[Match[Any]]:
-        """The matches, with what is odd about them logged."""
+        self, matches: Iterator[Match[Any]]
+    ) -> Iterator[tuple[Match[Any], DepthCamera | None]]:
+        """The matches with the camera that took their depth; what is odd about them is logged."""
+        taken_by: DepthCamera | None = None
         for number, match in enumerate(matches):
-            doubt = registration_doubt(match.color, match.depth, self._topics)
-            if number == 0 and doubt is not None and depth_camera.of(match) is None:
-                logger.warning("%s", doubt)
+            if number == 0:
+                taken_by = self._depth_camera.of(match)
             if match.restarted:
                 logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
-            yield match
+            yield match, taken_by
 
-    def _frame(
-        self, depth_camera: RecordedDepthCamera, match: Match[Any]
-    ) -> RgbdFrame | InputError:
+    def _frame(self, paired: tuple[Match[Any], DepthCamera | None]) -> RgbdFrame | InputError:
+        match, taken_by = paired
+        unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
         try:
-            taken_by = None if self._inputs.depth_is_registered else depth_camera.of(match)
-            unit = self._inputs.metres_per_unit or depth_camera.metres_per_unit
-            return frame_of_match(match, depth_camera.topics, taken_by, unit)
+            return frame_of_match(match, self._topics, taken_by, unit)
         except InputError as error:
             return error
 

@@ -28,12 +28,15 @@ class Topics:
         depth: depth images registered to them.
         info: camera info of the colour images.
         ground_truth: true poses T_world_camera of the optical frame.
+        depth_info: camera info of the depth images, where they are not registered.
+        ground_truth: true poses T_world_camera of the optical frame.
     """
 
     color: str | None = None
     depth: str | None = None
     info: str | None = None
     ground_truth: str | None = None
+    depth_info: str | None = None
 
 
 def find_color(
@@ -119,6 +122,21 @@ def find_info(
     found = _best(_nearest(infos, color), _named(r"rgb|colou?r"))
     option = "--info-topic TOPIC, or --calibration FILE"
     return _chosen("camera info", option, wanted, found, infos, topics, bag)
+
+
+def find_depth_info(
+    topics: Mapping[str, RecordedTopic], wanted: str | None, bag: Path
+) -> str | None:
+    """The topic of the depth camera's info as it was given; None if it was not.
+
+    Raises:
+        InputError: it is not there; lists what there is.
+    """
+    if wanted is None:
+        return None
+    infos = _of_types(topics, INFO_TYPES)
+    option = "--depth-info-topic TOPIC, or --depth-calibration FILE"
+    return _chosen("the depth camera's info", option, wanted, [], infos, topics, bag)
 
 
 def find_ground_truth(

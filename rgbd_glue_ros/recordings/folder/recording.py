@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder import lists, streams
@@ -54,6 +55,7 @@ def open_folder(
     calibration: CameraIntrinsics | None = None,
     color: str | None = None,
     depth: str | None = None,
+    depth_camera: DepthCamera | None = None,
 ) -> ImageSequence:
     """The sequence in ``folder``.
 
@@ -62,6 +64,7 @@ def open_folder(
         calibration: of the colour camera; None takes that of a file in the folder.
         color: part of the path of the colour images; None finds them by name.
         depth: the same of the depth images.
+        depth_camera: that took the depth images; None if they are registered to colour.
 
     Raises:
         InputError: the images, or their camera, are missing, ambiguous or do not fit.
@@ -70,14 +73,19 @@ def open_folder(
     told = _calibration(folder) if calibration is None else Calibration(calibration)
     if told.depth_scale is not None:
         encoding = encoding.with_scale(told.depth_scale)
-    camera, color_size = _fitted(told.intrinsics, pairs, folder)
+    color_shape, depth_shape = _first_readable(pairs)
+    if depth_camera is None:
+        camera = _fitted(told.intrinsics, color_shape, depth_shape, pairs[0], folder)
+    else:
+        camera = of_image_size(told.intrinsics, color_shape, str(folder), str(pairs[0].color))
     return ImageSequence(
         folder.resolve().name,
         pairs,
         encoding,
         camera,
         truth_of(folder, pairs),
-        color_size,
+        color_shape[::-1],
+        depth_camera=depth_camera,
     )
 
 
@@ -118,16 +126,18 @@ def _calibration(folder: Path) -> Calibration:
 
 
 def _fitted(
-    camera: CameraIntrinsics, pairs: tuple[ImagePair, ...], folder: Path
-) -> tuple[CameraIntrinsics, tuple[int, int]]:
-    """The camera at the size of the depth images, and the size of the colour images."""
-    color, depth = _first_readable(pairs)
-    height, width = color
-    if (width, height) != (camera.width, camera.height) == depth[::-1]:
+    camera: CameraIntrinsics,
+    color: tuple[int, int],
+    depth: tuple[int, int],
+    pair: ImagePair,
+    folder: Path,
+) -> CameraIntrinsics:
+    """The camera at the size of the depth images; heights and widths of both."""
+    if color[::-1] != (camera.width, camera.height) == depth[::-1]:
         # a calibration of the depth images: colour of the same view is reduced to them
-        return camera, (width, height)
-    camera = of_image_size(camera, color, str(folder), str(pairs[0].color))
-    return of_image_size(camera, depth, str(pairs[0].color), str(pairs[0].depth)), (width, height)
+        return camera
+    camera = of_image_size(camera, color, str(folder), str(pair.color))
+    return of_image_size(camera, depth, str(pair.color), str(pair.depth))
 
 
 def _first_readable(pairs: tuple[ImagePair, ...]) -> tuple[tuple[int, int], tuple[int, int]]:
