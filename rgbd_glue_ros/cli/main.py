@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
 from collections.abc import Sequence
 
 from rgbd_glue_ros.cli.parser import BAD_INPUT, PROGRAM, complete, parse
 from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.live.end_signals import InterruptOnce
 
 logger = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parse(sys.argv[1:] if arguments is None else arguments)
     logging.basicConfig(format=f"{PROGRAM}: %(levelname)s: %(message)s")
     # what Ctrl-C leaves in order (results written, the demonstration's node ended), a kill does too
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    InterruptOnce()
     try:
         sys.stdout.write(args.command.module.run(args))
         sys.stdout.flush()

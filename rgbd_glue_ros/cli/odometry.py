@@ -39,6 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Runs the node until SIGINT or SIGTERM."""
+    from rgbd_glue_ros.live.end_signals import EndSignals
+
+    end_signals = EndSignals()
     ros = args.ros
     if args.camera:
         from rgbd_glue_ros.live.camera_presets import load_camera
@@ -53,7 +56,7 @@ def run(args: argparse.Namespace) -> str:
         raise MissingExtraError(library, "ros", "the node") from error
     # the node has a log of its own
     logging.getLogger().handlers.clear()
-    code = run_node(["--ros-args", *ros])
+    code = run_node(["--ros-args", *ros], end_signals)
     if code:
         raise SystemExit(code)
     return ""

@@ -2,6 +2,10 @@
 
 import sys
 
-from rgbd_glue_ros.node.node import main
+from rgbd_glue_ros.live.end_signals import EndSignals
 
-sys.exit(main())
+end_signals = EndSignals()  # before what takes long to load
+
+from rgbd_glue_ros.node.node import main  # noqa: E402
+
+sys.exit(main(end_signals=end_signals))

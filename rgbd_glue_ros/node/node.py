@@ -29,6 +29,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
 from rgbd_glue_ros.live.monitor import Drop, Monitor
@@ -330,13 +331,17 @@ class OdometryNode(Node):  # type: ignore[misc]
         )
 
 
-def main(args: list[str] | None = None) -> int:
+def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
     """Runs the node until SIGINT or SIGTERM.
+
+    Args:
+        args: ROS arguments; None takes the process's.
+        end_signals: where they were taken over before this module was loaded, which takes a while.
 
     Returns:
         The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
     """
-    return run_node(NODE_NAME, OdometryNode, args)
+    return run_node(NODE_NAME, OdometryNode, args, end_signals)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import signal
 import threading
 from collections.abc import Callable
 from types import TracebackType
@@ -17,6 +16,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.live.end_signals import EndSignals
 
 # DDS tells of a node's topics before it tells its name.
 NAMES_S = 1.0
@@ -90,20 +90,25 @@ class RunningNode(Protocol):
     ) -> None: ...
 
 
-def run_node(name: str, create: Callable[[], RunningNode], args: list[str] | None) -> int:
+def run_node(
+    name: str,
+    create: Callable[[], RunningNode],
+    args: list[str] | None,
+    end_signals: EndSignals | None = None,
+) -> int:
     """Runs a node until SIGINT or SIGTERM.
 
     Args:
         name: of the node, for what goes wrong before there is one.
         create: makes it.
         args: ROS arguments; None takes the process's.
+        end_signals: where they were taken over before; None takes them over here.
 
     Returns:
         The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
     """
+    end_signals = end_signals or EndSignals()
     told_to_end = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: told_to_end.set())
     try:
         init(args)
         with create() as node:
@@ -112,7 +117,8 @@ def run_node(name: str, create: Callable[[], RunningNode], args: list[str] | Non
                 target=executor.spin_until, args=[told_to_end.is_set], daemon=True
             )
             spinning.start()
-            told_to_end.wait()
+            end_signals.wait()
+            told_to_end.set()
             executor.wake()
             spinning.join()
             executor.shutdown()

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 
@@ -18,16 +20,25 @@ BREATH_MB = 25
 
 
 @contextmanager
-def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
-    """A node that has to be alive in the end and must not have logged an error of its own."""
-    with NodeProcess(parameters, ros_environment(domain)) as node:
+def running_node(
+    domain: int, environment: Mapping[str, str] = MappingProxyType({}), **parameters: Any
+) -> Iterator[NodeProcess]:
+    """A node that may end, with variables of its environment beside those of this process."""
+    with NodeProcess(parameters, {**ros_environment(domain), **environment}) as node:
         try:
-            node.wait_for_line("Subscribed", COMPILE_S)
             yield node
-            assert node.is_running
-            assert not [line for line in node.lines if "Traceback" in line]
         finally:
             sys.stdout.write("\n".join(node.lines))  # shown when the test fails
+
+
+@contextmanager
+def node_in(domain: int, **parameters: Any) -> Iterator[NodeProcess]:
+    """A node that has to be alive in the end and must not have logged an error of its own."""
+    with running_node(domain, **parameters) as node:
+        node.wait_for_line("Subscribed", COMPILE_S)
+        yield node
+        assert node.is_running
+        assert not [line for line in node.lines if "Traceback" in line]
 
 
 def rss_mb(node: NodeProcess) -> float:

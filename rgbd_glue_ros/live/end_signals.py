@@ -1,0 +1,70 @@
+"""SIGINT and SIGTERM, in whatever order and however fast they come one after the other."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import time
+from collections.abc import Callable
+from types import FrameType
+
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# Signals so soon after one another are one wish: a launch system and a shell may both tell.
+SAME_WISH_S = 1.0
+
+
+class EndSignals:
+    """Keeps SIGINT and SIGTERM, from its creation on, for who waits.
+
+    A handler that sets an event is no way: the next signal interrupts it while it holds the event's
+    lock, and waits for that for ever. Here the interpreter writes the signal's number to a pipe,
+    from whatever thread the signal meets.
+    """
+
+    def __init__(self) -> None:
+        """Takes the signals over. To be called from the main thread."""
+        self._told, teller = os.pipe()
+        os.set_blocking(teller, False)  # a thousand signals are one wish too
+        signal.set_wakeup_fd(teller, warn_on_full_buffer=False)
+        _handle_by(_leave_it_to_the_pipe)
+
+    def wait(self) -> None:
+        """Returns when one has come, even before."""
+        while not set(os.read(self._told, 1)) & set(END_SIGNALS):
+            pass  # another signal's number
+
+
+class InterruptOnce:
+    """A handler that interrupts the main thread, but not what it does about that.
+
+    Without it the second signal would interrupt the results' being written, or the end of the
+    processes that were started. One that comes a second later is a new wish.
+    """
+
+    def __init__(self) -> None:
+        """Takes SIGINT and SIGTERM over. To be called from the main thread."""
+        self._last_s = -float("inf")
+        _handle_by(self)
+
+    def __call__(self, _number: int, _frame: FrameType | None) -> None:
+        """Raises KeyboardInterrupt unless another signal has just done so."""
+        last_s, self._last_s = self._last_s, time.monotonic()
+        if self._last_s - last_s > SAME_WISH_S:
+            raise KeyboardInterrupt
+
+
+def _handle_by(handler: Callable[[int, FrameType | None], None]) -> None:
+    """Gives both signals a handler, until the interpreter ends: then they change nothing more."""
+    atexit.register(_ignore)
+    for number in END_SIGNALS:
+        signal.signal(number, handler)
+
+
+def _ignore() -> None:
+    for number in END_SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _leave_it_to_the_pipe(_number: int, _frame: FrameType | None) -> None:
+    pass
