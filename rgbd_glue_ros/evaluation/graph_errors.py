@@ -42,13 +42,13 @@ def edge_errors(graph: PoseGraph, reference: Trajectory) -> dict[EdgeOrigin, Edg
         reference: true poses; between two of them the truth is interpolated.
     """
     truth = interpolated(reference, graph.keyframes.stamps_ns)
-    found = {}
+    by_origin = {}
     for origin in EdgeOrigin:
         squared = _squared_distances(truth, (e for e in graph.edges if e.origin is origin))
         if len(squared):
             mean, median = float(squared.mean()) / 6, float(np.median(squared)) / _MEDIAN
-            found[origin] = EdgeErrors(len(squared), mean, median)
-    return found
+            by_origin[origin] = EdgeErrors(len(squared), mean, median)
+    return by_origin
 
 
 def _squared_distances(truth: Float64, edges: Iterable[PoseGraphEdge]) -> Float64:

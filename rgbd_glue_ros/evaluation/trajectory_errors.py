@@ -160,8 +160,8 @@ def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajecto
             errors.append(_normalised_error(estimate, true, *keyframes[estimate.keyframe_id]))
         if estimate.is_keyframe:
             keyframes.append((estimate, true))
-    found = np.array(errors, np.float64)
-    return found[np.isfinite(found)]
+    normalised = np.array(errors, np.float64)
+    return normalised[np.isfinite(normalised)]
 
 
 def _normalised_error(

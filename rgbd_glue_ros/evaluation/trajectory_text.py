@@ -212,13 +212,13 @@ def _parser(path: Path, lines: list[Line], names: list[tuple[str, ...]]) -> _Par
 def _named_columns(words: tuple[str, ...]) -> list[int] | None:
     """Where a line of names has the columns of TUM; None if it does not name them all."""
     plain = [word.lower() for word in words if not word.startswith("[")]
-    found = []
+    columns = []
     for name in TUM_COLUMNS:
         at = [i for i, word in enumerate(plain) if re.fullmatch(_NAMES[name], word)]
         if len(at) != 1:
             return None
-        found.append(at[0])
-    return found
+        columns.append(at[0])
+    return columns
 
 
 def _of_columns(columns: Sequence[int]) -> _Parser:

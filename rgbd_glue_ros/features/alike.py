@@ -38,8 +38,8 @@ class Alike:
         with inference(self._device):
             image = torch.from_numpy(view.grey).to(self._device).float() / 255
             scores, descriptors = alike(image.expand(1, 3, *image.shape), self._weights)
-            uv, found = keypoints(scores.float()[0, 0], descriptors.float()[0], self._most)
-        return DescribedKeypoints(uv.cpu().numpy(), found.cpu().numpy())
+            uv, descriptors_at = keypoints(scores.float()[0, 0], descriptors.float()[0], self._most)
+        return DescribedKeypoints(uv.cpu().numpy(), descriptors_at.cpu().numpy())
 
     def match(self, source: DescribedKeypoints, target: DescribedKeypoints) -> VisualMatches:
         """Those that are each other's nearest, weighted by 1 - r of equation 1."""
@@ -117,12 +117,12 @@ def local_maxima(scores: Tensor, radius: int) -> Tensor:
     def greatest(x: Tensor) -> Tensor:
         return F.max_pool2d(x[None, None], 2 * radius + 1, stride=1, padding=radius)[0, 0]
 
-    found = scores == greatest(scores)
+    maxima = scores == greatest(scores)
     for _ in range(2):
-        near = greatest(found.float()) > 0
+        near = greatest(maxima.float()) > 0
         rest = torch.where(near, 0.0, scores)
-        found = found | ((rest == greatest(rest)) & ~near)
-    return found
+        maxima = maxima | ((rest == greatest(rest)) & ~near)
+    return maxima
 
 
 def _soft_offsets(scores: Tensor, rows: Tensor, columns: Tensor) -> Tensor:

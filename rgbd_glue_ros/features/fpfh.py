@@ -107,11 +107,11 @@ def _bin(fraction: float) -> int:
 @compiled
 def _angle_bin(y: float, x: float) -> int:
     """The bin of atan2(y, x) among those of [-pi, pi], from which edges it is to the left of."""
-    found = 0 if y < 0.0 else BINS // 2
-    for k in range(found + 1, found + 1 + BINS // 2):
+    angle_bin = 0 if y < 0.0 else BINS // 2
+    for k in range(angle_bin + 1, angle_bin + 1 + BINS // 2):
         if _COSINES[k] * y - _SINES[k] * x > 0.0:
-            found += 1
-    return found
+            angle_bin += 1
+    return angle_bin
 
 
 @compiled

@@ -150,14 +150,13 @@ class GridFpfh:
         """Guided search within the radius; without a guide, nearest neighbours everywhere."""
         if prior is None:
             return nearest_matches(source.known(), target.known())
-        K = target.intrinsics
         p, q, distance = guided_search(
             source.points,
             source.descriptors,
             target.points,
             target.descriptors,
             prior.T_target_source,
-            np.array([K.fx, K.fy, K.cx, K.cy]),
+            target.intrinsics.focal_and_centre,
             target.step,
             prior.radius,
             _GUIDED_HALF_WINDOW,

@@ -49,10 +49,10 @@ def _nearest_two_float(query: Float32, reference: Float32) -> tuple[Int64, Float
         second = score.argmax(axis=1)
         # the product cancels digits, so the two distances kept are computed directly
         two = np.column_stack([nearest, second])
-        found = np.linalg.norm(block[:, None] - reference[two], axis=2)
+        exact = np.linalg.norm(block[:, None] - reference[two], axis=2)
         # and may turn out to be the other way about
-        index[start : start + len(block)] = two[rows, found.argmin(axis=1)]
-        distances[start : start + len(block)] = np.sort(found, axis=1)
+        index[start : start + len(block)] = two[rows, exact.argmin(axis=1)]
+        distances[start : start + len(block)] = np.sort(exact, axis=1)
     return index, distances
 
 

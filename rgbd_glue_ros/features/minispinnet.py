@@ -67,8 +67,8 @@ class MiniSpinNet:
     def _described(self, patches: Float64) -> Float32:
         sampled = cells(patches, centres(), _CELL_RADIUS, _CELL_POINTS)
         with inference(self._device):
-            found = describe(torch.from_numpy(sampled).to(self._device), self._weights)
-            result: Float32 = found.float().cpu().numpy()
+            descriptors = describe(torch.from_numpy(sampled).to(self._device), self._weights)
+            result: Float32 = descriptors.float().cpu().numpy()
         return result
 
 
@@ -151,16 +151,16 @@ def cells(patches: Float64, centre: Float64, radius: float, most: int) -> Float3
         for c in range(len(centre)):
             turn = -2 * np.pi / _AZIMUTHS * (c % _AZIMUTHS)
             cosine, sine = np.cos(turn), np.sin(turn)
-            found = 0
+            count = 0
             for n in range(patches.shape[1]):
                 x, y, z = patches[k, n, 0], patches[k, n, 1], patches[k, n, 2]
                 dx, dy, dz = x - centre[c, 0], y - centre[c, 1], z - centre[c, 2]
                 if dx * dx + dy * dy + dz * dz < radius * radius:
-                    sampled[k, 0, c, found] = cosine * x - sine * y
-                    sampled[k, 1, c, found] = sine * x + cosine * y
-                    sampled[k, 2, c, found] = z
-                    found += 1
-                    if found == most:
+                    sampled[k, 0, c, count] = cosine * x - sine * y
+                    sampled[k, 1, c, count] = sine * x + cosine * y
+                    sampled[k, 2, c, count] = z
+                    count += 1
+                    if count == most:
                         break
     return sampled
 

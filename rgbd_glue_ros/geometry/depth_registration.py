@@ -81,7 +81,7 @@ def _lens(camera: CameraIntrinsics) -> tuple[Float64, Float64, float]:
     seen = rays(camera)
     border = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
     reach = float(np.linalg.norm(border, axis=1).max()) * _LENS_MARGIN
-    focal = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    focal = camera.focal_and_centre
     distortion = np.zeros(_COEFFICIENTS)
     given = camera.distortion[:_COEFFICIENTS]
     distortion[: len(given)] = given

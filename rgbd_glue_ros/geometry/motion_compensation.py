@@ -82,7 +82,7 @@ def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, NDArray[np.bo
 @compiled
 def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) -> Float64:
     """Depth [N] at pixels uv [N, 2] of an image taken before the camera moved by ``motion`` [6]."""
-    found = np.empty(len(uv))
+    depths = np.empty(len(uv))
     for i in range(len(uv)):
         rx, ry = (uv[i, 0] - K[2]) / K[0], (uv[i, 1] - K[3]) / K[1]
         z = sample_depth(depth, uv[i, 0], uv[i, 1])
@@ -96,5 +96,5 @@ def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) 
             _, _, z = displaced_point(
                 x / later * measured, y / later * measured, measured, 1.0, motion
             )
-        found[i] = z
-    return found
+        depths[i] = z
+    return depths

@@ -1,10 +1,9 @@
 """Whether depth is registered to colour: whether edges of the one lie on edges of the other.
 
-Where a surface ends before another one, brightness mostly changes, too. Depth in the pixels of its
-own camera, which has another focal length and sits beside the one for colour, has its edges
-elsewhere. So the edges of depth are laid over those of colour, magnified and shifted in steps, as
-in calibration by the alignment of edges (Levinson and Thrun 2013): where depth is registered the
-picture fits best as it is.
+Where a surface ends before another one, brightness mostly changes too. A depth camera has another
+focal length than the colour camera and sits beside it, so that unregistered depth has its edges
+elsewhere. Depth edges are laid over colour edges, magnified and shifted in steps, as in calibration
+by the alignment of edges (Levinson and Thrun 2013). Registered depth fits best as it is.
 """
 
 from __future__ import annotations
@@ -22,28 +21,40 @@ from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 logger = logging.getLogger(__name__)
 
-# Every so many rows and columns of the depth image are searched for ends of surfaces.
+# Depth edges are searched for in every fourth row and column.
 _SPACING_PX = 4
-# Unknown depth beside the end of a surface, as the shadow of a projector is, at most this wide.
+# Widest gap of unknown depth across a depth edge. Projectors and stereo cameras leave such shadows.
 _GAP_PX = 30
-# Part of its depth that lies between a surface and the one behind it, at least.
+# Least step of a depth edge, as a part of the nearer depth.
 _STEP = 0.1
-# How colour may be magnified and shifted against depth.
+# Magnifications of depth against colour that are tried.
 _SCALES = np.linspace(0.85, 1.15, 11)
+# Shifts of depth against colour that are tried, along u and along v.
 _SHIFTS_PX = np.linspace(-15.0, 15.0, 11)
-_AS_IT_IS = len(_SCALES) // 2, len(_SHIFTS_PX) // 2, len(_SHIFTS_PX) // 2
-# Gradients beyond this, in grey levels a pixel, are edges all the same.
-_EDGE = 12.0
-_EDGE_SIGMA_PX, _AROUND_PX = 1.5, 21
-# From the centre of an image of 640 columns, for saying what a magnification is in pixels.
-_HALF_WAY_PX = 160.0
-# A view with fewer ends of surfaces says nothing, and of more as many are enough. So many views
-# that say something decide, which must differ by this much, metres and radians added.
-_MIN_ENDS, _ENOUGH_ENDS = 150, 2000
-_VIEWS, _APART = 8, 0.05
-# What is laid elsewhere has to fit this many times better, as well as this, and by so many standard
-# deviations of all that were tried: edges of other rooms fit somewhere by 3.9, and by 0.08.
-_BETTER, _LEAST_FIT, _SIGMAS = 2.0, 0.12, 4.0
+# Where in the grid of these the identity is.
+_IDENTITY = len(_SCALES) // 2, len(_SHIFTS_PX) // 2, len(_SHIFTS_PX) // 2
+# Gradients are cut off here, grey levels a pixel, so that one strong edge does not outweigh many.
+_STRONGEST_EDGE = 12.0
+# Blur of colour edges: the steps of _SHIFTS_PX are 3 pixels, at half the size 1.5.
+_EDGE_SIGMA_PX = 1.5
+# Side of the surroundings that an edge must stand out from, at half the size.
+_SURROUNDINGS_PX = 21
+# Distance from the centre, a quarter of 640 columns, at which a magnification is told in pixels.
+_QUARTER_WIDTH_PX = 160.0
+# A view with fewer depth edges is left out.
+_MIN_EDGES = 150
+# Of a view with more, this many are used.
+_ENOUGH_EDGES = 2000
+# Views that decide.
+_VIEWS = 8
+# Least motion between two of them, metres and radians added.
+_APART = 0.05
+# Another place has to fit this many times better than the identity.
+_BETTER = 2.0
+# The least score that is believed. Edges of other rooms, laid over each other, reached 0.08.
+_LEAST_SCORE = 0.12
+# Standard deviations of all scores that the best one has to stand out by. Other rooms reached 3.9.
+_OUTSTANDING_SIGMAS = 4.0
 
 
 @dataclass(frozen=True)
@@ -75,14 +86,16 @@ class DepthColorCheck:
 
     def after_view(self, view: View, T_track_camera: Float64) -> DepthColorCheck:
         """The check after another view. Logs a warning when it is known to be wrong."""
-        beside, above = _ends_of_surfaces(view.depth)
-        count = len(beside) + len(above)
-        if count < _MIN_ENDS:
+        along_rows, along_columns = _depth_edges(view.depth)
+        count = len(along_rows) + len(along_columns)
+        if count < _MIN_EDGES:
             return replace(self, T_track_camera=T_track_camera)
-        along_u, along_v = _contrasts(view.grey)
+        contrast_u, contrast_v = _contrasts(view.grey)
         K = view.intrinsics
-        score = _scores(beside, along_u, K.cx, K.cy, _SCALES, _SHIFTS_PX)
-        score = (score + _scores(above, along_v, K.cx, K.cy, _SCALES, _SHIFTS_PX)) / count
+        score = _scores(along_rows, contrast_u, K.cx, K.cy, _SCALES, _SHIFTS_PX)
+        score = (
+            score + _scores(along_columns, contrast_v, K.cx, K.cy, _SCALES, _SHIFTS_PX)
+        ) / count
         views = self.views + 1
         after = DepthColorCheck(self.score + (score - self.score) / views, views, T_track_camera)
         if after.offset_px is not None:
@@ -101,36 +114,36 @@ class DepthColorCheck:
         """
         s, i, j = np.unravel_index(int(np.argmax(self.score)), self.score.shape)
         best = self.score[s, i, j]
-        scale, right, down = _AS_IT_IS
+        scale, right, down = _IDENTITY
         # images that are not taken at quite the same time differ by a few pixels
-        as_it_is = self.score[scale, right - 1 : right + 2, down - 1 : down + 2].max()
+        at_identity = self.score[scale, right - 1 : right + 2, down - 1 : down + 2].max()
         if (
             self.views < _VIEWS
-            or best < max(_LEAST_FIT, _BETTER * as_it_is)
-            or best < self.score.mean() + _SIGMAS * self.score.std()
+            or best < max(_LEAST_SCORE, _BETTER * at_identity)
+            or best < self.score.mean() + _OUTSTANDING_SIGMAS * self.score.std()
         ):
             return None
-        magnified = abs(_SCALES[s] - 1.0) * _HALF_WAY_PX
+        magnified = abs(_SCALES[s] - 1.0) * _QUARTER_WIDTH_PX
         return float(np.hypot(np.hypot(_SHIFTS_PX[i], _SHIFTS_PX[j]), magnified))
 
 
-def _ends_of_surfaces(depth: Float32) -> tuple[Float32, Float32]:
-    """Pixels where a surface ends before another one: beside it, and above or below it.
+def _depth_edges(depth: Float32) -> tuple[Float32, Float32]:
+    """Pixels where a surface ends before another one, met along rows and along columns.
 
     Returns:
         Column and row, float32 [N, 2] and [M, 2].
     """
-    beside = _ends_along_rows(depth, _SPACING_PX, _GAP_PX, _STEP)
-    above = _ends_along_rows(np.ascontiguousarray(depth.T), _SPACING_PX, _GAP_PX, _STEP)
-    thinned = slice(None, None, (len(beside) + len(above)) // _ENOUGH_ENDS + 1)
-    return beside[thinned], above[thinned, ::-1]
+    along_rows = _edges_along_rows(depth, _SPACING_PX, _GAP_PX, _STEP)
+    along_columns = _edges_along_rows(np.ascontiguousarray(depth.T), _SPACING_PX, _GAP_PX, _STEP)
+    thinned = slice(None, None, (len(along_rows) + len(along_columns)) // _ENOUGH_EDGES + 1)
+    return along_rows[thinned], along_columns[thinned, ::-1]
 
 
 @compiled
-def _ends_along_rows(depth: Float32, spacing: int, gap: int, step: float) -> Float32:
+def _edges_along_rows(depth: Float32, spacing: int, gap: int, step: float) -> Float32:
     """Column and row, float32 [N, 2], of the nearer of two neighbours in a row."""
     height, width = depth.shape
-    found = np.empty((height // spacing * width + width, 2), np.float32)
+    edges = np.empty((height // spacing * width + width, 2), np.float32)
     n = 0
     for v in range(0, height, spacing):
         last = -1
@@ -141,38 +154,39 @@ def _ends_along_rows(depth: Float32, spacing: int, gap: int, step: float) -> Flo
             if last >= 0 and u - last <= gap:
                 before = depth[v, last]
                 if max(z, before) > min(z, before) * (1.0 + step):
-                    found[n, 0], found[n, 1] = last if before < z else u, v
+                    edges[n, 0], edges[n, 1] = last if before < z else u, v
                     n += 1
             last = u
-    return found[:n]
+    return edges[:n]
 
 
 def _contrasts(grey: UInt8) -> tuple[Float32, Float32]:
     """How much more the brightness changes along u and along v than around, at half the size."""
     small = cv2.pyrDown(grey)
     along_u, along_v = (
-        np.minimum(np.abs(cv2.Scharr(small, cv2.CV_32F, du, 1 - du)) / 32.0, _EDGE) for du in (1, 0)
+        np.minimum(np.abs(cv2.Scharr(small, cv2.CV_32F, du, 1 - du)) / 32.0, _STRONGEST_EDGE)
+        for du in (1, 0)
     )
     return _above_surroundings(along_u), _above_surroundings(along_v)
 
 
-def _above_surroundings(edges: Float32) -> Float32:
-    here = cv2.GaussianBlur(edges, (0, 0), _EDGE_SIGMA_PX)
-    around = cv2.blur(edges, (_AROUND_PX, _AROUND_PX))
+def _above_surroundings(gradient: Float32) -> Float32:
+    here = cv2.GaussianBlur(gradient, (0, 0), _EDGE_SIGMA_PX)
+    around = cv2.blur(gradient, (_SURROUNDINGS_PX, _SURROUNDINGS_PX))
     return np.asarray((here - around) / (around + 1.0), np.float32)
 
 
 @compiled
 def _scores(
-    ends: Float32, contrast: Float32, cx: float, cy: float, scales: Float64, shifts: Float64
+    edges: Float32, contrast: Float32, cx: float, cy: float, scales: Float64, shifts: Float64
 ) -> Float64:
-    """Sum of the contrast at the ends of surfaces, float64 [S, U, V], for each scale and shift."""
+    """Sum of the contrast at depth edges, float64 [S, U, V], for each scale and shift."""
     height, width = contrast.shape
     score = np.zeros((len(scales), len(shifts), len(shifts)))
-    for n in range(len(ends)):
+    for n in range(len(edges)):
         for s in range(len(scales)):
-            u = cx + scales[s] * (ends[n, 0] - cx)
-            v = cy + scales[s] * (ends[n, 1] - cy)
+            u = cx + scales[s] * (edges[n, 0] - cx)
+            v = cy + scales[s] * (edges[n, 1] - cy)
             for i in range(len(shifts)):
                 # pyrDown centres pixel i on pixel 2 i
                 column = int(np.floor((u + shifts[i]) / 2 + 0.5))

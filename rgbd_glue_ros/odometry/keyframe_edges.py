@@ -42,28 +42,28 @@ def edge_from(
 
 
 def revisit_edge(
-    anchor: Keyframe, keyframe: Keyframe, found: Refinement, config: Config
+    anchor: Keyframe, keyframe: Keyframe, refinement: Refinement, config: Config
 ) -> PoseGraphEdge:
     """The edge from an anchor to a keyframe that was refined on the anchor's model."""
     twist = keyframe.features.view.twist
-    covariance = refined_covariance(found, anchor.T_track_camera, twist, config)
-    T = found.T_model_source
+    covariance = refined_covariance(refinement, anchor.T_track_camera, twist, config)
+    T = refinement.T_model_source
     return edge_from(anchor, keyframe.number, T, covariance, EdgeOrigin.REVISIT)
 
 
 def refined_covariance(
-    found: Refinement, T_model_anchor: Float64, twist: Float64, config: Config
+    refinement: Refinement, T_model_anchor: Float64, twist: Float64, config: Config
 ) -> Float64:
     """Covariance [6, 6] of a refined pose, perturbation on the left, in the model's frame.
 
     Args:
-        found: the pose.
+        refinement: the pose.
         T_model_anchor: pose of the camera that the model is of, float64 [4, 4].
         twist: velocity [6] of the camera whose pose it is.
         config: how the residuals are correlated, and what they do not show.
     """
-    T = found.T_model_source
-    seen = np.linalg.inv(found.information / config.refine.residuals_per_independent_one)
+    T = refinement.T_model_source
+    seen = np.linalg.inv(refinement.information / config.refine.residuals_per_independent_one)
     distance = float(np.linalg.norm(T[:3, 3] - T_model_anchor[:3, 3]))
     A = se3.adjoint(T)
     covariance: Float64 = seen + A @ unseen_covariance(twist, distance, config.odometry) @ A.T

@@ -1,4 +1,4 @@
-"""Gets over with what makes the first frames slow: libraries, compiled code, caches."""
+"""Runs every stage once before the first frame, to load libraries and compile code."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PERIOD_NS = NANOSECONDS // 30
 
 
 def warm_up(config: Config) -> None:
-    """Runs an odometry of its own over made-up frames; takes long only where nothing is cached."""
+    """Tracks a few synthetic frames; takes long only where no compiled code is cached."""
     # every frame becomes a keyframe, as that takes code of its own
     with Odometry(with_values(config, {"odometry.keyframe_translation": 0.001})) as odometry:
         for i in range(4):
@@ -22,10 +22,7 @@ def warm_up(config: Config) -> None:
 
 
 def _frame(i: int) -> RgbdFrame:
-    """A bumpy wall and a box before it, covered with noise, that move by.
-
-    So every stage has something to do.
-    """
+    """A textured bumpy wall behind a box, both moving, so that every stage has work to do."""
     centre = (_WIDTH - 1) / 2, (_HEIGHT - 1) / 2
     camera = CameraIntrinsics(_WIDTH, _HEIGHT, _FOCAL_PX, _FOCAL_PX, *centre)
     blocks = np.random.default_rng(0).integers(0, 255, (_HEIGHT // 8, _WIDTH // 8, 3), np.uint8)

@@ -151,14 +151,14 @@ def _section_class(item: Field[Any]) -> Any:
 
 def values(config: object) -> dict[str, Value]:
     """The dotted name and value of every parameter of a configuration, in order."""
-    found: dict[str, Value] = {}
+    by_name: dict[str, Value] = {}
     for item in fields(config):  # type: ignore[arg-type]
         value = getattr(config, item.name)
         if is_dataclass(value):
-            found.update({f"{item.name}.{name}": v for name, v in values(value).items()})
+            by_name.update({f"{item.name}.{name}": v for name, v in values(value).items()})
         else:
-            found[item.name] = value
-    return found
+            by_name[item.name] = value
+    return by_name
 
 
 def with_values(config: C, changes: Mapping[str, object]) -> C:

@@ -197,7 +197,7 @@ def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
 def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
     """Row and column, int64 [N, 2], of the strongest gradient above the threshold in each cell."""
     height, width = image.shape
-    found = np.empty(((height // cell + 1) * (width // cell + 1), 2), np.int64)
+    pixels = np.empty(((height // cell + 1) * (width // cell + 1), 2), np.int64)
     n = 0
     for top in range(2, height - 2, cell):
         for left in range(2, width - 2, cell):
@@ -210,9 +210,9 @@ def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
                     if du * du + dv * dv > best:
                         best, row, column = du * du + dv * dv, v, u
             if row >= 0:
-                found[n, 0], found[n, 1] = row, column
+                pixels[n, 0], pixels[n, 1] = row, column
                 n += 1
-    return found[:n]
+    return pixels[:n]
 
 
 @compiled

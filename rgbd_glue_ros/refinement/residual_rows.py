@@ -42,6 +42,17 @@ def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
     return rows._replace(weight=rows.weight * (problem.pixel_weight / (sigma * sigma)))
 
 
+def extended_normal_equations(rows: Rows, *derivatives: Float64) -> tuple[Float64, Float64]:
+    """Hessian [6 + K, 6 + K] and gradient [6 + K] for the pose and K other unknowns.
+
+    Args:
+        rows: residuals.
+        derivatives: of these by the other unknowns, float64 [N] or [N, M] each; K columns in all.
+    """
+    J = np.column_stack([rows.jacobian, *derivatives])
+    return normal_equations(J, rows.weight, rows.residual)
+
+
 @compiled
 def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Float64, Float64]:
     """Hessian [K, K] and gradient [K] of weighted residuals with the derivatives J [N, K].

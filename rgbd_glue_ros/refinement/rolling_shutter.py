@@ -18,7 +18,12 @@ from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
 from rgbd_glue_ros.refinement.level_problem import level_problem
 from rgbd_glue_ros.refinement.model import Model, pyramid
-from rgbd_glue_ros.refinement.residual_rows import Rows, normal_equations, pixel_rows, plane_rows
+from rgbd_glue_ros.refinement.residual_rows import (
+    Rows,
+    extended_normal_equations,
+    pixel_rows,
+    plane_rows,
+)
 from rgbd_glue_ros.types import Float64, View
 
 # The velocity of a camera that no distortion shows: faster than any.
@@ -39,7 +44,7 @@ class TwistMeasurement:
 
 
 def twist_from_distortion(
-    found: Refinement,
+    refinement: Refinement,
     model: Model,
     source: View,
     config: RefineConfig,
@@ -48,19 +53,19 @@ def twist_from_distortion(
     """The velocity of the camera that takes a frame, whatever the pose.
 
     Args:
-        found: the frame's pose in the model.
+        refinement: the frame's pose in the model.
         model: which it was refined against.
         source: the frame as it was refined, with the velocity where the search starts.
         config: weights of the residuals.
         level: of the pyramid.
     """
-    T = found.T_model_source
+    T = refinement.T_model_source
     image = pyramid(source.grey, level + 1)[level]
     problem = level_problem(model, image, level, source, config)
     planes = plane_rows(T, problem)
-    pixels = pixel_rows(T, problem, found.affine_brightness)
-    H, g = _normal_equations(planes, source.depth_delay + planes.row_time * source.readout_time)
-    H_pixels, g_pixels = _normal_equations(pixels, pixels.row_time * source.readout_time)
+    pixels = pixel_rows(T, problem, refinement.affine_brightness)
+    H, g = _pose_and_twist(planes, source.depth_delay + planes.row_time * source.readout_time)
+    H_pixels, g_pixels = _pose_and_twist(pixels, pixels.row_time * source.readout_time)
     H, g = marginalise_pose(H + H_pixels, g + g_pixels)
     to_model = se3.adjoint(T)
     information = (
@@ -72,7 +77,7 @@ def twist_from_distortion(
     return TwistMeasurement(source.twist - covariance @ gradient, covariance)
 
 
-def _normal_equations(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
+def _pose_and_twist(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
     """Hessian [12, 12] and gradient [12] for the pose and the velocity, both in the model's frame.
 
     Args:
@@ -80,5 +85,4 @@ def _normal_equations(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
         seconds: float64 [N], when each was seen after the pose's own time: a velocity moves the
             camera by as much of it.
     """
-    J = np.hstack([rows.jacobian, rows.jacobian * seconds[:, np.newaxis]])
-    return normal_equations(J, rows.weight, rows.residual)
+    return extended_normal_equations(rows, rows.jacobian * seconds[:, np.newaxis])

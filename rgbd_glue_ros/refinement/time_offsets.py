@@ -18,7 +18,12 @@ from rgbd_glue_ros.parameters import RefineConfig, TimeOffsetsConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
 from rgbd_glue_ros.refinement.level_problem import level_problem
 from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.refinement.residual_rows import Rows, normal_equations, pixel_rows, plane_rows
+from rgbd_glue_ros.refinement.residual_rows import (
+    Rows,
+    extended_normal_equations,
+    pixel_rows,
+    plane_rows,
+)
 from rgbd_glue_ros.types import Float64, View
 
 # No driver is later, and no camera of a moving robot reads slower.
@@ -63,7 +68,7 @@ class TimeOffsets:
 
     def corrected(
         self,
-        found: Refinement,
+        refinement: Refinement,
         model: Model,
         source: View,
         refine: RefineConfig,
@@ -72,13 +77,13 @@ class TimeOffsets:
         """The timing after a frame.
 
         Args:
-            found: the frame's pose in the model.
-            model: which it was found in.
+            refinement: the frame's pose in the model.
+            model: which it was refined against.
             source: the frame, with the velocity that it had.
             refine: weights of the residuals.
             config: how fast the timing drifts.
         """
-        H, g = marginalise_pose(*_terms(found, model, source, refine))
+        H, g = marginalise_pose(*_terms(refinement, model, source, refine))
         information, gradient = (
             H / config.residuals_per_independent_one,
             g / config.residuals_per_independent_one,
@@ -93,18 +98,19 @@ class TimeOffsets:
 
 
 def _terms(
-    found: Refinement, model: Model, source: View, refine: RefineConfig
+    refinement: Refinement, model: Model, source: View, refine: RefineConfig
 ) -> tuple[Float64, Float64]:
     """Hessian [8, 8] and gradient [8] for the pose, the depth's latency and the readout."""
-    T, planes, pixels = found.T_model_source, model.planes, model.pixels[0]
+    T, planes, pixels = refinement.T_model_source, model.planes, model.pixels[0]
     problem = level_problem(model, source.grey, 0, source, refine)
-    seen = plane_rows(T, problem)
-    now, then, by_readout_time = _moves(seen, T, source.twist, planes.velocity, planes.row_time)
-    H, g = _normal_equations(seen, then - now, by_readout_time)
-    seen = pixel_rows(T, problem, found.affine_brightness)
-    *_, by_readout_time = _moves(seen, T, source.twist, pixels.velocity, pixels.row_time)
+    rows = plane_rows(T, problem)
+    now, then, by_readout_time = _moves(rows, T, source.twist, planes.velocity, planes.row_time)
+    H, g = extended_normal_equations(rows, then - now, by_readout_time)
+    rows = pixel_rows(T, problem, refinement.affine_brightness)
+    *_, by_readout_time = _moves(rows, T, source.twist, pixels.velocity, pixels.row_time)
     # where a late depth moves along a surface, the depth of a pixel hardly changes
-    H_pixels, g_pixels = _normal_equations(seen, np.zeros_like(by_readout_time), by_readout_time)
+    by_latency = np.zeros_like(by_readout_time)
+    H_pixels, g_pixels = extended_normal_equations(rows, by_latency, by_readout_time)
     return H + H_pixels, g + g_pixels
 
 
@@ -115,10 +121,3 @@ def _moves(
     now = np.sum(rows.jacobian * (se3.adjoint(T) @ twist), axis=1)
     then = np.sum(rows.jacobian[:, :3] * velocity[rows.point], axis=1)
     return now, then, rows.row_time * now - row_time[rows.point] * then
-
-
-def _normal_equations(
-    rows: Rows, by_latency: Float64, by_readout_time: Float64
-) -> tuple[Float64, Float64]:
-    J = np.column_stack([rows.jacobian, by_latency, by_readout_time])
-    return normal_equations(J, rows.weight, rows.residual)

@@ -109,5 +109,5 @@ def _bits(descriptors: UInt8) -> list[list[bool]]:
 
 
 def _sorted(matches: dict[int, int]) -> list[Likeness]:
-    found = [Likeness(number, count) for number, count in matches.items() if count]
-    return sorted(found, key=lambda likeness: (-likeness.matches, likeness.number))
+    likenesses = [Likeness(number, count) for number, count in matches.items() if count]
+    return sorted(likenesses, key=lambda likeness: (-likeness.matches, likeness.number))

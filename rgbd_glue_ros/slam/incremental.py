@@ -58,6 +58,6 @@ class IncrementalOptimiser:
         """The poses T_map_camera [4, 4] of all keyframes, with what was added since."""
         self._isam.update(self._factors, self._values)
         self._begin()
-        found = self._isam.calculateEstimate()
-        keys = found.keys()
-        return {int(key): np.asarray(found.atPose3(key).matrix()) for key in keys}
+        estimate = self._isam.calculateEstimate()
+        keys = estimate.keys()
+        return {int(key): np.asarray(estimate.atPose3(key).matrix()) for key in keys}

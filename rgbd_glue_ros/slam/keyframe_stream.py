@@ -61,21 +61,21 @@ class KeyframeStream:
 
     def _completed(self, stamp_ns: int, edge: PoseGraphEdge) -> list[NewKeyframe]:
         is_anew = not self._stamps or edge.child in self._stamps
-        found = []
+        keyframes = []
         if is_anew:
             self._stamps = {}
             first = self._first_before(stamp_ns)
             if first is not None:
                 self._stamps[edge.parent] = first
                 T = self._poses.pop(first)
-                found.append(NewKeyframe(edge.parent, first, T, is_anew=True))
+                keyframes.append(NewKeyframe(edge.parent, first, T, is_anew=True))
         self._stamps[edge.child] = stamp_ns
-        is_first = is_anew and not found
+        is_first = is_anew and not keyframes
         T = self._poses.pop(stamp_ns)
-        found.append(
+        keyframes.append(
             NewKeyframe(edge.child, stamp_ns, T, None if is_first else edge, is_anew=is_first)
         )
-        return found
+        return keyframes
 
     def _first_before(self, stamp_ns: int) -> int | None:
         """The stamp of the latest pose before that no edge named: it begins the graph."""

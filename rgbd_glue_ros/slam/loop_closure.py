@@ -45,16 +45,16 @@ def loop_edge(
         T = T_parent_child_expected
     if T is None:
         return None
-    found = _refined(T, parent, child, config)
-    if found is None:
+    refinement = _refined(T, parent, child, config)
+    if refinement is None:
         return None
-    back = _refined(se3.inverse(found.T_model_source), child, parent, config)
+    back = _refined(se3.inverse(refinement.T_model_source), child, parent, config)
     if back is None:
         return None
-    T = found.T_model_source
+    T = refinement.T_model_source
     if se3.difference(T, se3.inverse(back.T_model_source)) > _SAME:
         return None
-    covariance = refined_covariance(found, np.eye(4), child.features.view.twist, config)
+    covariance = refined_covariance(refinement, np.eye(4), child.features.view.twist, config)
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
 
@@ -62,5 +62,5 @@ def _refined(
     T: Float64, model: MapKeyframe, source: MapKeyframe, config: Config
 ) -> Refinement | None:
     """The pose of one keyframe on the model of another, if planes and pixels are sure of it."""
-    found = refine(T, model.model, source.features.view, config.refine)
-    return found if is_conclusive(found, config.odometry) else None
+    refinement = refine(T, model.model, source.features.view, config.refine)
+    return refinement if is_conclusive(refinement, config.odometry) else None

@@ -64,12 +64,12 @@ class Mapper:
         self.keyframes.append(keyframe)
         last = keyframe.number - self._config.odometry.window
         candidates = [a.number for a in alike if a.number < last and a.matches >= _MIN_MATCHES]
-        found = [
+        edges = [
             loop_edge(self.keyframes[number], keyframe, self._glue, self._config)
             for number in candidates[:_MOST_ALIKE]
             if not self._is_linked(number, keyframe.number)
         ]
-        loops = tuple(edge for edge in found if edge is not None)
+        loops = tuple(edge for edge in edges if edge is not None)
         self.edges += loops
         return loops
 
@@ -110,13 +110,13 @@ class Mapper:
         apart = {n: se3.difference(T, T_child) for n, T in poses.items() if n < last}
         near = sorted((n for n in apart if apart[n] < _NEAR), key=apart.__getitem__)
         unlinked = [n for n in near if not self._is_linked(n, child.number)]
-        found = [
+        edges = [
             loop_edge(
                 self.keyframes[n], child, self._glue, self._config, se3.inverse(poses[n]) @ T_child
             )
             for n in unlinked[:_NEAREST]
         ]
-        loops = tuple(edge for edge in found if edge is not None)
+        loops = tuple(edge for edge in edges if edge is not None)
         self.edges += loops
         return loops
 

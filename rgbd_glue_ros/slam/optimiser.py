@@ -100,12 +100,12 @@ def optimise(graph: PoseGraph) -> Optimum:
     initial = _values(gtsam, graph.keyframes.poses)
     doubted = [edge.origin not in TRUSTED for edge in graph.edges]
     if any(doubted):
-        found, weights = _graduated(gtsam, factors, initial, doubted)
+        optimum, weights = _graduated(gtsam, factors, initial, doubted)
     else:
-        found = gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()
+        optimum = gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()
         weights = np.ones(len(graph.edges))
-    poses = np.array([found.atPose3(key).matrix() for key in range(len(graph.keyframes))])
-    errors = np.array([2 * factors.at(1 + i).error(found) for i in range(len(graph.edges))])
+    poses = np.array([optimum.atPose3(key).matrix() for key in range(len(graph.keyframes))])
+    errors = np.array([2 * factors.at(1 + i).error(optimum) for i in range(len(graph.edges))])
     keyframes = Trajectory(graph.keyframes.stamps_ns, poses.reshape(-1, 4, 4))
     return Optimum(replace(graph, keyframes=keyframes), weights, float(weights @ errors))
 
@@ -120,8 +120,8 @@ def _graduated(
     params.setKnownInliers([0, *(i for i, doubt in enumerate(doubted, 1) if not doubt)])
     optimiser = gtsam.GncLMOptimizer(factors, initial, params)
     optimiser.setInlierCostThresholdsAtProbability(INLIER_PROBABILITY)
-    found = optimiser.optimize()
-    return found, np.asarray(optimiser.getWeights(), np.float64)[1:]
+    optimum = optimiser.optimize()
+    return optimum, np.asarray(optimiser.getWeights(), np.float64)[1:]
 
 
 def _values(gtsam: Any, poses: Float64) -> Any:
