@@ -10,6 +10,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.types import Float64
 
 Row = TypeVar("Row")
@@ -29,13 +30,7 @@ def parsed_lines(
     Raises:
         InputError: the file cannot be read, or a line in it is malformed.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", "give a text file") from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, "is no text", "give a text file") from error
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.replace(",", " ").split()
         if not words or line.lstrip().startswith(comment):
             continue

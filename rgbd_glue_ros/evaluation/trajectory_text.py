@@ -17,6 +17,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.text_lines import finite_numbers, parse_pose
+from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 logger = logging.getLogger(__name__)
@@ -53,12 +54,7 @@ def read_lines(path: Path) -> tuple[list[str], list[Line]]:
     Raises:
         InputError: it cannot be read, or is no text.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", "give a text file") from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, "is no text", "give a text file") from error
+    text = read_text(path)
     comments: list[str] = []
     lines: list[Line] = []
     for number, line in enumerate(text.splitlines(), 1):

@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 import yaml
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.input_files import read_text
+from rgbd_glue_ros.input_yaml import document
 from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES
 from rgbd_glue_ros.parameters.method import Config
 from rgbd_glue_ros.parameters.node import NodeConfig
@@ -30,7 +32,7 @@ def parse_assignment(text: str) -> tuple[str, object]:
     if not equals or not name:
         raise InputError(f"--set {text}", "not of the form name=value", "as in --set glue.k=3")
     try:
-        parsed = yaml.safe_load(value)
+        parsed = document(value)
     except yaml.YAMLError as error:
         raise InputError(f"--set {text}", "the value is not YAML", "quote it") from error
     return name, "" if parsed is None else parsed
@@ -62,8 +64,8 @@ def load_yaml(path: Path, base: C) -> C:
         InputError: the file cannot be read, is not such a file, or holds a bad value.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = document(read_text(path))
+    except yaml.YAMLError as error:
         reason = str(error).splitlines()[0]
         raise InputError(path, f"cannot be read ({reason})", "give a YAML file") from error
     try:

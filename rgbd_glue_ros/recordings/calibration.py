@@ -19,6 +19,8 @@ import numpy as np
 import yaml
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.input_files import read_text
+from rgbd_glue_ros.input_yaml import BoundedLoader, documents
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
 from rgbd_glue_ros.messages.fields import CameraInfo, header
 from rgbd_glue_ros.parameters import metres_per_unit
@@ -77,8 +79,8 @@ def read_calibration(path: Path) -> Calibration:
             none that a camera has.
     """
     try:
-        content = _content(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+        content = _content(read_text(path))
+    except (yaml.YAMLError, RecursionError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(path, f"cannot be read ({reason})", "give a YAML or JSON file") from error
     cameras = list(_cameras("", content))
@@ -108,7 +110,7 @@ def _content(text: str) -> Any:
         pass
     # YAML 1.0 as OpenCV writes it begins with a line that YAML 1.1 does not know
     plain = re.sub(r"^%.*$", "", text, flags=re.MULTILINE).expandtabs(4)
-    return next((part for part in yaml.load_all(plain, _Loader) if part is not None), None)
+    return next((part for part in documents(plain, _Loader) if part is not None), None)
 
 
 def _numbers(text: str) -> list[float] | None:
@@ -120,7 +122,7 @@ def _numbers(text: str) -> list[float] | None:
         return None
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(BoundedLoader):
     """Takes OpenCV's matrices for the mappings that they are."""
 
 

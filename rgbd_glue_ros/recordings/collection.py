@@ -7,6 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.recordings.bag.layout import storage_files
 from rgbd_glue_ros.recordings.formats import format_of
 from rgbd_glue_ros.recordings.sens import SUFFIX
@@ -77,8 +78,8 @@ def split(name: str) -> frozenset[str]:
     if name in SPLITS:
         return SPLITS[name]
     try:
-        lines = Path(name).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_text(Path(name)).splitlines()
+    except InputError as error:
         raise InputError(
             name,
             "is neither a split nor a file of names",

@@ -12,6 +12,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.input_files import inside, read_text
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImagePair, ImageSequence
 from rgbd_glue_ros.recordings.sens import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
@@ -68,17 +69,13 @@ def _pair(folder: Path, where: str, line: str) -> ImagePair:
             where, "is not a number and a depth image and the same and colour", "restore the line"
         ) from error
     stamp = stamp_ns(int(number))
-    return ImagePair(stamp, folder / color, stamp, folder / depth)
+    return ImagePair(stamp, inside(folder, color), stamp, inside(folder, depth))
 
 
 def _lines(path: Path) -> list[tuple[str, str]]:
     """Every line with its place."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read ({error})", "restore the file") from error
     return [
         (f"{path}:{number}", line)
-        for number, line in enumerate(lines, 1)
+        for number, line in enumerate(read_text(path).splitlines(), 1)
         if line.strip() and not line.startswith("#")
     ]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.input_files import MAX_IMAGE, read_bytes, read_text
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
@@ -33,6 +36,11 @@ logger = logging.getLogger(__name__)
 
 IMAGE_TYPES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".npy"})
 """Endings of image files, in small letters."""
+
+_NPY_HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """How an image of so many channels becomes RGB; grey stays grey."""
@@ -226,14 +234,24 @@ def read_image(path: Path) -> NDArray[Any]:
     Raises:
         InputError: it is missing, damaged, or no image.
     """
-    try:
-        if path.suffix.lower() == ".npy":
-            return _of_array(np.load(path, allow_pickle=False), path)
-        data = path.read_bytes()
-    except (OSError, EOFError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(path, f"cannot be read ({reason})", "restore the file") from error
+    data = read_bytes(path, MAX_IMAGE)
+    if path.suffix.lower() == ".npy":
+        return _of_array(_array(data, path), path)
     return decode(data, str(path))
+
+
+def _array(data: bytes, path: Path) -> NDArray[Any]:
+    """The array in the bytes of an NPY file; its size is known before memory is taken."""
+    file = BytesIO(data)
+    try:
+        read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
+        shape, is_by_columns, dtype = read_header(file)
+        if dtype.hasobject or min(shape, default=0) < 0:
+            raise ValueError(f"{dtype} {shape}")  # noqa: TRY301 - as what NumPy refuses
+        numbers = np.frombuffer(data, dtype, math.prod(shape), file.tell())
+        return numbers.reshape(shape, order="F" if is_by_columns else "C").copy()
+    except (ValueError, KeyError, EOFError, OverflowError) as error:
+        raise InputError(path, f"holds no array ({error})", "restore the file") from error
 
 
 def _of_array(array: NDArray[Any], path: Path) -> NDArray[Any]:
@@ -277,9 +295,10 @@ def matrix(path: Path, size: int) -> Float64:
     Raises:
         InputError: the file cannot be read, or holds anything else.
     """
+    words = read_text(path).split()
     try:
-        numbers = np.array([float(word) for word in path.read_text(encoding="utf-8").split()])
-    except (OSError, ValueError) as error:
+        numbers = np.array([float(word) for word in words])
+    except ValueError as error:
         raise InputError(path, f"cannot be read ({error})", "restore the file") from error
     if numbers.size != size * size:
         raise InputError(path, f"is no {size}x{size} matrix", "restore the file")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.input_files import MAX_IMAGE, read_bytes
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
@@ -94,7 +95,7 @@ def _camera(folder: Path, depth: Path) -> CameraIntrinsics:
 def _size(path: Path) -> tuple[int, int]:
     """Width and height of an image."""
     try:
-        height, width = decode(path.read_bytes(), str(path)).shape[:2]
+        height, width = decode(read_bytes(path, MAX_IMAGE), str(path)).shape[:2]
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})", "restore the file") from error
     return width, height

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.input_files import open_file
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, reduced, to_rgb
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
@@ -42,6 +44,8 @@ _FRAME = struct.Struct("<16f4Q")
 
 _JPEG_OR_PNG = (1, 2)
 _RAW, _ZLIB = 0, 1
+# zlib makes nothing smaller than by this; a recording of hours has so many frames
+_MOST_DEFLATED, _MOST_FRAMES = 1100, 500_000
 
 
 @dataclass(frozen=True)
@@ -94,12 +98,8 @@ class SensSequence:
             InputError: it is no such file, of another version, or says what cannot be.
         """
         self.path = path
-        try:
-            self._file = os.open(path, os.O_RDONLY)
-        except OSError as error:
-            raise InputError(
-                path, f"cannot be read ({error.strerror})", "restore the file"
-            ) from error
+        with open_file(path) as file:
+            self._file = os.dup(file.fileno())
         try:
             self._header = self._read_header()
             self._places, poses = self._read_index()
@@ -209,23 +209,30 @@ class SensSequence:
         """Where the images of all whole frames are, and their poses T_world_camera [N, 4, 4]."""
         end = os.fstat(self._file).st_size
         places: list[_Place] = []
-        poses: list[Float64] = []
+        poses = array("f")
         position = self._header.size
+        camera = self._header.camera
+        least = 2 * camera.width * camera.height // _MOST_DEFLATED
         while len(places) < self._header.frame_count:
             data = self._bytes(position, _FRAME.size)
             if len(data) < _FRAME.size:
                 break
             *pose, _, _, color_size, depth_size = _FRAME.unpack(data)
+            if color_size == 0 or depth_size < least:
+                # a file of zeros has a frame without images in every hundred bytes
+                break
             color = position + _FRAME.size
             depth = color + color_size
             position = depth + depth_size
             if position > end:
                 break
+            if len(places) == _MOST_FRAMES:
+                raise self._unusable(f"holds more than {_MOST_FRAMES} frames", "cut it")
             places.append(_Place(color, color_size, depth, depth_size))
-            poses.append(np.array(pose, np.float64).reshape(4, 4))
+            poses.extend(pose)
         if not places:
             raise self._unusable("holds no whole frame", "download it again")
-        return places, np.array(poses)
+        return places, np.array(poses, np.float64).reshape(-1, 4, 4)
 
     def _frame(self, index: int) -> RgbdFrame:
         where = f"{self.path}, frame {index}"

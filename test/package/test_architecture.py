@@ -36,6 +36,8 @@ ROOT_MODULES = {
     "compiled",
     "errors",
     "input_checks",
+    "input_files",
+    "input_yaml",
     "stopwatch",
     "types",
     "whole_files",

@@ -230,7 +230,7 @@ def test_a_file_that_is_missing_or_no_text_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"params\.yaml: cannot be read"):
         load_yaml(path, Config())
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"params\.yaml: cannot be read"):
+    with pytest.raises(InputError, match=r"params\.yaml: is no text"):
         load_yaml(path, Config())
 
 

@@ -248,6 +248,10 @@ def special(kind: bytes, target: str = "") -> tarfile.TarInfo:
     return member
 
 
+def long_name(length: int) -> tarfile.TarInfo:
+    return tarfile.TarInfo("/".join(["a" * 99] * (length // 100)))
+
+
 def zip_of(members: dict[str, bytes], mode: int = 0) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as zipped:
@@ -294,6 +298,13 @@ HOSTILE = {
     "bomb.zip": zip_of({"bomb": bytes(2**25)}),
     "inner_bomb.zip": zip_of({"inner.zip": zip_of({"bomb": bytes(2**25)})}),
     "inner_above.zip": zip_of({"a/inner.zip": zip_of({"../../above.txt": b"x"})}),
+    "many_inner_bombs.zip": zip_of(
+        {f"{i}.zip": zip_of({f"bomb{i}": bytes(2**22)}) for i in range(8)}
+    ),
+    "many_folders.zip": zip_of({f"{i}/" + "a/" * 30_000: b"" for i in range(34)}),
+    "long_name.tgz": tar_of((long_name(2**21), b"x")),
+    "name_too_long.zip": zip_of({"a" * 300: b"x"}),
+    "zero.zip": zip_of({"a": b"x"}).replace(b"a", b"\0"),
     "no_zip.zip": b"nonsense",
     "no_tar.tgz": b"nonsense",
     "page.tgz": b"<html>please log in</html>",

@@ -20,6 +20,8 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.input_files import read_text
+from rgbd_glue_ros.input_yaml import document
 from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.recordings.bag.layout import (
     MCAP_MAGIC,
@@ -199,9 +201,9 @@ def _say_what_is_missing(path: Path, files: list[Path]) -> None:
     if not (path / METADATA).is_file():
         return
     try:
-        content = yaml.safe_load((path / METADATA).read_text(encoding="utf-8"))
+        content = document(read_text(path / METADATA))
         named = content["rosbag2_bagfile_information"]["relative_file_paths"]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+    except (InputError, yaml.YAMLError, KeyError, TypeError):
         return
     missing = {Path(str(name)).name for name in named} - {file.name for file in files}
     # as many files under other names are the same, renamed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import lzma
 import shutil
@@ -12,24 +13,28 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
-from typing import IO
+from typing import IO, Any
 
 from rgbd_glue_ros.errors import InputError
 
 MAX_RATIO = 10
 """Bytes out for a byte in; images are compressed already, and hardly shrink."""
 
-MAX_FILES = 1_000_000
+MAX_ENTRIES = 1_000_000
+"""Files and folders, of the archive and of all archives in it together."""
 
 # whatever its ratio, so much does no harm
 _SMALL = 2**24
 _BLOCK = 2**20
+# what tar may say of a file before its content, such as a long name
+_MAX_HEADERS = 2**20
 _REMEDY = "do not trust it, or download it again"
 
 # What readers raise on nonsense; InputError is a ValueError, but raised on purpose.
 _DAMAGE = (
     *(tarfile.TarError, gzip.BadGzipFile, zipfile.BadZipFile, zlib.error, lzma.LZMAError),
-    *(EOFError, RuntimeError, NotImplementedError, struct.error, UnicodeError),
+    *(EOFError, RuntimeError, NotImplementedError, struct.error, ValueError),
+    *(LookupError, OverflowError, MemoryError),
 )
 
 
@@ -46,69 +51,128 @@ def unpack(archive: Path, folder: Path, on_bytes: Callable[[int], None] = lambda
 
     Raises:
         InputError: the archive is damaged, holds anything but files and folders, names a place
-            outside the folder or one twice, or unpacks to more than ``MAX_RATIO`` times its size.
+            outside the folder or one twice, or unpacks, with all archives in it, to more than
+            ``MAX_RATIO`` times its size or to more than ``MAX_ENTRIES`` files and folders.
     """
     folder.mkdir(parents=True)
-    _unpack(archive, folder, on_bytes)
+    budget = _Budget(archive)
+    _unpack(archive, folder, budget, on_bytes)
     for inner in sorted(folder.rglob("*.zip")):
-        _unpack(inner, inner.parent, on_bytes)
+        _unpack(inner, inner.parent, budget, on_bytes)
         inner.unlink()
 
 
-def _unpack(archive: Path, folder: Path, on_bytes: Callable[[int], None]) -> None:
-    limit = MAX_RATIO * archive.stat().st_size + _SMALL
-    written = files = 0
+class _Budget:
+    """What an archive and all archives in it may still become, counted before it is written."""
+
+    def __init__(self, archive: Path) -> None:
+        self._archive = archive
+        self._bytes = MAX_RATIO * archive.stat().st_size + _SMALL
+        self._entries = MAX_ENTRIES
+
+    def take(self, size: int) -> None:
+        """Takes so many bytes."""
+        self._bytes -= size
+        self._check()
+
+    def take_entry(self, name: str) -> None:
+        """Takes a file or folder, whose name may be long and have folders of its own."""
+        self._entries -= 1 + name.count("/")
+        self._bytes -= len(name)
+        self._check()
+
+    def _check(self) -> None:
+        if self._bytes < 0 or self._entries < 0:
+            raise InputError(
+                self._archive,
+                f"unpacks to more than {MAX_RATIO} times its size, or to more than "
+                f"{MAX_ENTRIES} files and folders",
+                _REMEDY,
+            )
+
+
+def _unpack(archive: Path, folder: Path, budget: _Budget, on_bytes: Callable[[int], None]) -> None:
     members = _zip_members if archive.suffix == ".zip" else _tar_members
     try:
-        for name, content in members(archive):
+        for name, content in members(archive, budget):
+            budget.take_entry(name)
             target = folder / _inside(archive, name)
             if content is None:
                 target.mkdir(parents=True, exist_ok=True)
                 continue
-            files += 1
             target.parent.mkdir(parents=True, exist_ok=True)
             with content, target.open("xb") as file:
                 while block := content.read(_BLOCK):
-                    written += len(block)
-                    if written > limit or files > MAX_FILES:
-                        raise InputError(
-                            archive,
-                            f"unpacks to more than {MAX_RATIO} times its size, or to more than "
-                            f"{MAX_FILES} files",
-                            _REMEDY,
-                        )
+                    budget.take(len(block))
                     file.write(block)
                     on_bytes(len(block))
+    except InputError:
+        raise
     except (FileExistsError, IsADirectoryError, NotADirectoryError) as error:
         raise InputError(archive, f"holds {error.filename} twice", _REMEDY) from error
     except _DAMAGE as error:
         raise InputError(archive, f"is damaged ({error})", _REMEDY) from error
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        raise InputError(archive, "holds a name that is too long", _REMEDY) from error
 
 
 def _inside(archive: Path, name: str) -> PurePosixPath:
     path = PurePosixPath(name)
-    if path.is_absolute() or ".." in path.parts or "\\" in name:
+    if path.is_absolute() or ".." in path.parts or {*name} & {"\\", "\0"}:
         raise InputError(archive, f"holds {name!r}, a place outside its folder", _REMEDY)
     return path
 
 
-def _tar_members(archive: Path) -> Iterator[tuple[str, IO[bytes] | None]]:
+class _TarStream:
+    """A tar as it comes out of gzip: all of it is within the budget, and so are its headers."""
+
+    def __init__(self, stream: gzip.GzipFile, budget: _Budget) -> None:
+        self._stream = stream
+        self._budget = budget
+        self._headers: int | None = _MAX_HEADERS
+
+    def begin_headers(self) -> None:
+        """What comes now is kept in memory until it is whole."""
+        self._headers = _MAX_HEADERS
+
+    def begin_content(self) -> None:
+        """What comes now is written on."""
+        self._headers = None
+
+    def read(self, size: int) -> bytes:
+        data = self._stream.read(size)
+        if self._headers is not None:
+            self._budget.take(len(data))
+            self._headers -= len(data)
+            if self._headers < 0:
+                raise tarfile.ReadError(f"a header of more than {_MAX_HEADERS} bytes")
+        return data
+
+
+def _tar_members(archive: Path, budget: _Budget) -> Iterator[tuple[str, IO[bytes] | None]]:
     """Name and content of every member; no content for a folder."""
     with gzip.open(archive) as stream:
-        with tarfile.open(fileobj=stream, mode="r|") as tar:
-            for member in tar:
+        bounded: Any = _TarStream(stream, budget)
+        with tarfile.open(fileobj=bounded, mode="r|") as tar:
+            while (member := tar.next()) is not None:
+                # tarfile keeps what it has met
+                tar.members.clear()  # type: ignore[attr-defined]
+                bounded.begin_content()
                 if member.isdir():
                     yield member.name, None
                 elif member.isreg():
                     yield member.name, tar.extractfile(member)
                 else:
                     raise InputError(archive, f"holds {member.name!r}, no file or folder", _REMEDY)
+                bounded.begin_headers()
         # gzip's checksum comes after what tar has a use for
         if len(stream.read(_SMALL)) == _SMALL:
             raise InputError(archive, "goes on after its end", _REMEDY)
 
 
-def _zip_members(archive: Path) -> Iterator[tuple[str, IO[bytes] | None]]:
+def _zip_members(archive: Path, _: _Budget) -> Iterator[tuple[str, IO[bytes] | None]]:
     """Name and content of every member; no content for a folder."""
     with zipfile.ZipFile(archive) as zipped:
         for member in zipped.infolist():

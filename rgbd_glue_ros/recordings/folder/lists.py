@@ -12,6 +12,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S, associate
 from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
+from rgbd_glue_ros.input_files import inside
 from rgbd_glue_ros.recordings.image_sequence import ImagePair
 from rgbd_glue_ros.types import NANOSECONDS, Int64
 
@@ -82,7 +83,9 @@ def read_list(path: Path) -> ListedImages:
     """
     rows = _rows(path, 2)
     stamps = stamps_ns([stamp for stamp, _ in rows])
-    return ListedImages(np.array(stamps, np.int64), tuple(path.parent / name for _, name in rows))
+    return ListedImages(
+        np.array(stamps, np.int64), tuple(inside(path.parent, name) for _, name in rows)
+    )
 
 
 def read_association(path: Path) -> tuple[ImagePair, ...]:
@@ -111,7 +114,7 @@ def read_association(path: Path) -> tuple[ImagePair, ...]:
         for texts in times
     )
     frames = [
-        ImagePair(c, path.parent / row[color + 1], d, path.parent / row[depth + 1])
+        ImagePair(c, inside(path.parent, row[color + 1]), d, inside(path.parent, row[depth + 1]))
         for c, d, row in zip(color_ns, depth_ns, rows, strict=True)
     ]
     return tuple(sorted(frames, key=lambda pair: pair.stamp_ns))

@@ -1,0 +1,90 @@
+"""The files that input names: regular ones alone, opened without waiting, and never without end.
+
+A list in a downloaded folder may name ``/dev/zero``, a pipe or somebody's private file.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from rgbd_glue_ros.errors import InputError
+
+MAX_TEXT = 2**28
+"""Bytes of a text: a pose for every frame of a month."""
+
+MAX_IMAGE = 2**28
+"""Bytes of an image file: twice the largest that is decoded, in colour and not compressed."""
+
+
+def open_file(path: Path) -> BinaryIO:
+    """Opens a regular file to read from.
+
+    Raises:
+        InputError: it is none, or cannot be read.
+    """
+    descriptor = -1
+    try:
+        # else opening a pipe would wait for its writer
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise InputError(path, "is no regular file", "give a file")
+        return os.fdopen(descriptor, "rb")
+    except (OSError, ValueError) as error:
+        if descriptor >= 0:
+            os.close(descriptor)
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(path, f"cannot be read ({reason})", "restore the file") from error
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """All of a file that holds no more than ``most`` bytes.
+
+    Raises:
+        InputError: it holds more, is no regular file, or cannot be read.
+    """
+    with open_file(path) as file:
+        try:
+            size = os.fstat(file.fileno()).st_size
+            data = file.read(most + 1) if size <= most else b""
+        except OSError as error:
+            raise InputError(
+                path, f"cannot be read ({error.strerror})", "restore the file"
+            ) from error
+    # it may have grown since
+    if max(size, len(data)) > most:
+        raise InputError(path, f"holds more than {most} bytes", "give the file that is meant")
+    return data
+
+
+def read_text(path: Path, most: int = MAX_TEXT) -> str:
+    """All of a text file in UTF-8, with or without its mark.
+
+    Raises:
+        InputError: it is no text, or as of ``read_bytes``.
+    """
+    try:
+        return read_bytes(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(path, "is no text", "give a text file") from error
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The place that a file in a folder names, in the folder.
+
+    Links are followed: who wants files from elsewhere puts a link to them into the folder.
+
+    Raises:
+        InputError: the place is outside.
+    """
+    root = os.path.abspath(folder)  # noqa: PTH100 - a path without its dots, links untouched
+    place = os.path.abspath(os.path.join(root, name))  # noqa: PTH100, PTH118
+    if "\0" in name or os.path.commonpath([root, place]) != root:
+        raise InputError(
+            folder, f"names {name!r}, which is outside of it", "put a link to it into the folder"
+        )
+    return folder / os.path.relpath(place, root)

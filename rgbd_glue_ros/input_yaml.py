@@ -1,0 +1,71 @@
+"""YAML of whatever origin: a file of a kilobyte that stands for a billion values is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+
+MAX_TEXT = 2**20
+"""Bytes of a YAML file; a calibration has a thousand."""
+
+_MAX_DEPTH = 64
+_MAX_NODES = 100_000
+
+
+class BoundedLoader(yaml.SafeLoader):
+    """Counts what an alias repeats as if it were written out, and how deep values are nested."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+        self._nodes = 0
+        self._sizes: dict[str, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """As PyYAML does it, within limits."""
+        event: yaml.NodeEvent = self.peek_event()  # type: ignore[no-untyped-call]
+        is_alias = isinstance(event, yaml.AliasEvent)
+        if is_alias:
+            # an alias inside of what it names has no size yet, and no end
+            self._nodes += self._sizes.get(event.anchor or "", _MAX_NODES)
+        before = self._nodes
+        self._nodes += 1
+        self._depth += 1
+        if self._depth > _MAX_DEPTH or self._nodes > _MAX_NODES:
+            raise yaml.YAMLError(
+                f"more than {_MAX_NODES} values, or nested in more than {_MAX_DEPTH}"
+            )
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if event.anchor is not None and not is_alias:
+            self._sizes[event.anchor] = self._nodes - before
+        return node
+
+
+def documents(text: str, loader: type[BoundedLoader] = BoundedLoader) -> Iterator[Any]:
+    """The values of every document in a text.
+
+    Raises:
+        yaml.YAMLError: it is no YAML, or beyond the limits.
+    """
+    if len(text) > MAX_TEXT:
+        raise yaml.YAMLError(f"more than {MAX_TEXT} characters")
+    try:
+        yield from yaml.load_all(text, loader)
+    except (ValueError, OverflowError, RecursionError, AttributeError) as error:
+        # what PyYAML lets through: dates that are none, numbers of a million digits
+        raise yaml.YAMLError(f"a value that is none ({error})") from error
+
+
+def document(text: str) -> Any:
+    """The values of a text of one document; None if it is empty.
+
+    Raises:
+        yaml.YAMLError: it is no YAML, holds several, or is beyond the limits.
+    """
+    found = list(documents(text))
+    if len(found) > 1:
+        raise yaml.YAMLError(f"{len(found)} documents where one belongs")
+    return found[0] if found else None

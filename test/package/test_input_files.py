@@ -1,0 +1,163 @@
+"""Files that input names may be anything: none of them is waited for, and none is read for ever."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.input_files import inside, open_file, read_bytes
+from rgbd_glue_ros.input_yaml import document
+from rgbd_glue_ros.parameters import Config, load_yaml
+from rgbd_glue_ros.recordings import load_calibration, open_recording
+from rgbd_glue_ros.recordings.image_sequence import read_image
+from rgbd_glue_ros.recordings.sens import SensSequence
+
+
+def pipe(folder: Path) -> Path:
+    os.mkfifo(folder / "pipe")
+    return folder / "pipe"
+
+
+def link_to_zeros(folder: Path) -> Path:
+    (folder / "zeros.png").symlink_to("/dev/zero")
+    return folder / "zeros.png"
+
+
+PLACES: dict[str, Callable[[Path], Path]] = {
+    "a pipe that nobody writes to": pipe,
+    "a device that never ends": lambda _: Path("/dev/zero"),
+    "a link to one": link_to_zeros,
+    "a folder": lambda folder: folder,
+    "a name with a zero in it": lambda folder: folder / "a\0b",
+    "nothing": lambda folder: folder / "nothing",
+}
+READERS: dict[str, Callable[[Path], object]] = {
+    "trajectory": read_tum,
+    "calibration": load_calibration,
+    "parameters": lambda path: load_yaml(path, Config()),
+    "image": read_image,
+    "sensor stream": SensSequence,
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("reader", READERS)
+def test_what_is_no_regular_file_is_refused_at_once(
+    reader: str, place: str, tmp_path: Path
+) -> None:
+    path = PLACES[place](tmp_path)
+    with pytest.raises(InputError, match=r"is no regular file|cannot be read"):
+        READERS[reader](path)
+
+
+def test_a_file_larger_than_it_may_be_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "sparse"
+    with path.open("wb") as file:
+        file.truncate(2**40)
+    with pytest.raises(InputError, match="more than 1000 bytes"):
+        read_bytes(path, 1000)
+    with pytest.raises(InputError, match="more than 268435456 bytes"):
+        read_tum(path)
+
+
+@pytest.mark.parametrize(
+    "name", ["/etc/passwd", "../../etc/passwd", "rgb/../../x.png", "..", "a\0b"]
+)
+def test_a_list_names_nothing_outside_of_its_folder(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="outside of it"):
+        inside(tmp_path, name)
+
+
+def test_a_link_leads_out_of_a_folder_and_dots_within_it_do_not(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "0.png").write_bytes(b"image")
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "rgb").symlink_to("../elsewhere")
+    for name in ("rgb/0.png", "depth/../rgb/0.png", str(folder / "rgb/0.png")):
+        assert read_bytes(inside(folder, name), 10) == b"image"
+
+
+def test_a_recording_that_lists_a_device_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "rgb.txt").write_text("1.0 /dev/zero.png\n")
+    (tmp_path / "depth.txt").write_text("1.0 depth/0.png\n")
+    with pytest.raises(InputError, match=r"/dev/zero\.png"):
+        open_recording(tmp_path)
+
+
+BOMBS = {
+    "aliases of aliases": "a0: &a0 [x, x]\n"
+    + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 30)),
+    "merged mappings": "a0: &a0 {x: 1}\n"
+    + "".join(f"a{i}: &a{i} {{<<: [*a{i - 1}, *a{i - 1}]}}\n" for i in range(1, 30)),
+    "an alias in itself": "a: &a [*a]",
+    "deep lists": "[" * 100_000,
+    "deep mappings": "{a: " * 100_000,
+    "a number of a million digits": f"a: {'9' * 900_000}",
+    "a date that is none": "a: 2001-99-99",
+    "two million characters": "a" * 2_000_000,
+}
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+def test_yaml_that_stands_for_more_than_it_holds_is_refused(bomb: str, tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(BOMBS[bomb])
+    with pytest.raises(yaml.YAMLError):
+        document(BOMBS[bomb])
+    with pytest.raises(InputError):
+        load_calibration(path)
+
+
+def test_aliases_of_a_few_values_are_read() -> None:
+    assert document("a: &a [1, 2]\nb: *a\nc: {d: *a}") == {
+        "a": [1, 2],
+        "b": [1, 2],
+        "c": {"d": [1, 2]},
+    }
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "{'descr': '<u2', 'fortran_order': False, 'shape': (1000000, 1000000), }",
+        "{'descr': '|O', 'fortran_order': False, 'shape': (1, 1), }",
+        "{'descr': '<u2', 'fortran_order': False, 'shape': (-1, 4), }",
+    ],
+)
+def test_an_array_that_claims_more_than_its_file_holds_is_refused(
+    header: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "depth.npy"
+    path.write_bytes(b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header.encode() + bytes(8))
+    with pytest.raises(InputError, match="holds no array"):
+        read_image(path)
+
+
+def test_a_sensor_stream_of_zeros_has_no_frames(tmp_path: Path) -> None:
+    head = struct.pack("<IQ", 4, 0)
+    numbers = [0.0] * 32 + [500, 0, 320, 0, 0, 500, 240, 0, 0, 0, 1, 0, 0, 0, 0, 1] + [0.0] * 16
+    head += struct.pack("<64f2i4IfQ", *numbers, 2, 1, 640, 480, 640, 480, 1000.0, 2**60)
+    path = tmp_path / "zeros.sens"
+    with path.open("wb") as file:
+        file.write(head)
+        file.truncate(2**34)
+    with pytest.raises(InputError, match="holds no whole frame"):
+        SensSequence(path)
+
+
+def test_a_file_that_is_read_is_closed(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"x")
+    before = len(os.listdir("/proc/self/fd"))  # noqa: PTH208 - descriptors are no files
+    for _ in range(3):
+        with pytest.raises(InputError):
+            open_file(tmp_path)
+        read_bytes(tmp_path / "file", 1)
+    assert len(os.listdir("/proc/self/fd")) == before  # noqa: PTH208
