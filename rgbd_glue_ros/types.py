@@ -66,7 +66,7 @@ class CameraIntrinsics:
         Raises:
             InputError: a size, a focal length or a centre is none.
         """
-        check_intrinsics(self)
+        check_intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
     @property
     def matrix(self) -> Float64:
@@ -119,7 +119,8 @@ class RgbdFrame:
         Raises:
             InputError: they are of another type, shape or unit.
         """
-        check_frame(self)
+        camera = self.intrinsics
+        check_frame(self.stamp_ns, self.color, self.depth, camera.width, camera.height)
 
 
 @dataclass(frozen=True)
