@@ -249,9 +249,10 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
         if dtype.hasobject or min(shape, default=0) < 0:
             raise ValueError(f"{dtype} {shape}")  # noqa: TRY301 - as what NumPy refuses
         numbers = np.frombuffer(data, dtype, math.prod(shape), file.tell())
-        return numbers.reshape(shape, order="F" if is_by_columns else "C").copy()
+        array: NDArray[Any] = numbers.reshape(shape, order="F" if is_by_columns else "C").copy()
     except (ValueError, KeyError, EOFError, OverflowError) as error:
         raise InputError(path, f"holds no array ({error})", "restore the file") from error
+    return array
 
 
 def _of_array(array: NDArray[Any], path: Path) -> NDArray[Any]:
