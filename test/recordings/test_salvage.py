@@ -12,8 +12,9 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings.bag.file import BagFile
+from rgbd_glue_ros.recordings.bag.message import DamagedError
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
-from rgbd_glue_ros.recordings.bag.salvage import DamagedError, salvage
+from rgbd_glue_ros.recordings.bag.salvage import salvage
 from rgbd_glue_ros.types import RgbdFrame
 
 FRAMES = make_frames(120)

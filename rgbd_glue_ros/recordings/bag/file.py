@@ -1,6 +1,6 @@
 """A bag as topics and messages in order, whatever its format and state.
 
-Whole ones are read through rosbags, damaged ones by ``damaged``.
+Whole ones are read through rosbags, damaged ones by ``salvage``.
 """
 
 from __future__ import annotations
@@ -8,15 +8,18 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from heapq import merge
+from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import yaml
-from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
-from rosbags.serde import SerdeError
+from rosbags.rosbag1 import Reader as Rosbag1Reader
+from rosbags.rosbag2 import Reader as Rosbag2Reader
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
@@ -27,14 +30,20 @@ from rgbd_glue_ros.recordings.bag.layout import (
     MCAP_MAGIC,
     METADATA,
     SIGNATURE,
+    SQLITE_MAGIC,
     first_bytes,
     has_log,
     is_ros1,
     storage_files,
 )
-from rgbd_glue_ros.recordings.bag.salvage import DamagedError, RecordedMessage, salvage
+from rgbd_glue_ros.recordings.bag.message import DamagedError, RecordedMessage
+from rgbd_glue_ros.recordings.bag.salvage import salvage
+from rgbd_glue_ros.recordings.bag.sqlite import check_sqlite
+from rgbd_glue_ros.recordings.bag.unpacking import PlainFiles, unpacked_message
 
 logger = logging.getLogger(__name__)
+
+_Reader = Rosbag1Reader | Rosbag2Reader
 
 
 @dataclass(frozen=True)
@@ -72,42 +81,50 @@ class BagFile:
         """
         self.path = path
         self.damage: str | None = None
-        self._reader: AnyReader | None = None
+        self._readers: list[_Reader] = []
         if not path.exists():
             raise InputError(path, "does not exist", "give a bag")
         self._files = storage_files(path)
         if not self._files:
             raise InputError(path, "is no bag", f"looked for {SIGNATURE}")
         _say_what_is_missing(path, self._files)
-        self.is_ros1 = is_ros1(self._files[0])
+        self._plain_files = PlainFiles()
+        self._plain = self._unpacked()
+        self.is_ros1 = any(is_ros1(plain) for _, plain in self._plain[:1])
         self._typestore = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_JAZZY)
         try:
-            reader = self._open_with_index()
+            self._open_with_index()
+            self.topics = _indexed_topics([c for r in self._readers for c in r.connections])
         except Exception as error:  # noqa: BLE001 (a damaged file makes it raise almost anything)
             logger.debug("%s: read without its index (%r)", path, error)
+            self._close_readers()
             self.topics = self._scan()
-        else:
-            self._reader = reader
-            self.topics = _indexed_topics(reader.connections)
         if not self.topics:
             self.close()
             raise InputError(
                 path, f"holds no message: {self.damage or 'it is empty'}", "record anew"
             )
 
-    def _open_with_index(self) -> AnyReader:
-        """A reader of the whole file; raises almost anything where there is no such index."""
-        first = self._files[0]
-        if any(has_log(file) for file in self._files):
+    def _unpacked(self) -> list[tuple[Path, Path]]:
+        """Each file with its plain form; without those that cannot be unpacked."""
+        found = []
+        for file in self._files:
+            with self._noting_damage(file):
+                found.append((file, self._plain_files.of(file)))
+        return found
+
+    def _open_with_index(self) -> None:
+        """Opens readers of the whole files; raises almost anything where there is no such index."""
+        if any(has_log(plain) for _, plain in self._plain):
             raise DamagedError("its recorder did not finish it")
-        if self.is_ros1 and first_bytes(first).startswith(MCAP_MAGIC):
+        if self.is_ros1 and first_bytes(self._plain[0][1]).startswith(MCAP_MAGIC):
             raise DamagedError("no reader takes the messages of ROS 1 in MCAP")
-        reader = AnyReader(
-            [self.path] if (self.path / METADATA).is_file() else self._files,
-            default_typestore=self._typestore,
-        )
-        reader.open()
-        return reader
+        for _, plain in self._plain:
+            if first_bytes(plain).startswith(SQLITE_MAGIC):
+                check_sqlite(plain)
+            reader = Rosbag1Reader(plain) if self.is_ros1 else Rosbag2Reader(plain)
+            reader.open()
+            self._readers.append(reader)
 
     def encoding(self, topic: str) -> str:
         """What the first image of a topic says of its encoding; "" if it is no image."""
@@ -123,7 +140,7 @@ class BagFile:
         Those of a damaged file are in the order in which they were written; they end where the
         damage begins, and ``damage`` says what it is.
         """
-        messages = self._salvaged() if self._reader is None else self._indexed(self._reader, topics)
+        messages = self._indexed(topics) if self._readers else self._salvaged()
         return (message for message in messages if not topics or message.topic in topics)
 
     def deserialize(self, message: RecordedMessage) -> Any:
@@ -133,13 +150,12 @@ class BagFile:
             InputError: its bytes are not of its type.
         """
         try:
-            if self._reader is not None:
-                fields: Any = self._reader.deserialize(message.data, message.type)
-            elif self.is_ros1:
-                fields = self._typestore.deserialize_ros1(message.data, message.type)
+            # by the standard's definitions: those in the bag may be damaged as all of it
+            if self.is_ros1:
+                fields: Any = self._typestore.deserialize_ros1(message.data, message.type)
             else:
                 fields = self._typestore.deserialize_cdr(message.data, message.type)
-        except (AnyReaderError, SerdeError, AssertionError, KeyError) as error:
+        except Exception as error:
             raise InputError(
                 message.topic, f"a message is no {message.type} ({error})", "check the recording"
             ) from error
@@ -149,9 +165,12 @@ class BagFile:
 
     def close(self) -> None:
         """Releases the files."""
-        if self._reader is not None:
-            self._reader.close()
-            self._reader = None
+        self._close_readers()
+        self._plain_files.close()
+
+    def _close_readers(self) -> None:
+        while self._readers:
+            self._readers.pop().close()
 
     def __enter__(self) -> BagFile:
         return self
@@ -164,13 +183,14 @@ class BagFile:
     ) -> None:
         self.close()
 
-    def _indexed(self, reader: AnyReader, topics: Collection[str]) -> Iterator[RecordedMessage]:
-        chosen = [c for c in reader.connections if not topics or c.topic in topics]
+    def _indexed(self, topics: Collection[str]) -> Iterator[RecordedMessage]:
         given = set()
         try:
-            for connection, stamp_ns, data in reader.messages(chosen):
+            for connection, stamp_ns, data in merge(*self._parts(topics), key=itemgetter(1)):
                 given.add((connection.topic, stamp_ns))
-                yield RecordedMessage(connection.topic, connection.msgtype, stamp_ns, data)
+                yield RecordedMessage(
+                    connection.topic, connection.msgtype, stamp_ns, unpacked_message(data)
+                )
         except Exception as error:  # noqa: BLE001 (as on opening)
             # damage between the indexed parts, or merely a file without chunks out of order
             logger.debug("%s: read on without its index (%r)", self.path, error)
@@ -178,13 +198,21 @@ class BagFile:
                 if (message.topic, message.stamp_ns) not in given:
                     yield message
 
-    def _salvaged(self) -> Iterator[RecordedMessage]:
-        for file in self._files:
-            yield from self._noting_damage(file)
+    def _parts(self, topics: Collection[str]) -> Iterator[Iterator[tuple[Connection, int, bytes]]]:
+        for reader in self._readers:
+            chosen = [c for c in reader.connections if not topics or c.topic in topics]
+            if chosen:
+                yield reader.messages(chosen)
 
-    def _noting_damage(self, file: Path) -> Iterator[RecordedMessage]:
+    def _salvaged(self) -> Iterator[RecordedMessage]:
+        for file, plain in self._plain:
+            with self._noting_damage(file):
+                yield from salvage(plain)
+
+    @contextmanager
+    def _noting_damage(self, file: Path) -> Iterator[None]:
         try:
-            yield from salvage(file)
+            yield
         except DamagedError as error:
             self.damage = str(error) if file == self.path else f"{file.name}: {error}"
 

@@ -6,51 +6,33 @@ it goes. There is one for each kind of file: MCAP, SQLite and ROS 1 (version 2.0
 
 from __future__ import annotations
 
-import bz2
+import os
 import sqlite3
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import IO
 
-import lz4.frame  # type: ignore[import-untyped]
 from backports import zstd
 
 from rgbd_glue_ros.recordings.bag.layout import (
     MCAP_MAGIC,
     ROS1_MAGIC,
     SQLITE_MAGIC,
-    ZSTD_MAGIC,
-    has_log,
+    first_bytes,
+)
+from rgbd_glue_ros.recordings.bag.message import DamagedError, RecordedMessage
+from rgbd_glue_ros.recordings.bag.sqlite import salvage_sqlite
+from rgbd_glue_ros.recordings.bag.unpacking import (
+    MAX_CHUNK,
+    PlainFiles,
+    unpacked,
+    unpacked_message,
 )
 from rgbd_glue_ros.types import NANOSECONDS
-
-_BLOCK = 2**20
-
-
-class DamagedError(Exception):
-    """How a file stops making sense."""
-
-
-@dataclass(frozen=True)
-class RecordedMessage:
-    """A message as it is in a bag.
-
-    Attributes:
-        topic: its name.
-        type: as ``sensor_msgs/msg/Image``, in ROS 1 bags too.
-        stamp_ns: time of recording, nanoseconds.
-        data: serialised: CDR, in a ROS 1 bag that of ROS 1.
-    """
-
-    topic: str
-    type: str
-    stamp_ns: int
-    data: bytes
 
 
 def salvage(path: Path) -> Iterator[RecordedMessage]:
@@ -59,37 +41,31 @@ def salvage(path: Path) -> Iterator[RecordedMessage]:
     Raises:
         DamagedError: after the last message that can be read, unless the file is whole.
     """
-    with path.open("rb") as file:
-        magic = file.read(len(SQLITE_MAGIC))
-    if magic.startswith(ZSTD_MAGIC):
-        with TemporaryDirectory() as folder:
-            plain = Path(folder) / path.stem
-            _decompress(path, plain)
-            yield from salvage(plain)
-        return
-    for start, read in _READERS.items():
-        if magic.startswith(start):
-            for message in _noticing_damage(read(path)):
-                yield replace(message, data=_plain(message.data))
-            return
+    with closing(PlainFiles()) as plain_files:
+        plain = plain_files.of(path)
+        magic = first_bytes(plain)
+        for start, read in _READERS.items():
+            if magic.startswith(start):
+                for message in _noticing_damage(read(plain)):
+                    yield replace(message, data=unpacked_message(message.data))
+                return
     raise DamagedError("it does not begin like a bag")
 
 
-def _decompress(path: Path, plain: Path) -> None:
-    """As much as can be decompressed; where the rest is missing, the reader will notice."""
-    with zstd.open(path, "rb") as source, plain.open("wb") as target:
-        try:
-            while block := source.read(_BLOCK):
-                target.write(block)
-        except (EOFError, zstd.ZstdError):
-            pass
-
-
 def _exactly(file: IO[bytes], size: int) -> bytes:
+    if size > MAX_CHUNK:
+        raise DamagedError(f"a part of it has {size} bytes")
     data = file.read(size)
     if len(data) < size:
         raise DamagedError("it is cut off")
     return data
+
+
+def _skip(file: IO[bytes], size: int) -> None:
+    here = file.tell()
+    if size > file.seek(0, os.SEEK_END) - here:
+        raise DamagedError("it is cut off")
+    file.seek(here + size)
 
 
 # MCAP: records of an opcode (1 byte), a length (8) and so much content
@@ -97,6 +73,7 @@ _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _MCAP_RECORD = struct.Struct("<BQ")
 _MCAP_MESSAGE = struct.Struct("<HIQQ")
 _MCAP_CHUNK = struct.Struct("<QQQI")
+_MCAP_SIZE = struct.Struct("<16xQ")
 
 
 class _Mcap:
@@ -106,7 +83,7 @@ class _Mcap:
         self._types: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}
 
-    def messages(self, file: IO[bytes]) -> Iterator[RecordedMessage]:
+    def messages(self, file: IO[bytes], *, is_chunk: bool = False) -> Iterator[RecordedMessage]:
         """The messages until the end of the data, or of the chunk that ``file`` is."""
         while head := file.read(_MCAP_RECORD.size):
             if len(head) < _MCAP_RECORD.size:
@@ -115,7 +92,12 @@ class _Mcap:
             if kind == _DATA_END:
                 return
             if kind == _CHUNK:
+                if is_chunk:
+                    raise DamagedError("a chunk is inside of another")
                 yield from self._chunk(file, size)
+                continue
+            if kind not in (_SCHEMA, _CHANNEL, _MESSAGE):
+                _skip(file, size)
                 continue
             record = _exactly(file, size)
             if kind == _SCHEMA:
@@ -134,7 +116,9 @@ class _Mcap:
         chunk = file.read(size)
         compression = _text(chunk, _MCAP_CHUNK.size)
         start = _MCAP_CHUNK.size + 4 + len(compression) + 8
-        yield from self.messages(BytesIO(_DECOMPRESS[compression](chunk[start:])))
+        (declared,) = _MCAP_SIZE.unpack_from(chunk)
+        plain = unpacked(chunk[start:], compression, declared)
+        yield from self.messages(BytesIO(plain), is_chunk=True)
         if len(chunk) < size:
             raise DamagedError("it is cut off")
 
@@ -170,7 +154,7 @@ class _Ros1:
         self.is_indexed = False
         self._connections: dict[bytes, tuple[str, str]] = {}
 
-    def messages(self, file: IO[bytes]) -> Iterator[RecordedMessage]:
+    def messages(self, file: IO[bytes], *, is_chunk: bool = False) -> Iterator[RecordedMessage]:
         """The messages until the end of the file, or of the chunk that ``file`` is."""
         while file.read(1):
             file.seek(-1, 1)
@@ -180,8 +164,11 @@ class _Ros1:
             if kind == _ROS1_HEADER:
                 self.is_indexed = any(header[b"index_pos"])
             elif kind == _ROS1_CHUNK:
-                plain = _DECOMPRESS[header[b"compression"].decode()](data)
-                yield from self.messages(BytesIO(plain))
+                if is_chunk:
+                    raise DamagedError("a chunk is inside of another")
+                (declared,) = struct.unpack("<I", header[b"size"])
+                plain = unpacked(data, header[b"compression"].decode(), declared)
+                yield from self.messages(BytesIO(plain), is_chunk=True)
             elif kind == _ROS1_CONNECTION:
                 topic, kind_name = header[b"topic"].decode(), _fields(data)[b"type"].decode()
                 self._connections[header[b"conn"]] = topic, _ros2_name(kind_name)
@@ -215,62 +202,6 @@ def _salvage_ros1(path: Path) -> Iterator[RecordedMessage]:
             raise DamagedError("its recorder did not finish it")
 
 
-# SQLite: pages; the header says their size (1 for 65536) and how many there are
-_SQLITE_SIZES = struct.Struct(">16xH10xI")
-
-
-def _salvage_sqlite(path: Path) -> Iterator[RecordedMessage]:
-    with path.open("rb") as file:
-        page_size, pages = _SQLITE_SIZES.unpack(file.read(_SQLITE_SIZES.size))
-    page_size = 65536 if page_size == 1 else page_size
-    messages = _sqlite_messages(path)
-    if path.stat().st_size >= page_size * pages:
-        yield from messages
-        return
-    yield from _without_the_last_larger_than(page_size, messages)
-    raise DamagedError("it is cut off")
-
-
-def _without_the_last_larger_than(
-    page_size: int, messages: Iterator[RecordedMessage]
-) -> Iterator[RecordedMessage]:
-    """The messages up to the last one that needs more than a page.
-
-    SQLite takes what is missing of the last page for zeros, so that the last message that goes on
-    in further pages may end in zeros. Pages are filled in order: those before it are whole.
-    """
-    held: list[RecordedMessage] = []
-    for message in messages:
-        if len(message.data) > page_size:
-            yield from held
-            held = [message]
-        elif held:
-            held.append(message)
-        else:
-            yield message
-
-
-def _sqlite_messages(path: Path) -> Iterator[RecordedMessage]:
-    # a log beside the file is read only where the file may change
-    mode = "mode=ro" if has_log(path) else "immutable=1"
-    connection = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)
-    try:
-        # else SQLite would read nothing of a file that is shorter than its header says
-        connection.execute("PRAGMA writable_schema = ON")
-        topics = {
-            number: (topic, message_type)
-            for number, topic, message_type in connection.execute(
-                "SELECT id, name, type FROM topics"
-            )
-        }
-        for number, stamp_ns, data in connection.execute(
-            "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
-        ):
-            yield RecordedMessage(*topics[number], stamp_ns, data)
-    finally:
-        connection.close()
-
-
 def _noticing_damage(messages: Iterator[RecordedMessage]) -> Iterator[RecordedMessage]:
     """The messages; whatever nonsense makes a parser stumble becomes a ``DamagedError``."""
     try:
@@ -282,26 +213,8 @@ def _noticing_damage(messages: Iterator[RecordedMessage]) -> Iterator[RecordedMe
         raise DamagedError(f"it makes no sense from some place on ({error!r})") from error
 
 
-def _plain(data: bytes) -> bytes:
-    """A message's data, decompressed if rosbag2 compressed each message for itself.
-
-    CDR never begins like zstd.
-    """
-    if data.startswith(ZSTD_MAGIC):
-        with suppress(zstd.ZstdError):
-            return zstd.decompress(data)
-    return data
-
-
-_DECOMPRESS: Mapping[str, Callable[[bytes], bytes]] = {
-    "": bytes,
-    "none": bytes,
-    "zstd": zstd.decompress,
-    "lz4": lz4.frame.decompress,
-    "bz2": bz2.decompress,
-}
 _READERS: Mapping[bytes, Callable[[Path], Iterator[RecordedMessage]]] = {
     MCAP_MAGIC: _salvage_mcap,
     ROS1_MAGIC: _salvage_ros1,
-    SQLITE_MAGIC: _salvage_sqlite,
+    SQLITE_MAGIC: salvage_sqlite,
 }

@@ -1,0 +1,181 @@
+"""What is compressed in bags, unpacked within limits: no more than is declared, and never too much.
+
+A chunk of a hundred kilobytes may stand for gigabytes of zeros.
+"""
+
+from __future__ import annotations
+
+import bz2
+import fcntl
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import lz4.frame  # type: ignore[import-untyped]
+from backports import zstd
+from rosbags.rosbag1 import reader as rosbag1
+from rosbags.rosbag2 import storage_mcap
+
+from rgbd_glue_ros.input_files import open_file
+from rgbd_glue_ros.recordings.bag.layout import ZSTD_MAGIC, first_bytes
+from rgbd_glue_ros.recordings.bag.message import DamagedError
+
+MAX_CHUNK = 2**28
+"""Bytes of a chunk or message: a hundred times what recorders write, a message of any camera."""
+
+MAX_FILE_RATIO = 100
+"""Bytes out for a byte in, of a file that is compressed as a whole."""
+
+_SMALL = 2**24
+_BLOCK = 2**20
+_FOLDER = "rgbd-glue-bag-"
+# A folder that nobody holds is left for so long, as it may be new
+_AGE_S = 60
+
+
+def unpacked(data: bytes, compression: str, declared: int = MAX_CHUNK) -> bytes:
+    """Data of a chunk or message.
+
+    Args:
+        data: as recorded.
+        compression: "" or none, zstd, lz4 or bz2.
+        declared: how many bytes it should be, or at most.
+
+    Raises:
+        DamagedError: it is cut off, of another compression, or more than it should be.
+    """
+    if compression in ("", "none"):
+        return data
+    if compression not in _DECOMPRESSORS:
+        raise DamagedError(f"it is compressed by {compression!r}")
+    limit = min(declared, MAX_CHUNK)
+    parts: list[bytes] = []
+    size = 0
+    while data:
+        # one behind the other, as some write what they call one
+        decompressor = _DECOMPRESSORS[compression]()
+        part = decompressor.decompress(data, limit - size + 1)
+        size += len(part)
+        if size > limit:
+            raise DamagedError(f"a part of {len(data)} bytes unpacks to more than {limit}")
+        if not decompressor.eof:
+            raise DamagedError("it is cut off")
+        parts.append(part)
+        data = decompressor.unused_data or b""
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+def unpacked_message(data: bytes) -> bytes:
+    """A message's data, unpacked if rosbag2 compressed each message for itself.
+
+    CDR never begins like zstd. What cannot be unpacked stays as it is, and is no message.
+    """
+    if data.startswith(ZSTD_MAGIC):
+        with suppress(zstd.ZstdError, DamagedError):
+            return unpacked(data, "zstd")
+    return data
+
+
+class PlainFiles:
+    """Files as readers want them: those compressed as a whole are unpacked to a folder of its own.
+
+    The folder is gone when it is closed, or when the process ends; after one that was killed, the
+    next removes it.
+    """
+
+    def __init__(self) -> None:
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._lock = -1
+
+    def of(self, path: Path) -> Path:
+        """The file itself, or what it unpacks to, as far as it goes.
+
+        Raises:
+            DamagedError: it unpacks to too much, or to more than there is room for.
+        """
+        if not first_bytes(path).startswith(ZSTD_MAGIC):
+            return path
+        if self._folder is None:
+            _remove_what_is_left()
+            self._folder = tempfile.TemporaryDirectory(prefix=_FOLDER)
+            self._lock = os.open(self._folder.name, os.O_RDONLY)
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+        plain = Path(self._folder.name) / path.stem
+        with open_file(path) as source, plain.open("wb") as target:
+            _unpack_file(source, target)
+        return plain
+
+    def close(self) -> None:
+        """Removes the folder."""
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+            os.close(self._lock)
+
+
+def _unpack_file(source: BinaryIO, target: BinaryIO) -> None:
+    packed = os.fstat(source.fileno()).st_size
+    limit = MAX_FILE_RATIO * packed + _SMALL
+    declared = None
+    with suppress(zstd.ZstdError):
+        declared = zstd.get_frame_info(source.read(64)).decompressed_size
+    source.seek(0)
+    if declared is not None and declared > limit:
+        raise DamagedError(f"its {packed} bytes unpack to {declared}")
+    folder = Path(target.name).parent
+    free = shutil.disk_usage(folder).free
+    if (declared or packed) > free:
+        raise DamagedError(f"it unpacks to {declared or packed} bytes, and {folder} has {free}")
+    limit = min(declared or limit, free)
+    written = 0
+    # where the rest is missing, the reader will notice
+    with suppress(EOFError, zstd.ZstdError), zstd.open(source, "rb") as plain:
+        while block := plain.read(_BLOCK):
+            written += len(block)
+            if written > limit:
+                raise DamagedError(f"its {packed} bytes unpack to more than {limit}")
+            target.write(block)
+
+
+def _remove_what_is_left() -> None:
+    """Removes the folders of processes that were killed: those that nobody holds."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*"):
+        with suppress(OSError):
+            descriptor = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if time.time() - os.fstat(descriptor).st_mtime > _AGE_S:
+                    shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(descriptor)
+
+
+_DECOMPRESSORS: Mapping[str, Callable[[], Any]] = {
+    "zstd": zstd.ZstdDecompressor,
+    "lz4": lz4.frame.LZ4FrameDecompressor,
+    "bz2": bz2.BZ2Decompressor,
+}
+
+
+def _bound_rosbags() -> None:
+    """Gives the limits to the readers of rosbags, which have none and look up what they use."""
+    for name in ("zstd", "lz4"):
+        storage_mcap.DECOMPRESSORS[name] = _of_size(name)
+    for name in ("bz2", "lz4"):
+        rosbag1.decompressors[name] = _of_any_size(name)
+
+
+def _of_size(name: str) -> Callable[[bytes, int], bytes]:
+    return lambda data, size: unpacked(data, name, size)
+
+
+def _of_any_size(name: str) -> Callable[[bytes], bytes]:
+    return lambda data: unpacked(data, name)
+
+
+_bound_rosbags()
