@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from importlib import metadata
 
@@ -34,6 +35,11 @@ class InputError(ValueError):
     def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
         # else another process would make it of its message alone, and fail
         return type(self), (self.where, self.cause, self.remedy)
+
+
+def without_numbers(text: str) -> str:
+    """The text with # for each number: faults that differ in numbers alone are of one kind."""
+    return re.sub(r"\d[\d.]*(e[+-]\d+)?", "#", text)
 
 
 def install_command(extra: str) -> str:

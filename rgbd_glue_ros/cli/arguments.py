@@ -254,7 +254,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         open_recording,
         topics=topics,
         calibration=calibration,
-        inputs=_inputs(args),
+        inputs=inputs(args),
         depth_calibration=depth_calibration,
     )
 
@@ -276,20 +276,24 @@ def config(args: argparse.Namespace) -> Config:
     """
     from rgbd_glue_ros.parameters import InputConfig, load_preset, with_values
 
-    inputs, method = _assigned(args)
-    with_values(InputConfig(), inputs)
-    return with_values(load_preset(args.preset), method)
+    of_inputs, of_method = _assigned(args)
+    with_values(InputConfig(), of_inputs)
+    return with_values(load_preset(args.preset), of_method)
 
 
-def _inputs(args: argparse.Namespace) -> InputConfig:
-    """What ``--set`` changes of how images are read."""
+def inputs(args: argparse.Namespace) -> InputConfig:
+    """What ``--set`` and the options change of how images are read.
+
+    Raises:
+        InputError: a parameter is not known, or a value not allowed.
+    """
     from rgbd_glue_ros.parameters import Config, InputConfig, with_values
 
-    inputs, method = _assigned(args)
-    with_values(Config(), method)
+    of_inputs, of_method = _assigned(args)
+    with_values(Config(), of_method)
     if args.depth_scale is not None:
-        inputs["depth_scale"] = args.depth_scale
-    return with_values(InputConfig(), inputs)
+        of_inputs["depth_scale"] = args.depth_scale
+    return with_values(InputConfig(), of_inputs)
 
 
 def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:
@@ -299,8 +303,8 @@ def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, ob
     # some commands read recordings and have no parameters
     given = dict(map(parse_assignment, vars(args).get("set", ())))
     own = values(InputConfig())
-    inputs = {name: value for name, value in given.items() if name in own}
-    return inputs, {name: value for name, value in given.items() if name not in own}
+    of_inputs = {name: value for name, value in given.items() if name in own}
+    return of_inputs, {name: value for name, value in given.items() if name not in own}
 
 
 def node_command(args: argparse.Namespace) -> str:

@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> str:
                 ground_truth=truth,
                 limit=args.limit,
                 on_frame=show,
+                inputs=arguments.inputs(args),
             )
     figures = mapped.figures
     loops = "{found} found, {refused} of them refused by the optimiser".format(**figures["loops"])

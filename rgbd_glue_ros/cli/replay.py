@@ -71,6 +71,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             folder,
             pool=workers,
             limit=args.limit,
+            inputs=arguments.inputs(args),
             on_planned=expect,
             on_replayed=step,
         )
@@ -102,6 +103,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     limit=args.limit,
                     on_frame=show,
                     sinks=arguments.exports(args),
+                    inputs=arguments.inputs(args),
                 )
             except KeyboardInterrupt:
                 shown.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections import Counter, deque
 from collections.abc import Mapping
@@ -11,6 +10,7 @@ from enum import Enum
 
 import numpy as np
 
+from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RegistrationResult, TrackingState
 
 # Frames that the latency is taken over: the last half minute.
@@ -154,7 +154,7 @@ class Monitor:
 
         Faults that differ in numbers alone are the same.
         """
-        kind = re.sub(r"\d+", "#", where), re.sub(r"\d+", "#", cause)
+        kind = without_numbers(where), without_numbers(cause)
         with self._lock:
             self._last_error = f"{where}: {cause}"
             if kind in self._faults or len(self._faults) >= MAX_FAULTS:

@@ -25,6 +25,9 @@ MAX_SIDES = 100.0
 # Where a calibration tells no size, the image's has its centre so near to the principal point.
 _MAX_OFF_CENTRE = 0.2
 
+# Where a camera matrix has its skew
+_SKEW = np.array([[0.0, 1, 0], [0, 0, 0], [0, 0, 0]])
+
 _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
     LensModel.BROWN_CONRADY: (
         "",
@@ -88,6 +91,8 @@ def intrinsics_of(info: CameraInfo, image_topic: str, where: str) -> CameraIntri
 def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
     """The camera that took the image as it was published, by K and D: not rectified.
 
+    Where K is not filled, it is the camera of P, which rectification alone leaves as K is.
+
     Args:
         msg: sensor_msgs/msg/CameraInfo.
         where: its topic.
@@ -99,7 +104,12 @@ def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
         InputError: it is of another type, not calibrated, or of an unknown distortion model.
     """
     _check_info(msg, where)
-    camera = _pinhole(np.reshape(msg.k, (3, 3)), msg, "K", where)
+    P, K = np.reshape(msg.p, (3, 4))[:, :3], np.reshape(msg.k, (3, 3))
+    camera = (
+        _pinhole(K, msg, "K", where)
+        if np.any(K) or not np.any(P)
+        else (_pinhole(P, msg, "P", where))
+    )
     lens, distortion = _distortion(msg, where)
     return replace(camera, distortion=distortion, lens=lens)
 
@@ -175,7 +185,8 @@ def check_aspect(
         raise InputError(
             where,
             f"is of {width}x{height} pixels, but {image_topic} of {image_width}x{image_height}",
-            "give depth registered to colour, or its own camera's info, and the info of each image",
+            "give depth registered to colour or its own camera (--depth-calibration FILE, of the "
+            "node depth_info_topic), and the info of these images (--calibration FILE)",
         )
 
 
@@ -203,6 +214,14 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
         )
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     expected = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    skew = float(matrix[0, 1])
+    if skew and np.isfinite(skew) and np.array_equal(matrix - expected, skew * _SKEW):
+        raise InputError(
+            where,
+            f"{name} has a skew of {skew:g} pixels, and images are only read without",
+            "calibrate the camera without skew, as camera_calibration and OpenCV do, and give "
+            "that (--calibration FILE)",
+        )
     if not (np.isfinite(matrix).all() and np.array_equal(matrix, expected) and min(fx, fy) > 0):
         raise _no_camera(name, matrix, msg, where)
     camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_interval,
@@ -67,6 +67,7 @@ class NodeWatch:
         self._synchronizer = synchronizer
         self._before = self._counts()
         self._said: set[str] = set()
+        self._silences: set[str] = set()
 
     def start(self, inputs: Sequence[NodeInput]) -> None:
         """Watches subscriptions from now on."""
@@ -106,12 +107,14 @@ class NodeWatch:
         )
         if now.matches > before.matches:
             self.silence = ""
+            self._silences.clear()
             return
-        why = self._explain_silence(inputs, received)
-        # counts differ from look to look, and are no news
-        if _without_numbers(why) != _without_numbers(self.silence):
-            self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {why}")
-        self.silence = why
+        self.silence = self._explain_silence(inputs, received)
+        # counts differ from look to look, and are no news; nor is a cause that comes again
+        kind = without_numbers(self.silence)
+        if kind not in self._silences:
+            self._silences.add(kind)
+            self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {self.silence}")
 
     def _explain_silence(self, inputs: Sequence[NodeInput], received: dict[Channel, int]) -> str:
         seen = [
@@ -131,7 +134,3 @@ class NodeWatch:
         elif what not in self._said:
             self._said.add(what)
             self._node.get_logger().warning(line)
-
-
-def _without_numbers(text: str) -> str:
-    return re.sub(r"[\d.]+", "#", text)

@@ -48,7 +48,7 @@ from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
 from rgbd_glue_ros.node.tf import listen
-from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
+from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_pose
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, TrackingState
@@ -199,6 +199,8 @@ class OdometryNode(Node):  # type: ignore[misc]
         stamp = self._stamps.of(
             channel, stamp_ns(message.header.stamp), self.get_clock().now().nanoseconds
         )
+        if channel in self._stamps.unstamped:
+            self._say_once(channel.value, "bears no stamp; that of its receipt is taken")
         for match in self._synchronizer.add(channel, stamp, message):
             if self.monitor.is_paused:
                 self.monitor.dropped(Drop.PAUSED)
@@ -223,6 +225,8 @@ class OdometryNode(Node):  # type: ignore[misc]
         state_before = self._odometry.state
         try:
             frame = self._frame(arrival.match)
+            if state_before is TrackingState.INITIALIZING:
+                self._say_once("depth", doubt_of_scale(frame.depth))
             self._reset_if_earlier(frame)
             extrinsics = self._extrinsics.of(frame.frame_id)
             if extrinsics is None:
@@ -303,6 +307,11 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._outputs.forget_path()
         self._graph.clear()
         self._last_stamp_ns = None
+
+    def _say_once(self, what: str, line: str | None) -> None:
+        """Logs what is doubtful, unless a line that differs in numbers alone was logged before."""
+        if line is not None and self.monitor.is_news(what, line):
+            self.get_logger().warning(f"{what}: {line}")
 
     def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
         """Logs what has changed, and once for each cause why there is no first pose."""

@@ -11,12 +11,18 @@ from rgbd_glue_ros.types import DepthSummary, Float32, OdometryEstimate
 _STEP = 4
 # With less than this share of the pixels, the image itself is the reason that there is no pose.
 _USABLE_SHARE = 0.03
-# Rooms are neither nearer nor farther as a whole; by the unit of another format, they seem to be.
-_DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 8.0
+# Rooms are neither nearer nor farther as a whole; by the unit of another format, they seem to be:
+# five times as far where 1/5000 m are taken for millimetres, and as near the other way round.
+_DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 5.0
+# In a room, something is farther away than this.
+_NEAR_PERCENTILE, _DOUBTFUL_WITHIN_M = 95, 1.0
 # What rooms would be in metres, if these were millimetres
 _MILLIMETRES = (300.0, 8000.0)
 
-_SET_SCALE = "depth_scale (metres of a unit: 0.001 for millimetres, 0.0002 for 5000 to a metre)"
+_SET_SCALE = (
+    "depth_scale, on the command line --depth-scale (metres of a unit: 0.001 for millimetres, "
+    "0.0002 for 5000 to a metre)"
+)
 
 
 def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
@@ -59,11 +65,20 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
     return f"{seen}: if the unit is another, set {_SET_SCALE}"
 
 
-def doubt_of_scale(depth: DepthSummary) -> str | None:
-    """Why the unit of depth may be another than it is taken for; None if nothing speaks for it."""
-    if not depth.known or _DOUBTFUL_NEAR_M <= depth.median_m <= _DOUBTFUL_FAR_M:
+def doubt_of_scale(depth: Float32) -> str | None:
+    """Why the unit of depth may be another than it is taken for; None if nothing speaks for it.
+
+    Args:
+        depth: float32 [H, W], metres, NaN where unknown.
+    """
+    values = depth[::_STEP, ::_STEP]
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return None
+    median, far = np.percentile(known, [50, _NEAR_PERCENTILE])
+    if _DOUBTFUL_NEAR_M <= median <= _DOUBTFUL_FAR_M and far >= _DOUBTFUL_WITHIN_M:
         return None
     return (
-        f"the median depth is {depth.median_m:.3g} m; if that is not so, the unit is another one: "
-        f"set {_SET_SCALE}"
+        f"the median depth is {median:.3g} m, and {_NEAR_PERCENTILE} % of it is within {far:.3g} "
+        f"m; if that is not so, the unit is another one: set {_SET_SCALE}"
     )

@@ -60,6 +60,8 @@ def share_directory() -> Path:
 def load_yaml(path: Path, base: C) -> C:
     """``base`` with the values of a ROS parameter file (``/**: ros__parameters: …``) set.
 
+    A file may hold the parameters of method and node: those of the other are left out.
+
     Raises:
         InputError: the file cannot be read, is not such a file, or holds a bad value.
     """
@@ -76,8 +78,9 @@ def load_yaml(path: Path, base: C) -> C:
         raise InputError(
             path, "is no ROS parameter file", "it starts with '/**:' and 'ros__parameters:'"
         ) from error
+    of_others = {*values(Config()), *values(NodeConfig())} - {*values(base)}
     try:
-        return with_values(base, changes)
+        return with_values(base, {k: v for k, v in changes.items() if k not in of_others})
     except InputError as error:
         raise InputError(f"{path}: {error.where}", error.cause, error.remedy) from error
 
@@ -104,22 +107,25 @@ def _flattened(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield prefix + name, value
 
 
-def to_yaml(config: object) -> str:
-    """The configuration as a commented ROS parameter file, which ``load_yaml`` reads back."""
-    lines = ["/**:", "  ros__parameters:"]
+def to_yaml(*configs: object) -> str:
+    """Configurations as one commented ROS parameter file, which ``load_yaml`` reads back."""
+    lines = [line for config in configs for line in _yaml_lines(config)]
+    return "\n".join(["/**:", "  ros__parameters:", *lines]) + "\n"
+
+
+def _yaml_lines(config: object) -> Iterator[str]:
     current = values(config)
     sections: list[str] = []
     for parameter in parameters(config):
         *path, name = parameter.name.split(".")
         for depth, section in enumerate(path):
             if sections[: depth + 1] != path[: depth + 1]:
-                lines.append("  " * (depth + 2) + f"{section}:")
+                yield "  " * (depth + 2) + f"{section}:"
         sections = path
         indent = "  " * (len(path) + 2)
         value = _scalar(current[parameter.name])
-        lines.append(f"{indent}# {parameter.description} Takes {parameter.allowed}.")
-        lines.append(f"{indent}{name}: {value}")
-    return "\n".join(lines) + "\n"
+        yield f"{indent}# {parameter.description} Takes {parameter.allowed}."
+        yield f"{indent}{name}: {value}"
 
 
 def to_markdown(config: object) -> str:

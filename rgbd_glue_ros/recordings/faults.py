@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-import re
 
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import InputError, without_numbers
 
 logger = logging.getLogger(__name__)
 
@@ -27,7 +26,7 @@ class Faults:
         """Counts one; says it if none of its kind was said."""
         self.count += 1
         self.first = self.first or error
-        kind = re.sub(r"[\d.]+", "#", str(error))
+        kind = without_numbers(str(error))
         if kind not in self._kinds:
             self._kinds.add(kind)
             logger.warning("%s; skipped, as all like it will be", error)

@@ -21,7 +21,7 @@ from rgbd_glue_ros.experiments.replay.replay import (
     TRAJECTORY,
     replay,
 )
-from rgbd_glue_ros.parameters import Config, load_yaml, with_values
+from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
 from rgbd_glue_ros.types import (
     OdometryEstimate,
     Trajectory,
@@ -32,7 +32,8 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     tmp_path: Path,
 ) -> None:
     config = with_values(Config(), {"seed": 7})
-    replay(Pan(40), config, tmp_path / "out" / "pan")
+    inputs = InputConfig(depth_scale=0.0002)
+    replay(Pan(40), config, tmp_path / "out" / "pan", inputs=inputs)
     folder = tmp_path / "out" / "pan"
     assert sorted(path.name for path in folder.iterdir()) == sorted(
         [TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES, KEYFRAMES_GTSAM]
@@ -53,6 +54,7 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     assert len(graph.keyframes) == figures["keyframes"]
     assert len(graph.edges) == figures["keyframes"] - 1
     assert load_yaml(folder / PARAMETERS, Config()) == config
+    assert load_yaml(folder / PARAMETERS, InputConfig()) == inputs
 
 
 def test_the_truth_may_be_given_and_the_frames_limited(tmp_path: Path) -> None:

@@ -115,6 +115,7 @@ PLAIN = camera_info(CAMERA, HEAD)
 SIZES: dict[str, tuple[CameraInfo, str]] = {
     "as it should be": (PLAIN, "/color"),
     "without P, of a rectified image": (replace(PLAIN, p=np.zeros(12)), "/image_rect"),
+    "without K": (replace(PLAIN, k=np.zeros(9)), "/color"),
     "without size": (replace(PLAIN, width=0, height=0), "/color"),
     "of the full image, in bins": (
         replace(camera_info(CAMERA.scaled(128, 96), HEAD), binning_x=2, binning_y=2),
@@ -144,6 +145,7 @@ def test_the_camera_is_that_of_the_image_as_it_came(name: str) -> None:
         (camera_info(replace(CAMERA, width=0, height=0, cx=90.0), HEAD), "tells no size"),
         (replace(PLAIN, width=0), "an image of 0x48 pixels"),
         (replace(PLAIN, k=np.zeros(9), p=np.zeros(12)), "is not calibrated"),
+        (replace(PLAIN, k=PLAIN.k + 2.5 * np.eye(9)[1]), "K has a skew of 2.5 pixels, and"),
         (camera_info(replace(CAMERA, width=64, height=40), HEAD), "64x40 pixels, but /color of"),
     ],
 )

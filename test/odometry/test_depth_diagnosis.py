@@ -64,14 +64,18 @@ def test_a_frame_without_a_pose_says_why(depth: Float32, said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("median_m", "is_doubtful"),
-    [(0.2, True), (0.5, False), (1.5, False), (7.0, False), (10.0, True), (20.0, True)],
+    ("units", "is_doubtful"),
+    [(0.1, True), (0.2, True), (1.0, False), (5.0, True), (10.0, True), (1000.0, True)],
 )
-def test_a_median_that_no_room_has_makes_the_unit_doubtful(
-    median_m: float, is_doubtful: bool
-) -> None:
-    doubt = doubt_of_scale(summarise_depth(wall(median_m), LIMITS))
-    assert (doubt is not None) is is_doubtful
+def test_a_room_in_another_unit_makes_the_unit_doubtful(units: float, is_doubtful: bool) -> None:
+    room = np.linspace(0.6, 3.0, 4000, dtype=np.float32).reshape(50, 80)
+    assert (doubt_of_scale(room * np.float32(units)) is not None) is is_doubtful
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_what_is_near_is_no_room_and_what_is_unknown_tells_nothing(is_known: bool) -> None:
+    table = np.full((50, 80), 0.5 if is_known else np.nan, np.float32)
+    assert (doubt_of_scale(table) is not None) is is_known
 
 
 class Frames:

@@ -54,7 +54,7 @@ def _matrix(**entries: float) -> list[float]:
 NAN, INF = float("nan"), float("inf")
 
 INFOS: dict[str, Breaker] = {
-    "K of zeros": _set("info", k=[0.0] * 9),
+    "K and P of zeros": _set("info", k=[0.0] * 9, p=[0.0] * 12),
     "K of NaN": _set("info", k=[NAN] * 9),
     "an infinite focal length": _set("info", k=_matrix(fx=INF)),
     "a focal length beyond all bounds": _set("info", k=_matrix(fx=1e300)),

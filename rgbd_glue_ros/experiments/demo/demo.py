@@ -17,7 +17,7 @@ from rgbd_glue_ros.experiments.demo.played import Played, transport
 from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, start_results, write_results
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
-from rgbd_glue_ros.parameters import Config, load_preset, share_directory
+from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, share_directory
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def demo(
         RuntimeError: the node ended, or gave no pose.
     """
     config = load_preset(PRESET)
-    start_results(config, folder)
+    start_results(config, folder, InputConfig())
     log = folder / LOG
     figures: dict[str, Any] = {}
     with private_domain() as domain:

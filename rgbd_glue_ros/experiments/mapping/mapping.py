@@ -17,7 +17,7 @@ from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, replay, write_results
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.slam.appearance import SearchTree
 from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused, write_ply
@@ -90,6 +90,7 @@ def map_recording(
     ground_truth: Trajectory | None = None,
     limit: int | None = None,
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
+    inputs: InputConfig | None = None,
 ) -> MappedRun:
     """Runs the odometry, closes loops, and writes what is corrected by them.
 
@@ -103,6 +104,7 @@ def map_recording(
         ground_truth: T_world_camera; None takes what the sequence knows.
         limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
+        inputs: how ``sequence`` was opened, for the record; None as by default.
 
     Raises:
         InputError: the folder cannot be written, or a frame cannot be read.
@@ -120,6 +122,7 @@ def map_recording(
         on_frame=on_frame,
         sinks=[sink],
         odometry=odometry,
+        inputs=inputs,
     )
     shutil.copyfile(folder / TRAJECTORY, folder / ODOMETRY)
     start = perf_counter()

@@ -14,7 +14,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.batch.journal import Journal, prepare
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
-from rgbd_glue_ros.parameters import Config, values
+from rgbd_glue_ros.parameters import Config, InputConfig, values
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.whole_files import write_whole
 
@@ -33,6 +33,7 @@ class ReplayJob:
         config: of the odometry.
         folder: where its results go.
         limit: number of frames to stop after; None takes all.
+        inputs: how it is opened.
     """
 
     path: Path
@@ -40,6 +41,7 @@ class ReplayJob:
     config: Config
     folder: Path
     limit: int | None
+    inputs: InputConfig
 
 
 def run_replays(
@@ -50,6 +52,7 @@ def run_replays(
     *,
     pool: Pool | None = None,
     limit: int | None = None,
+    inputs: InputConfig | None = None,
     on_planned: Callable[[int, int], None] = lambda *_: None,
     on_replayed: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
@@ -64,6 +67,7 @@ def run_replays(
         folder: where the results go; created if it is not there.
         pool: where the work is done; None does it in this process.
         limit: number of frames to stop after in each; None takes all.
+        inputs: how ``open_source`` opens them, for the record; None as by default.
         on_planned: called with the number of recordings, and of those done by an earlier run.
         on_replayed: called with the name of each recording that is done.
 
@@ -75,14 +79,14 @@ def run_replays(
         InputError: the folder cannot be written, holds a part of another run, or no recording
             could be replayed.
     """
-    pool = pool or Serial()
+    pool, inputs = pool or Serial(), inputs or InputConfig()
     prepare(folder)
     jobs = {
-        name: ReplayJob(path, open_source, config, folder / name, limit)
+        name: ReplayJob(path, open_source, config, folder / name, limit, inputs)
         for name, path in named(sources).items()
     }
     problems: dict[str, str] = {}
-    about = {"parameters": values(config), "limit": limit}
+    about = {"parameters": {**values(inputs), **values(config)}, "limit": limit}
     with Journal(folder / JOURNAL, about) as journal:
         on_planned(len(jobs), len(journal.done))
         missing = [job for name, job in jobs.items() if name not in journal.done]
@@ -115,7 +119,7 @@ def run_job(job: ReplayJob) -> Iterator[dict[str, Any] | InputError]:
     """The metrics of a replayed recording, or what is wrong with it."""
     try:
         with job.open_recording(job.path) as recording:
-            replay(recording, job.config, job.folder, limit=job.limit)
+            replay(recording, job.config, job.folder, limit=job.limit, inputs=job.inputs)
     except InputError as error:
         yield error
         return

@@ -21,11 +21,10 @@ from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
     explain_no_pose,
-    summarise_depth,
 )
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
-from rgbd_glue_ros.parameters import Config, to_yaml
+from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, Trajectory
 from rgbd_glue_ros.whole_files import write_whole
@@ -47,6 +46,7 @@ def replay(
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     sinks: Sequence[FrameSink] = (),
     odometry: Odometry | None = None,
+    inputs: InputConfig | None = None,
 ) -> Run:
     """Runs the odometry over ``sequence`` as fast as it goes; no frame is dropped.
 
@@ -63,12 +63,13 @@ def replay(
         sinks: take each frame and its estimate, and are closed in the end.
         odometry: a new one of ``config``, for who wants to look into it; None makes one. It
             is closed in the end.
+        inputs: how ``sequence`` was opened, for the record; None as by default.
 
     Raises:
         InputError: the folder cannot be written, a frame cannot be read, or none was tracked.
     """
     _warn_of_other_results(folder, sequence.name)
-    start_results(config, folder)
+    start_results(config, folder, inputs or InputConfig())
     logger.info("warming up; where nothing is compiled yet, it takes some seconds")
     warm_up(config)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
@@ -79,7 +80,7 @@ def replay(
         with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
             for frame in islice(sequence, limit):
                 if not run.frames:
-                    _warn_of_scale(frame, config, sequence.name)
+                    _warn_of_scale(frame, sequence.name)
                 before = perf_counter()
                 estimate = odometry.process(frame)
                 now = perf_counter()
@@ -111,8 +112,8 @@ def replay(
     return run
 
 
-def _warn_of_scale(frame: RgbdFrame, config: Config, name: str) -> None:
-    doubt = doubt_of_scale(summarise_depth(frame.depth, config.camera))
+def _warn_of_scale(frame: RgbdFrame, name: str) -> None:
+    doubt = doubt_of_scale(frame.depth)
     if doubt is not None:
         logger.warning("%s: %s", name, doubt)
 
@@ -127,7 +128,7 @@ def _warn_of_other_results(folder: Path, name: str) -> None:
         logger.warning("%s: the results of %s that were there are replaced", folder, before)
 
 
-def start_results(config: Config, folder: Path) -> None:
+def start_results(config: Config, folder: Path, inputs: InputConfig) -> None:
     """Creates the folder, with what is known before the first frame.
 
     Raises:
@@ -136,7 +137,7 @@ def start_results(config: Config, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / TRAJECTORY).touch()
-        write_whole(folder / PARAMETERS, to_yaml(config))
+        write_whole(folder / PARAMETERS, to_yaml(inputs, config))
     except OSError as error:
         raise InputError(
             folder, f"cannot be written ({error.strerror})", "give another folder (-o)"

@@ -1,0 +1,105 @@
+"""What cannot be tracked is told once and stays on /diagnostics, through the node over real DDS."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.messages.fields import color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.types import NANOSECONDS
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from rigs.faults import node_in
+from rigs.ros import PATIENCE_S, Rig, corner_frame
+from sensor_msgs.msg import Image
+
+START_NS = 1_700_000_000 * NANOSECONDS
+PERIOD_NS = NANOSECONDS // 30
+# what depth is multiplied by, and what is told of it
+USELESS = (
+    (0.0, "0% of the pixels have a depth"),
+    (1000.0, "so these are millimetres: set depth_scale to 0.001"),
+    (10.0, "if the unit is another, set depth_scale"),
+)
+
+
+def told(rig: Rig) -> str:
+    """The message of the node's last diagnostics."""
+    return str(rig.diagnostics[-1].status[0].message) if rig.diagnostics else ""
+
+
+def test_depth_that_is_of_no_use_is_told_once_for_each_cause_and_is_on_the_diagnostics(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        stamps = iter(range(START_NS, START_NS + 1000 * PERIOD_NS, PERIOD_NS))
+        for factor, why in USELESS:
+
+            def shows(why: str = why, factor: float = factor) -> bool:
+                frame = corner_frame(next(stamps))
+                rig.publish(replace(frame, depth=frame.depth * np.float32(factor)))
+                rig.spin_for(0.1)
+                return why in told(rig)
+
+            rig.wait(shows, why)
+            assert "No pose yet" in node.wait_for_line(why, PATIENCE_S)
+        rig.pose_of(corner_frame(next(stamps)))
+        for _, why in USELESS:
+            assert len([line for line in node.lines if why in line]) == 1
+        # of the unit, the first line stands for all
+        assert len([line for line in node.lines if "the median depth is" in line]) == 1
+
+
+def test_images_without_a_stamp_are_taken_by_their_receipt_and_that_is_told_once(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+
+        def has_poses() -> bool:
+            rig.publish(corner_frame(0))
+            rig.spin_for(0.1)
+            return len(rig.poses) > 2
+
+        rig.wait(has_poses, "poses")
+        for channel in ("color", "depth", "camera_info"):
+            lines = [line for line in node.lines if f"{channel}: bears no stamp" in line]
+            assert len(lines) == 1
+
+
+def test_a_silence_is_told_once_for_each_cause_however_much_arrives(ros_domain: int) -> None:
+    """First images without depth, in numbers that differ, then depth without images."""
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        frame = corner_frame(0)
+        seen: set[str] = set()
+
+        def publish(number: int, *, is_color: bool) -> None:
+            head = header(START_NS + number * PERIOD_NS, frame.frame_id)
+            image = color_image(frame.color, head) if is_color else depth_image(frame.depth, head)
+            (rig.color if is_color else rig.depth).publish(copy_fields(image, Image()))
+
+        numbers = iter(range(10**6))
+
+        def is_seen(missing: str, times: int, *, is_color: bool) -> bool:
+            publish(next(numbers), is_color=is_color)
+            rig.spin_for(0.05 * (1 + len(seen)))
+            if f"{missing} missing" in told(rig):
+                seen.add(told(rig))
+            return len(seen) >= times
+
+        rig.wait(
+            lambda: is_seen("depth and camera_info are", 2, is_color=True), "two looks at images"
+        )
+        seen.clear()
+        rig.wait(lambda: is_seen("color and camera_info are", 1, is_color=False), "a look at depth")
+        seen.clear()
+        rig.wait(lambda: is_seen("depth and camera_info are", 1, is_color=True), "a look at images")
+        lines = [line for line in node.lines if "No frame for 5 s" in line]
+        assert len({line.partition("No frame")[2] for line in lines}) == len(lines)
+        assert len([line for line in lines if "depth and camera_info are missing" in line]) == 1
+        assert len([line for line in lines if "color and camera_info are missing" in line]) == 1
