@@ -58,7 +58,8 @@ def add_ground_truth(parser: argparse.ArgumentParser) -> None:
         "--ground-truth",
         metavar="FILE",
         type=path,
-        help="true trajectory (TUM format) in place of the recording's",
+        help="true trajectory in place of the recording's: lines of a stamp and a pose, as of TUM "
+        "or EuRoC",
     )
 
 
@@ -237,6 +238,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         InputError: the calibration cannot be read, or a parameter is not known or allowed.
     """
     from rgbd_glue_ros.recordings import Topics, load_calibration, open_recording
+    from rgbd_glue_ros.recordings.calibration import read_calibration
 
     topics = Topics(
         args.color_topic,
@@ -245,17 +247,14 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         args.truth_topic,
         args.depth_info_topic,
     )
-    cameras = (
-        load_calibration(file) if file else None
-        for file in (args.calibration, args.depth_calibration)
-    )
-    calibration, depth_calibration = cameras
     return partial(
         open_recording,
         topics=topics,
-        calibration=calibration,
+        calibration=read_calibration(args.calibration) if args.calibration else None,
         inputs=inputs(args),
-        depth_calibration=depth_calibration,
+        depth_calibration=(
+            load_calibration(args.depth_calibration) if args.depth_calibration else None
+        ),
     )
 
 

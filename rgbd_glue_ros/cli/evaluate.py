@@ -15,8 +15,14 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Two trajectories."""
-    parser.add_argument("estimate", metavar="EST", type=path, help="trajectory (TUM format)")
-    parser.add_argument("reference", metavar="REF", type=path, help="true trajectory (TUM format)")
+    parser.add_argument(
+        "estimate",
+        metavar="EST",
+        type=path,
+        help="trajectory: lines of a stamp and a pose, as of TUM (x y z qx qy qz qw), EuRoC (CSV, "
+        "nanoseconds, qw first), with a line of names in any order, or a stamp and a matrix",
+    )
+    parser.add_argument("reference", metavar="REF", type=path, help="true trajectory, the same")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 

@@ -159,6 +159,12 @@ def metres(depth: NDArray[Any], units_per_metre: float, depth_scale: float | Non
     return values
 
 
+def holds_whole_numbers(depth: AnyImage) -> bool:
+    """Whether a depth image holds whole numbers of some unit, and not metres."""
+    encoding = depth.format if hasattr(depth, "format") else depth.encoding
+    return re.match("(32|64)F", encoding, re.IGNORECASE) is None
+
+
 def base_name(topic: str) -> str:
     """The image's topic without what image_transport appended."""
     return topic.removesuffix(DEPTH_SUFFIX).removesuffix(COLOR_SUFFIX)

@@ -16,6 +16,7 @@ from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, tum
 from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
+from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder import recording as image_folder
 from rgbd_glue_ros.recordings.image_sequence import ImageSequence
 from rgbd_glue_ros.recordings.recording import Recording
@@ -31,15 +32,25 @@ class Given:
 
     Attributes:
         topics: of a bag, or the names of images; what is None is found.
-        camera: of the colour images; None takes what the recording says.
+        calibration: of the colour images; None takes what the recording says.
         depth_calibration: of the depth images, where they are not registered to colour.
         inputs: how images are understood and paired.
     """
 
     topics: Topics
-    camera: CameraIntrinsics | None
+    calibration: Calibration | None
     depth_calibration: CameraIntrinsics | None
     inputs: InputConfig
+
+    @property
+    def camera(self) -> CameraIntrinsics | None:
+        """Of the colour images; None takes what the recording says."""
+        return None if self.calibration is None else self.calibration.intrinsics
+
+    @property
+    def told_scale(self) -> float | None:
+        """Metres of a unit of depth as the calibration tells; None where it does not."""
+        return None if self.calibration is None else self.calibration.depth_scale
 
     @property
     def depth_camera(self) -> DepthCamera | None:
@@ -103,11 +114,20 @@ def _open_folder(path: Path, given: Given) -> Recording:
 
 
 def _open_bag(path: Path, given: Given) -> Recording:
-    return BagRecording(path, given.topics, given.camera, given.inputs, given.depth_calibration)
+    return BagRecording(
+        path,
+        given.topics,
+        given.camera,
+        given.inputs,
+        given.depth_calibration,
+        given.told_scale,
+    )
 
 
 def _understood(sequence: ImageSequence, given: Given) -> ImageSequence:
     """The sequence with what is given of its depth."""
+    if given.inputs.metres_per_unit is None:
+        sequence = sequence.with_told_scale(given.told_scale)
     sequence = sequence.with_depth_scale(given.inputs.metres_per_unit)
     return sequence.with_depth_camera(given.depth_camera)
 
@@ -132,7 +152,7 @@ def format_of(path: Path) -> Format | None:
 def open_recording(
     path: Path,
     topics: Topics | None = None,
-    calibration: CameraIntrinsics | None = None,
+    calibration: CameraIntrinsics | Calibration | None = None,
     inputs: InputConfig | None = None,
     depth_calibration: CameraIntrinsics | None = None,
 ) -> Recording:
@@ -141,7 +161,8 @@ def open_recording(
     Args:
         path: a bag, or the folder of a data set.
         topics: of a bag; None finds them by type and name.
-        calibration: of the camera; None takes what the recording says.
+        calibration: of the camera, or what a file tells of it and of the unit of depth; None takes
+            what the recording says.
         inputs: how images are understood and paired; None as by default.
         depth_calibration: of the depth camera, where depth is not registered to colour.
 
@@ -153,6 +174,8 @@ def open_recording(
     kind = format_of(path)
     if kind is not None:
         inputs = inputs or InputConfig()
+        if isinstance(calibration, CameraIntrinsics):
+            calibration = Calibration(calibration)
         given = Given(topics or Topics(), calibration, depth_calibration, inputs)
         recording = kind.open(path, given)
         return ReducedRecording(recording, inputs.max_width) if inputs.max_width else recording

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
-from rgbd_glue_ros.input_files import inside, read_text
-from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImagePair, ImageSequence
+from rgbd_glue_ros.recordings.folder.lists import read_association
+from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
 from rgbd_glue_ros.recordings.sens import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
 
@@ -35,17 +34,15 @@ def open_icl_nuim(folder: Path, calibration: CameraIntrinsics | None = None) -> 
     """The sequence in ``folder``; frame i is at (i + 1) / 30 s.
 
     Raises:
-        InputError: a list is malformed or empty.
+        InputError: a list cannot be read, or names nothing.
     """
-    pairs = [_pair(folder, *line) for line in _lines(folder / ASSOCIATIONS)]
-    if not pairs:
-        raise InputError(folder / ASSOCIATIONS, "names no frame", "restore the file")
+    pairs = read_association(folder / ASSOCIATIONS)
     numbered = read_tum(next(iter(sorted(folder.glob(TRUTH)))))
     stamps = [stamp_ns(round(number / NANOSECONDS)) for number in numbered.stamps_ns]
     truth = Trajectory(np.array(stamps, np.int64), mirrored(numbered.poses))
     return ImageSequence(
         folder.resolve().name,
-        tuple(sorted(pairs, key=lambda pair: pair.stamp_ns)),
+        pairs,
         _DEPTH,
         calibration or CAMERA,
         truth,
@@ -56,26 +53,3 @@ def mirrored(poses: Float64) -> Float64:
     """The poses [N, 4, 4] as they are in the mirror image of their world, y turned around."""
     result: Float64 = _MIRROR @ poses @ _MIRROR
     return result
-
-
-def _pair(folder: Path, where: str, line: str) -> ImagePair:
-    """The frame of a line ``i depth/i.png i rgb/i.png``."""
-    try:
-        number, depth, same, color = line.split()
-        if int(number) != int(same):
-            raise ValueError(line)  # noqa: TRY301 - as any other malformed line
-    except ValueError as error:
-        raise InputError(
-            where, "is not a number and a depth image and the same and colour", "restore the line"
-        ) from error
-    stamp = stamp_ns(int(number))
-    return ImagePair(stamp, inside(folder, color), stamp, inside(folder, depth))
-
-
-def _lines(path: Path) -> list[tuple[str, str]]:
-    """Every line with its place."""
-    return [
-        (f"{path}:{number}", line)
-        for number, line in enumerate(read_text(path).splitlines(), 1)
-        if line.strip() and not line.startswith("#")
-    ]

@@ -69,6 +69,16 @@ class DepthEncoding:
         units = 1 / metres_per_unit
         return replace(self, units_per_metre=units, float_units_per_metre=units)
 
+    def with_told_scale(self, metres_per_unit: float | None) -> DepthEncoding:
+        """The same in the units that a calibration file tells; None leaves them as they are.
+
+        A unit of a metre, as of ORB-SLAM's ``DepthMapFactor: 1.0``, is one of floats: a depth image
+        of whole metres is none.
+        """
+        if metres_per_unit == 1:
+            return replace(self, float_units_per_metre=1.0)
+        return self.with_scale(metres_per_unit)
+
     def metres(self, image: NDArray[Any]) -> Float32:
         """float32 [H, W] metres with NaN for unknown, from uint16 or floats [H, W]."""
         is_float = image.dtype.kind == "f"
@@ -126,6 +136,17 @@ class ImageSequence:
     def with_depth_scale(self, metres_per_unit: float | None) -> ImageSequence:
         """The same with depth in other units; None leaves them as they are."""
         return replace(self, encoding=self.encoding.with_scale(metres_per_unit))
+
+    def with_told_scale(self, metres_per_unit: float | None) -> ImageSequence:
+        """The same with depth in the units that a calibration file tells; None leaves them."""
+        if metres_per_unit == 1 and _holds_whole_numbers(self.pairs[0].depth):
+            logger.warning(
+                "%s: its calibration tells a depth scale of 1, but depth is in whole numbers, so "
+                "a unit of %g m is taken; if it is another, give --depth-scale",
+                self.name,
+                1 / self.encoding.units_per_metre,
+            )
+        return replace(self, encoding=self.encoding.with_told_scale(metres_per_unit))
 
     def with_depth_camera(self, depth_camera: DepthCamera | None) -> ImageSequence:
         """The same with depth taken by another camera than colour; None leaves it registered."""
@@ -226,6 +247,13 @@ class ImageSequence:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _holds_whole_numbers(path: Path) -> bool:
+    try:
+        return read_image(path).dtype.kind == "u"
+    except InputError:
+        return False  # said where it is read
 
 
 def read_image(path: Path) -> NDArray[Any]:

@@ -12,7 +12,7 @@ from rgbd_glue_ros.evaluation.trajectory_text import read_lines
 from rgbd_glue_ros.recordings import icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
-from rgbd_glue_ros.recordings.folder.lists import paired
+from rgbd_glue_ros.recordings.folder.lists import paired, scale_in_comments
 from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
 from rgbd_glue_ros.types import CameraIntrinsics
@@ -65,14 +65,15 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
     """
     pairs = paired(folder / COLOR_LIST, folder / DEPTH_LIST)
     told = _camera(folder) if calibration is None else Calibration(calibration)
-    return ImageSequence(
+    sequence = ImageSequence(
         folder.resolve().name,
         pairs,
-        _DEPTH.with_scale(told.depth_scale),
+        _DEPTH,
         told.intrinsics,
         truth_of(folder, pairs),
         frame_id=_RECORDED_BY if "freiburg" in folder.resolve().name.lower() else "",
     )
+    return sequence.with_told_scale(told.depth_scale or scale_in_comments(folder / DEPTH_LIST))
 
 
 def _camera(folder: Path) -> Calibration:

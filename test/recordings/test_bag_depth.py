@@ -21,7 +21,9 @@ from rgbd_glue_ros.messages.fields import (
     pose_stamped,
 )
 from rgbd_glue_ros.parameters import InputConfig
+from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
+from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 TYPES: Any = get_typestore(Stores.ROS2_JAZZY).types
@@ -161,3 +163,28 @@ def test_depth_that_is_registered_stays_as_it_is(tmp_path: Path) -> None:
     with BagRecording(bag) as sequence:
         (frame,) = sequence
     np.testing.assert_array_equal(frame.depth, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("told", "encoding", "expected"),
+    [
+        (0.0002, "16UC1", 0.4),
+        (0.0002, "32FC1", 2.0),  # floats are metres
+        (1.0, "16UC1", 2.0),  # no depth image has whole metres
+        (None, "16UC1", 2.0),
+    ],
+)
+def test_a_calibration_tells_the_unit_of_whole_numbers(
+    told: float | None, encoding: str, expected: float, tmp_path: Path
+) -> None:
+    color, depth, *infos = recorded("color_optical")
+    if encoding == "16UC1":
+        units = np.full((60, 80), 2000, np.uint16)
+        image = replace(
+            depth.message, encoding=encoding, step=160, data=units.view(np.uint8).ravel()
+        )
+        depth = replace(depth, message=image)
+    bag = write_rosbag2(tmp_path / "bag", [color, depth, infos[0]])
+    with open_recording(bag, calibration=Calibration(CAMERA, told)) as sequence:
+        (frame,) = sequence
+    assert frame.depth[24, 32] == pytest.approx(expected)

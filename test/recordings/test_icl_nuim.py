@@ -50,12 +50,15 @@ def test_mirrored_poses_map_mirrored_points_as_the_poses_map_the_points() -> Non
     assert np.linalg.det(M[:3, :3]) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("line", ["1 depth/1.png 2 rgb/2.png", "1 depth/1.png", "a b c d"])
-def test_a_line_that_is_no_frame_is_refused_with_its_number(tmp_path: Path, line: str) -> None:
+def test_lines_that_are_no_frame_are_skipped_and_either_image_may_come_first(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     folder = write(tmp_path / "traj0_frei_png")
-    (folder / "associations.txt").write_text(f"# comment\n{line}\n")
-    with pytest.raises(InputError, match=r"associations\.txt:2"):
-        open_recording(folder)
+    lines = ["# comment", "1 rgb/1.png 1 depth/1.png", "2 depth/2.png", "", "a b c d"]
+    (folder / "associations.txt").write_text("\n".join([*lines, "10 rgb/10.png 10 depth/10.png 7"]))
+    with open_recording(folder) as sequence:
+        assert [frame.depth[0, 0] for frame in sequence] == [1.0, 10.0]
+    assert "2 lines name no image and were skipped" in caplog.text
     (folder / "associations.txt").write_text("")
-    with pytest.raises(InputError, match="names no frame"):
+    with pytest.raises(InputError, match="holds no line of stamp, file, stamp, file"):
         open_recording(folder)

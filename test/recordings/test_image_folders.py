@@ -16,6 +16,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import Topics, open_recording, recordings
+from rgbd_glue_ros.recordings.calibration import read_calibration
 from rgbd_glue_ros.types import CameraIntrinsics
 
 CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
@@ -309,3 +310,59 @@ def test_depth_of_another_camera_in_a_folder_is_registered_by_its_calibration(
         assert frame.depth[24, 32] == pytest.approx(metres(2) - nearer, abs=1e-5)
         assert np.isnan(frame.depth[:, 0]).all()
     assert "--set depth_camera_pose=" in caplog.text
+
+
+ORB_SLAM = """%YAML:1.0
+Camera1.fx: 60.0
+Camera1.fy: 61.0
+Camera1.cx: 31.5
+Camera1.cy: 23.5
+Camera.width: 64
+Camera.height: 48
+RGBD.DepthMapFactor: {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("factor", "ending", "unit_m", "is_said"),
+    [
+        (1000.0, ".png", 0.001, False),
+        (5000.0, ".png", 0.0002, False),
+        # what ORB-SLAM3 gives cameras whose depth comes as floats of metres
+        (1.0, ".tiff", 1.0, False),
+        (1.0, ".png", 0.0002, True),
+    ],
+)
+def test_a_calibration_tells_the_unit_of_depth_wherever_it_lies(
+    factor: float,
+    ending: str,
+    unit_m: float,
+    is_said: bool,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    folder, file = tmp_path / "mine", tmp_path / "camera.yaml"
+    lists(folder, "rgb.txt", "depth.txt", 1 / unit_m)
+    text(file, ORB_SLAM.format(factor))
+    if ending == ".tiff":
+        for i, path in enumerate(sorted((folder / "depth").iterdir())):
+            write(path.with_suffix(ending), np.full((48, 64), metres(i), np.float32))
+        listed = (folder / "depth.txt").read_text()
+        (folder / "depth.txt").write_text(listed.replace(".png", ending))
+    given = next(iter(open_recording(folder, None, read_calibration(file))))
+    assert given.depth[0, 0] == pytest.approx(metres(0), abs=1e-5)
+    file.rename(folder / "camera.yaml")
+    found = next(iter(open_recording(folder)))
+    assert found.depth[0, 0] == pytest.approx(metres(0), abs=1e-5)
+    assert ("if it is another, give --depth-scale" in caplog.text) is is_said
+
+
+def test_a_comment_of_the_list_tells_the_unit_of_depth(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    lists(folder, "rgb.txt", "depth.txt", 1000)
+    text(folder / "K.txt", K)
+    listed = (folder / "depth.txt").read_text()
+    for comment in ("# depth maps, scale: 1000", "# depth_scale = 0.001", "#depth factor 1000.0"):
+        text(folder / "depth.txt", comment, listed)
+        frame = next(iter(open_recording(folder)))
+        assert frame.depth[0, 0] == pytest.approx(metres(0), abs=1e-5)

@@ -16,6 +16,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.fields import camera_info, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
+from rgbd_glue_ros.messages.images import holds_whole_numbers
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import StampSource, explain_miss
@@ -65,6 +66,7 @@ class BagRecording:
         calibration: CameraIntrinsics | None = None,
         inputs: InputConfig | None = None,
         depth_calibration: CameraIntrinsics | None = None,
+        told_scale: float | None = None,
     ) -> None:
         """Opens the bag and finds its topics.
 
@@ -75,6 +77,8 @@ class BagRecording:
             inputs: how images are understood and paired; None as by default.
             depth_calibration: of the depth camera, where depth is not registered; None takes the
                 bag's.
+            told_scale: metres of a unit of depth in whole numbers, as ``calibration`` tells; None
+                or 1 for those of the bag, which are millimetres where it does not tell.
 
         Raises:
             InputError: it is no bag or an empty one, or the topics are missing or ambiguous.
@@ -107,6 +111,7 @@ class BagRecording:
             self.close()
             raise
         self._calibration = calibration
+        self._told_scale = None if told_scale == 1 else told_scale
         self._topics = self._depth_camera.topics
 
     @property
@@ -243,6 +248,8 @@ class BagRecording:
     def _frame(self, paired: tuple[Match[Any], DepthCamera | None]) -> RgbdFrame | InputError:
         match, taken_by = paired
         unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
+        if unit is None and holds_whole_numbers(match.depth):
+            unit = self._told_scale
         try:
             return frame_of_match(match, self._topics, taken_by, unit)
         except InputError as error:

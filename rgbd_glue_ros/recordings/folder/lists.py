@@ -13,6 +13,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S, associate
 from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
 from rgbd_glue_ros.input_files import inside
+from rgbd_glue_ros.parameters import metres_per_unit
 from rgbd_glue_ros.recordings.image_sequence import ImagePair
 from rgbd_glue_ros.types import NANOSECONDS, Int64
 
@@ -25,6 +26,7 @@ COLOR_LISTS = ("rgb.txt", "color.txt", "colour.txt", "image.txt", "images.txt")
 DEPTH_LISTS = ("aligned_depth.txt", "depth_aligned.txt", "depth.txt")
 ASSOCIATIONS = re.compile(r"assoc\w*(-\w+)?\.txt|\w*associat\w*\.txt|rgbd(_assoc)?\.txt", re.I)
 
+_SCALE = re.compile(r"(?:depth[ _]?)?(?:scale|factor)[ _a-z]*[:= ]\s*([\d.]+(?:e-?\d+)?)", re.I)
 _IS_DEPTH = re.compile("depth", re.IGNORECASE)
 
 
@@ -52,6 +54,16 @@ def association_in(folder: Path) -> Path | None:
     """The file in a folder that lists both images of every frame; None if there is none."""
     names = sorted(p for p in folder.glob("*.txt") if ASSOCIATIONS.fullmatch(p.name))
     return next((path for path in names if _is_association(path)), None)
+
+
+def scale_in_comments(depth_list: Path) -> float | None:
+    """Metres of a unit, where a comment of a list tells them: ``# depth scale: 1000``."""
+    comments, _ = read_lines(depth_list)
+    found = next(filter(None, map(_SCALE.search, comments)), None)
+    try:
+        return None if found is None else metres_per_unit(float(found[1]))
+    except ValueError:
+        return None
 
 
 def paired(color_list: Path, depth_list: Path) -> tuple[ImagePair, ...]:

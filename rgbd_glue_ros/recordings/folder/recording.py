@@ -71,14 +71,12 @@ def open_folder(
     """
     pairs, encoding = _frames(folder, color, depth)
     told = _calibration(folder) if calibration is None else Calibration(calibration)
-    if told.depth_scale is not None:
-        encoding = encoding.with_scale(told.depth_scale)
     color_shape, depth_shape = _first_readable(pairs)
     if depth_camera is None:
         camera = _fitted(told.intrinsics, color_shape, depth_shape, pairs[0], folder)
     else:
         camera = of_image_size(told.intrinsics, color_shape, str(folder), str(pairs[0].color))
-    return ImageSequence(
+    sequence = ImageSequence(
         folder.resolve().name,
         pairs,
         encoding,
@@ -87,6 +85,7 @@ def open_folder(
         color_shape[::-1],
         depth_camera=depth_camera,
     )
+    return sequence.with_told_scale(told.depth_scale)
 
 
 def _frames(
