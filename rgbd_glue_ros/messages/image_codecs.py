@@ -8,6 +8,8 @@ do) and write about it to stderr, and it would allocate whatever size a header c
 
 from __future__ import annotations
 
+import os
+import re
 import struct
 import zlib
 from collections.abc import Callable
@@ -26,6 +28,12 @@ MAX_PIXELS = 2**25
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
 
+_EXR_SIGNATURE = b"\x76\x2f\x31\x01"
+_PNM_CHANNELS = {b"P5": 1, b"P6": 3}
+# Between the numbers there may be comments to the end of a line
+_LONGEST_PNM_HEADER = 4096
+_PNM_HEADER = re.compile(rb"(P[56])" + 3 * rb"(?:\s|#[^\n]*\n)+(\d{1,9})" + rb"\s")
+
 # Start-of-frame markers: C0 to CF without C4 (Huffman tables), C8 (reserved), CC (arithmetic)
 _JPEG_START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_START_OF_SCAN = 0xDA
@@ -39,14 +47,16 @@ _TIFF_TAGS = frozenset({_WIDTH, _HEIGHT, _STRIP_STARTS, _STRIP_LENGTHS})
 
 
 def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
-    """The image in the bytes of a PNG, JPEG, WebP or TIFF file, of the channels and depth it has.
+    """The image in the bytes of a file, of the channels and depth it has.
+
+    Read are PNG, JPEG, WebP, TIFF, binary PNM (``P5``, ``P6``), and EXR where OpenCV has it.
 
     Args:
         data: the file's content.
         where: what to name in an error.
 
     Returns:
-        uint8 or uint16, [H, W] or [H, W, 3] BGR or [H, W, 4] BGRA; of a TIFF file also others.
+        uint8 or uint16, [H, W] or [H, W, 3] BGR or [H, W, 4] BGRA; of TIFF and EXR also others.
 
     Raises:
         InputError: none of these, damaged, cut off, or larger than ``MAX_PIXELS``.
@@ -62,10 +72,17 @@ def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
             "check the recording or the network",
         ) from error
     check_size(width, height, where)
+    if view[: len(_EXR_SIGNATURE)] == _EXR_SIGNATURE:
+        # OpenCV reads EXR only if it is told so before the first
+        os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")
     try:
         image = cv2.imdecode(np.frombuffer(view, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         image = None
+    if image is None and view[: len(_EXR_SIGNATURE)] == _EXR_SIGNATURE:
+        raise InputError(
+            where, "damaged, or OpenCV has no EXR here", "convert EXR to 16-bit PNG, TIFF or NPY"
+        )
     if image is None or image.shape[:2] != (height, width):
         raise InputError(where, "damaged image: it cannot be decoded", "check the recording")
     return np.asarray(image)
@@ -121,8 +138,12 @@ def _checker(data: memoryview, where: str) -> Callable[[memoryview], tuple[int, 
         return _checked_webp
     if head[:4] in _TIFF_ORDERS:
         return _checked_tiff
+    if head.startswith(_EXR_SIGNATURE):
+        return _checked_exr
+    if head[:2] in _PNM_CHANNELS:
+        return _checked_pnm
     raise InputError(
-        where, "the data are neither PNG nor JPEG, WebP or TIFF", "publish one of these"
+        where, "the data are neither PNG nor JPEG, WebP, TIFF, EXR or PNM", "give one of these"
     )
 
 
@@ -179,6 +200,40 @@ def _checked_webp(data: memoryview) -> tuple[int, int]:
     else:
         sides = (side & 0x3FFF for side in struct.unpack_from("<HH", data, 26))
     width, height = sides
+    return width, height
+
+
+def _checked_exr(data: memoryview) -> tuple[int, int]:
+    """Width and height of the data window of an OpenEXR file, by its header."""
+    position = 8
+    while data[position]:
+        name, position = _terminated(data, position)
+        _, position = _terminated(data, position)
+        (size,) = struct.unpack_from("<i", data, position)
+        if name == b"dataWindow":
+            left, top, right, bottom = struct.unpack_from("<4i", data, position + 4)
+            return right - left + 1, bottom - top + 1
+        position += 4 + max(size, 0)
+    raise _DamagedError("the EXR tells no size")
+
+
+def _terminated(data: memoryview, start: int) -> tuple[bytes, int]:
+    """The text up to the next zero, of 255 bytes at most, and where what follows begins."""
+    text, zero, _ = bytes(data[start : start + 256]).partition(b"\0")
+    if not zero:
+        raise _DamagedError("the EXR has no end of a name")
+    return text, start + len(text) + 1
+
+
+def _checked_pnm(data: memoryview) -> tuple[int, int]:
+    """Width and height of a binary PGM or PPM whose pixels are all there."""
+    found = _PNM_HEADER.match(bytes(data[:_LONGEST_PNM_HEADER]))
+    if found is None:
+        raise _DamagedError("the PNM has no header")
+    width, height, most = map(int, found.groups()[1:])
+    needed = width * height * _PNM_CHANNELS[found[1]] * (2 if most > 255 else 1)
+    if len(data) < found.end() + needed:
+        raise _DamagedError("the PNM is cut off")
     return width, height
 
 

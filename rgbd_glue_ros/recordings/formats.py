@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +14,21 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.parameters import InputConfig
-from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, tum
+from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, stray_scanner, tum
 from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder import recording as image_folder
 from rgbd_glue_ros.recordings.image_sequence import ImageSequence
+from rgbd_glue_ros.recordings.nearest import explain_unknown
 from rgbd_glue_ros.recordings.recording import Recording
 from rgbd_glue_ros.recordings.reduced import ReducedRecording
 from rgbd_glue_ros.types import CameraIntrinsics
 
 logger = logging.getLogger(__name__)
+
+# Of a folder with more in it, so many are looked at for recordings
+_LOOKED_AT = 100
 
 
 @dataclass(frozen=True)
@@ -73,13 +78,11 @@ class Format:
 
     Attributes:
         name: of the format.
-        signature: what it is known by, in words.
         matches: whether a path is of this format.
         open: opens it, given what the user tells.
     """
 
     name: str
-    signature: str
     matches: Callable[[Path], bool]
     open: Callable[[Path, Given], Recording]
 
@@ -113,6 +116,11 @@ def _open_folder(path: Path, given: Given) -> Recording:
     return _understood(recording, given)
 
 
+def _open_stray(path: Path, given: Given) -> Recording:
+    images = stray_scanner.open_images(path, given.camera)
+    return stray_scanner.VideoSequence(_understood(images, given))
+
+
 def _open_bag(path: Path, given: Given) -> Recording:
     return BagRecording(
         path,
@@ -133,14 +141,13 @@ def _understood(sequence: ImageSequence, given: Given) -> ImageSequence:
 
 
 FORMATS = (
-    Format("TUM RGB-D", "rgb.txt and depth.txt", tum.matches, _open_tum),
-    Format(
-        "ICL-NUIM", f"{icl_nuim.ASSOCIATIONS} and {icl_nuim.TRUTH}", icl_nuim.matches, _open_icl
-    ),
-    Format("7-Scenes or 3DMatch", "frame-*.color.*", seven_scenes.matches, _open_seven),
-    Format("ScanNet", scannet.SIGNATURE, scannet.matches, _open_scannet),
-    Format("rosbag", layout.SIGNATURE, layout.is_bag, _open_bag),
-    Format("images", image_folder.SIGNATURE, image_folder.matches, _open_folder),
+    Format("TUM RGB-D", tum.matches, _open_tum),
+    Format("ICL-NUIM", icl_nuim.matches, _open_icl),
+    Format("7-Scenes or 3DMatch", seven_scenes.matches, _open_seven),
+    Format("ScanNet", scannet.matches, _open_scannet),
+    Format("Stray Scanner", stray_scanner.matches, _open_stray),
+    Format("rosbag", layout.is_bag, _open_bag),
+    Format("images", image_folder.matches, _open_folder),
 )
 
 
@@ -183,5 +190,5 @@ def open_recording(
     if several:
         names = ", ".join(file.name for file in several)
         raise InputError(path, f"holds several recordings: {names}", "give one of them")
-    looked_for = "; ".join(f"{kind.signature} ({kind.name})" for kind in FORMATS)
-    raise InputError(path, "is no recording of a known format", f"looked for {looked_for}")
+    below = islice(path.iterdir(), _LOOKED_AT) if path.is_dir() else ()
+    raise explain_unknown(path, [child for child in below if format_of(child) is not None])

@@ -34,7 +34,9 @@ from rgbd_glue_ros.types import (
 
 logger = logging.getLogger(__name__)
 
-IMAGE_TYPES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".npy"})
+IMAGE_TYPES = frozenset(
+    {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".npy", ".exr", ".pgm", ".ppm"}
+)
 """Endings of image files, in small letters."""
 
 _NPY_HEADERS = {
@@ -187,7 +189,18 @@ class ImageSequence:
             return error
 
     def _read(self, pair: ImagePair) -> RgbdFrame:
-        color = self._color(pair.color)
+        return self.frame(pair, self._color(pair.color))
+
+    def frame(self, pair: ImagePair, color: UInt8) -> RgbdFrame:
+        """The frame of a pair whose colour image is decoded already.
+
+        Args:
+            pair: one of the sequence.
+            color: [H, W(, 3)], RGB or grey.
+
+        Raises:
+            InputError: the depth image cannot be read, or the sizes do not fit.
+        """
         size = (self.intrinsics.height, self.intrinsics.width)
         shape = size if any(size) else color.shape[:2]
         camera = of_image_size(self.intrinsics, shape, self.name, str(pair.color))
@@ -214,11 +227,13 @@ class ImageSequence:
 
     def _depth(self, path: Path, size: tuple[int, int]) -> Float32:
         image = self._decoded(path, size)
+        if image.ndim == 3 and image.dtype.kind == "f":
+            image = _one_of_equal_channels(image)
         if image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f"):
             raise InputError(
                 path,
                 f"is {image.dtype} of shape {image.shape}, not a depth image",
-                "give depth as 16-bit grey PNG, or as TIFF or NPY of metres",
+                "give depth as 16-bit grey PNG, or as TIFF, EXR or NPY of metres",
             )
         return self.encoding.metres(image)
 
@@ -247,6 +262,12 @@ class ImageSequence:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _one_of_equal_channels(image: NDArray[Any]) -> NDArray[Any]:
+    """What renderers write to all channels of an EXR file, beside opacity."""
+    same = np.array_equal(image[..., 0], image[..., 1], equal_nan=True)
+    return image[..., 0] if same and image.shape[2] in {3, 4} else image
 
 
 def _holds_whole_numbers(path: Path) -> bool:

@@ -19,8 +19,6 @@ from rgbd_glue_ros.recordings.image_sequence import (
 from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens, stamp_ns
 from rgbd_glue_ros.types import CameraIntrinsics
 
-SIGNATURE = f"*{SUFFIX}, or color, depth and pose"
-
 _DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0,))
 _INTRINSICS = Path("intrinsic/intrinsic_depth.txt")
 _COLOR_TYPES = (".jpg", ".png")

@@ -234,7 +234,9 @@ def test_a_bag_without_a_single_usable_frame_is_refused_with_the_first_cause(
     tmp_path: Path,
 ) -> None:
     messages = [
-        replace(m, message=replace(m.message, k=np.zeros(9))) if m.topic == INFO else m
+        replace(m, message=replace(m.message, k=np.zeros(9), p=np.zeros(12)))
+        if m.topic == INFO
+        else m
         for m in recorded(FRAMES)
     ]
     with (

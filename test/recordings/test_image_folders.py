@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -190,6 +191,63 @@ def kitti_truth(folder: Path) -> None:
     text(folder / "poses.txt", *(numbers(T[:3]) for T in POSES))
 
 
+def redwood(folder: Path) -> None:
+    """Named by number and microseconds, with the pose of each frame in a log."""
+    images(folder, "rgb/{i:05d}.jpg", "depth/{i:05d}.png")
+    matrix = [60, 0, 0, 0, 61, 0, 31.5, 23.5, 1]
+    camera = {"width": 64, "height": 48, "intrinsic_matrix": matrix, "depth_scale": 1000.0}
+    text(folder / "intrinsic.json", json.dumps(camera))
+    blocks = (f"{i} {i} {i + 1}\n" + "\n".join(map(numbers, T)) for i, T in enumerate(POSES))
+    text(folder / "scene/trajectory.log", *blocks)
+    (folder / "scene/trajectory.log").rename(folder / "trajectory.log")
+
+
+def bonn(folder: Path) -> None:
+    """As the data set is packed; its camera is told here, whose images are small."""
+    lists(folder, "rgb.txt", "depth.txt", 5000)
+    listed = (folder / "rgb.txt").read_text()
+    text(folder / "rgb.txt", "# color images", "# file: 'rgbd_bonn_balloon.bag'", listed)
+    text(folder / "K.txt", K)
+
+
+def nyu_in_pnm(folder: Path) -> None:
+    """Projected and saved under the names that the data set has."""
+    folder.mkdir(parents=True)
+    for i in range(FRAMES):
+        write(folder / f"r-{stamp_s(i)}-{2754192016 + 7 * i}.ppm", color(i))
+        write(folder / f"depth-{stamp_s(i)}-{2734937519 + 9 * i}.pgm", depth(i, 1000))
+    text(folder / "K.txt", K)
+    text(folder / "groundtruth.txt", *tum_lines())
+
+
+def rendered(folder: Path) -> None:
+    """Depth in EXR files, as renderers leave it: metres, in three equal channels."""
+    os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")  # to write them
+    images(folder, "rgb/{i:04d}.png", "depth/{i:04d}.png")
+    for i in range(FRAMES):
+        (folder / f"depth/{i:04d}.png").unlink()
+        write(folder / f"depth/{i:04d}.exr", np.full((48, 64, 3), metres(i), np.float32))
+    text(folder / "K.txt", K)
+    text(folder / "poses.txt", *(numbers(T) for T in POSES))
+
+
+def stray_scanner(folder: Path) -> None:
+    """A video of the phone, twice as large as depth, which begins one frame later."""
+    images(folder, "depth/{i:06d}.png", "depth/{i:06d}.png")
+    video = cv2.VideoWriter(str(folder / "rgb.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 60, (128, 96))
+    for i in range(FRAMES + 1):
+        video.write(np.asarray(color(i, (128, 96)), np.uint8))
+    video.release()
+    for i in range(FRAMES):
+        write(folder / f"confidence/{i:06d}.png", np.zeros((48, 64), np.uint8))
+    text(folder / "camera_matrix.csv", "120, 0, 63.5", "0, 122, 47.5", "0, 0, 1")
+    rows = (
+        f"{i / 60 + 100}, {i:06d}, {', '.join(map(str, [*T[:3, 3], *se3.quaternion(T)]))}"
+        for i, T in enumerate(POSES)
+    )
+    text(folder / "odometry.csv", "timestamp, frame, x, y, z, qx, qy, qz, qw", *rows)
+
+
 LAYOUTS: dict[str, Callable[[Path], None]] = {
     "Replica as NICE-SLAM has it": replica,
     "ETH3D": eth3d,
@@ -202,6 +260,11 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "SUN3D": sun3d,
     "Azure Kinect, stamps for names": azure,
     "Record3D": record3d,
+    "Redwood": redwood,
+    "Bonn": bonn,
+    "NYU in PPM and PGM": nyu_in_pnm,
+    "a renderer's EXR": rendered,
+    "Stray Scanner": stray_scanner,
     "poses of KITTI, two kinds of depth": kitti_truth,
 }
 
@@ -220,7 +283,8 @@ def test_every_layout_gives_its_frames_camera_depth_and_poses(layout: str, tmp_p
     assert (camera.width, camera.height) == (64, 48)
     for i, frame in enumerate(frames):
         assert frame.color.shape == (48, 64, 3)
-        assert abs(int(frame.color[24, 32, 0]) - 200) < 5
+        # the third channel of OpenCV's, but for what compression costs
+        assert abs(int(frame.color[24, 32, 0]) - 200) < 8
         assert frame.depth[24, 32] == pytest.approx(metres(i), abs=2e-3)
         assert frame.depth_delay_ns == 0
     assert truth is not None
@@ -366,3 +430,68 @@ def test_a_comment_of_the_list_tells_the_unit_of_depth(tmp_path: Path) -> None:
         text(folder / "depth.txt", comment, listed)
         frame = next(iter(open_recording(folder)))
         assert frame.depth[0, 0] == pytest.approx(metres(0), abs=1e-5)
+
+
+def only_colour(folder: Path) -> None:
+    images(folder, "rgb/{i}.png", "rgb/{i}.png")
+
+
+def only_a_colour_list(folder: Path) -> None:
+    text(folder / "rgb.txt", "1.0 rgb/1.png")
+
+
+def without_its_video(folder: Path) -> None:
+    stray_scanner(folder)
+    (folder / "rgb.mp4").unlink()
+
+
+def without_its_storage(folder: Path) -> None:
+    text(folder / "notes.txt", "a bag was here")
+    text(folder / "metadata.yml", "rosbag2_bagfile_information:")
+
+
+def archive(folder: Path) -> None:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.write_bytes(b"PK\x03\x04" + bytes(100))
+
+
+def nyu_raw(folder: Path) -> None:
+    folder.mkdir()
+    for i in range(FRAMES):
+        write(folder / f"r-{stamp_s(i)}-{2754192016 + i}.ppm", color(i))
+        write(folder / f"d-{stamp_s(i)}-{2734937519 + i}.pgm", depth(i, 500))
+    text(folder / "K.txt", K)
+
+
+def nested(folder: Path) -> None:
+    for i in range(5):
+        text(folder / f"day{i}/rgb.txt", "1.0 rgb/1.png")
+        text(folder / f"day{i}/depth.txt", "1.0 depth/1.png")
+
+
+UNKNOWN: dict[str, tuple[Callable[[Path], None], str]] = {
+    "colour alone": (only_colour, "a folder of images, but depth/* is missing; restore depth/*"),
+    "one list": (only_a_colour_list, "nearest to TUM RGB-D, but depth.txt is missing"),
+    "a scan without its video": (without_its_video, "Stray Scanner, but rgb.mp4 is missing"),
+    "something else": (without_its_storage, "it holds metadata.yml, notes.txt; give a bag, or"),
+    "nothing": (Path.mkdir, "known format: it is empty; give the folder of one"),
+    "an archive": (archive, "is a zip archive; unpack it"),
+    "raw NYU": (nyu_raw, "holds disparities of a Kinect as NYU Depth dumps them"),
+    "recordings": (nested, "day0, day1, day2 and others, which are; give one of them"),
+}
+
+
+@pytest.mark.parametrize("case", UNKNOWN)
+def test_what_is_no_recording_is_told_what_it_lacks(case: str, tmp_path: Path) -> None:
+    make, said = UNKNOWN[case]
+    make(tmp_path / "mine")
+    with pytest.raises(InputError) as error:
+        open_recording(tmp_path / "mine")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_archive_of_record3d_is_told_what_to_export(tmp_path: Path) -> None:
+    archive(tmp_path / "scan.r3d")
+    with pytest.raises(InputError, match=r"Record3D.*; export EXR \+ RGB"):
+        open_recording(tmp_path / "scan.r3d")

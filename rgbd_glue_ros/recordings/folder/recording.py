@@ -28,13 +28,12 @@ from rgbd_glue_ros.types import CameraIntrinsics
 
 logger = logging.getLogger(__name__)
 
-SIGNATURE = "a folder of colour and one of depth images"
-
 _MILLIMETRES = DepthEncoding(1000.0, (0, 65535))
 # The layout of lists is TUM's, and so is their unit
 _TUM = DepthEncoding(5000.0, (0,))
 # SUN3D rotates the bits of its millimetres
 _SUN3D = replace(_MILLIMETRES, rotation=3)
+_RAW_NYU = re.compile(r"d-[\d.]+-\d+\.pgm")
 _SUN3D_EXTRINSICS = re.compile(r"\d{10,}\.txt")
 
 
@@ -71,6 +70,13 @@ def open_folder(
     """
     pairs, encoding = _frames(folder, color, depth)
     told = _calibration(folder) if calibration is None else Calibration(calibration)
+    if _RAW_NYU.fullmatch(pairs[0].depth.name):
+        raise InputError(
+            pairs[0].depth,
+            "holds disparities of a Kinect as NYU Depth dumps them, in the view of its infrared "
+            "camera",
+            "project them with the data set's toolbox, and save depth as 16-bit PNG",
+        )
     color_shape, depth_shape = _first_readable(pairs)
     if depth_camera is None:
         camera = _fitted(told.intrinsics, color_shape, depth_shape, pairs[0], folder)

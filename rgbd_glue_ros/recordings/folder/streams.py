@@ -32,6 +32,9 @@ _OTHER = re.compile(
 )
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
+# Seconds since 1970 and a part of one
+_STAMP = re.compile(r"\d{9,10}\.\d+")
+
 # Redwood and SUN3D name a file by its number and when it was taken, in microseconds
 _NUMBER_AND_TIME = re.compile(r"(\d{5,7})-(\d{12})")
 
@@ -60,9 +63,16 @@ def streams_in(folder: Path) -> list[Stream]:
         if not numbers:
             continue
         timed = _NUMBER_AND_TIME.fullmatch(path.stem)
-        start, end = (0, len(path.stem)) if timed else numbers[-1].span()
-        name = f"{path.stem[:start]}#{path.stem[end:]}{path.suffix}"
-        key = timed.group() if timed else numbers[-1].group()
+        stamps = [number for number in numbers if _STAMP.fullmatch(number.group())]
+        if timed:
+            key, name = timed.group(), "#"
+        elif len(stamps) == 1:
+            # what other numbers there are, as of a clock of the camera, differ too
+            key, name = stamps[0].group(), _NUMBER.sub("#", path.stem)
+        else:
+            start, end = numbers[-1].span()
+            key, name = numbers[-1].group(), f"{path.stem[:start]}#{path.stem[end:]}"
+        name += path.suffix
         found[(path.parent / name).relative_to(folder).as_posix()][key] = path
     streams = [Stream(name, files) for name, files in sorted(found.items())]
     return [stream for stream in streams if not _is_of_another(stream, streams)]

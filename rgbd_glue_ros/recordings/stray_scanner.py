@@ -1,0 +1,189 @@
+"""Stray Scanner's recordings of iPhones: ``rgb.mp4`` beside ``depth/000000.png``, and odometry.
+
+Frame i of the video belongs to the depth image of number i. Colour is larger than depth, of the
+same view, and is reduced to its size.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.messages.camera_info import of_image_size
+from rgbd_glue_ros.recordings.faults import Faults
+from rgbd_glue_ros.recordings.folder.calibration import calibration_of
+from rgbd_glue_ros.recordings.folder.lists import frame_stamp_ns
+from rgbd_glue_ros.recordings.image_sequence import (
+    DepthEncoding,
+    ImagePair,
+    ImageSequence,
+    read_image,
+    to_rgb,
+)
+from rgbd_glue_ros.recordings.recording import selected
+from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame, Trajectory, UInt8
+
+VIDEOS = ("rgb.mp4", "rgb.mov", "color.mp4", "video.mp4")
+ODOMETRY = "odometry.csv"
+
+_MILLIMETRES = DepthEncoding(1000.0, (0,))
+
+
+def matches(folder: Path) -> bool:
+    """Whether there is a video beside numbered depth images, and no colour images."""
+    return _video(folder) is not None and bool(_depth_images(folder))
+
+
+def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:
+    """The depth images and what else lies in ``folder``; the colour of every pair is the video.
+
+    Args:
+        folder: of the recording.
+        calibration: of the colour camera; None takes that of a file in the folder.
+
+    Raises:
+        InputError: the camera is not known, or does not fit the images.
+    """
+    video, depth = _video(folder), _depth_images(folder)
+    if video is None or not depth:
+        raise InputError(folder, "has no video beside depth images", "give another folder")
+    if calibration is None:
+        told = calibration_of(folder)
+        if told is None:
+            raise InputError(
+                folder, "no file there tells its camera", "give the calibration (--calibration)"
+            )
+        calibration = told.intrinsics
+    truth = _odometry(folder)
+    stamps = [frame_stamp_ns(number) for number in depth]
+    if truth is not None and len(truth.stamps_ns) > max(depth):
+        stamps = [int(truth.stamps_ns[number]) for number in depth]
+    pairs = tuple(
+        ImagePair(stamp, video, stamp, path)
+        for stamp, path in zip(stamps, depth.values(), strict=True)
+    )
+    color = next(_frames(video)).shape[:2]
+    camera = of_image_size(calibration, color, str(folder), str(video))
+    shape = read_image(pairs[0].depth).shape[:2]
+    camera = of_image_size(camera, (shape[0], shape[1]), str(video), str(pairs[0].depth))
+    return ImageSequence(
+        folder.resolve().name, pairs, _MILLIMETRES, camera, truth, (color[1], color[0])
+    )
+
+
+@dataclass(frozen=True)
+class VideoSequence:
+    """A ``Recording`` whose colour images are the frames of a video.
+
+    Attributes:
+        images: of depth; the colour of every pair is the video.
+    """
+
+    images: ImageSequence
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.images.name
+
+    @property
+    def frame_count(self) -> int:
+        """How many depth images there are."""
+        return self.images.frame_count
+
+    @property
+    def ground_truth(self) -> Trajectory | None:
+        """The phone's own odometry."""
+        return self.images.ground_truth
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        """The frames in order of time; those that cannot be read are skipped, counted and logged.
+
+        Raises:
+            InputError: the video cannot be read, or no depth image can.
+        """
+        faults, is_empty = Faults(), True
+        pairs = {_number(pair.depth): pair for pair in self.images.pairs}
+        for number, color in enumerate(_frames(self.images.pairs[0].color)):
+            if number not in pairs:
+                continue
+            try:
+                frame = self.images.frame(pairs[number], color)
+            except InputError as error:
+                faults.add(error)
+                continue
+            is_empty = False
+            yield frame
+        if is_empty:
+            raise faults.first or InputError(
+                self.images.pairs[0].color, "has no frame of a depth image", "record anew"
+            )
+
+    def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
+        """The frames of these numbers, increasing; all before the last of them are read too."""
+        return selected(self, indices)
+
+    def close(self) -> None:
+        """Holds nothing open."""
+
+    def __enter__(self) -> VideoSequence:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _video(folder: Path) -> Path | None:
+    return next((folder / name for name in VIDEOS if (folder / name).is_file()), None)
+
+
+def _depth_images(folder: Path) -> dict[int, Path]:
+    """Those in the folder, in the order of their numbers."""
+    numbered = {_number(path): path for path in (folder / "depth").glob("*.png")}
+    return {number: numbered[number] for number in sorted(n for n in numbered if n >= 0)}
+
+
+def _number(path: Path) -> int:
+    """The number that a file is named by; -1 without one."""
+    return int(path.stem) if re.fullmatch(r"\d+", path.stem) else -1
+
+
+def _odometry(folder: Path) -> Trajectory | None:
+    return read_tum(folder / ODOMETRY) if (folder / ODOMETRY).is_file() else None
+
+
+def _frames(video: Path) -> Iterator[UInt8]:
+    """The frames of a video as RGB, as the sensor sees them.
+
+    Raises:
+        InputError: OpenCV cannot decode it.
+    """
+    capture = cv2.VideoCapture(str(video))
+    # phones say how they were held, and depth does not follow
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+    try:
+        is_read, image = capture.read()
+        if not is_read:
+            raise InputError(
+                video,
+                "cannot be decoded by the OpenCV that is installed",
+                "extract its frames: ffmpeg -noautorotate -i rgb.mp4 -start_number 0 rgb/%06d.png",
+            )
+        while is_read:
+            yield to_rgb(np.asarray(image), str(video))
+            is_read, image = capture.read()
+    finally:
+        capture.release()
