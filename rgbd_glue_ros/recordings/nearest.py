@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.input_files import open_file
 
 SEE = "docs/data.md lists what is read"
 
@@ -102,7 +103,7 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
 
 
 def _of_file(path: Path) -> InputError:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         head = file.read(8)
     kind = next((name for magic, name in _ARCHIVES if head.startswith(magic)), None)
     if path.suffix.lower() == ".r3d":

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from rigs import messages as rig
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
@@ -24,6 +26,7 @@ HEAD = header(1, "camera")
 TOPICS = FrameTopics("/color", "/depth", "/info")
 CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
 D5 = (0.02, -0.03, 0.0005, -0.0004, 0.01)
+LENSED = rig.CAMERA
 BROWN, FISHEYE = LensModel.BROWN_CONRADY, LensModel.KANNALA_BRANDT
 
 
@@ -153,3 +156,67 @@ def test_an_info_that_cannot_be_of_the_image_is_refused(message: CameraInfo, cau
     with pytest.raises(InputError, match=r"^/info: ") as error:
         camera_of(message)
     assert cause in str(error.value)
+
+
+def test_the_camera_comes_back_from_its_info() -> None:
+    rational = replace(LENSED, distortion=tuple(0.01 * i for i in range(1, 9)))
+    for camera in (LENSED, rational, replace(LENSED, distortion=())):
+        assert intrinsics_from_message(camera_info(camera, HEAD), "/info") == camera
+
+
+def test_cropping_shifts_and_binning_scales_the_camera() -> None:
+    """A 3D point's pixel, cropped and binned by hand, is where the camera says it is."""
+    info = replace(
+        camera_info(LENSED, HEAD),
+        roi=RegionOfInterest(x_offset=8, y_offset=4, width=40, height=20),
+        binning_x=2,
+        binning_y=4,
+    )
+    camera = intrinsics_from_message(info, "/info")
+    assert (camera.width, camera.height) == (20, 5)
+    x, y, z = 0.2, -0.1, 2.0
+    u, v = LENSED.fx * x / z + LENSED.cx, LENSED.fy * y / z + LENSED.cy
+    # the first bin spans pixels 8 to 9, so its centre is at 8.5
+    assert camera.fx * x / z + camera.cx == pytest.approx((u - 8.5) / 2)
+    assert camera.fy * y / z + camera.cy == pytest.approx((v - 5.5) / 4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({"k": np.zeros(9), "p": np.zeros(12)}, "K is all zeros: the camera is not calibrated"),
+        ({"k": np.full(9, np.nan)}, "K is no camera matrix"),
+        ({"k": np.array([60, 0, np.inf, 0, 60, 23, 0, 0, 1])}, "K is no camera matrix"),
+        ({"k": np.array([-60.0, 0, 31, 0, 60, 23, 0, 0, 1])}, "K is no camera matrix"),
+        ({"d": np.array([np.nan] * 5)}, "D holds"),
+        ({"distortion_model": "equidistant"}, "distortion model 'equidistant' are not supported"),
+        ({"width": 0}, "an image of 0x48 pixels"),
+        ({"roi": RegionOfInterest(30, 0, 40, 48)}, "is not within 64x48"),
+        ({"binning_x": 65}, "an image of 0x48 pixels"),
+    ],
+)
+def test_a_camera_info_that_makes_no_sense_is_refused(changes: dict[str, Any], cause: str) -> None:
+    info: CameraInfo = replace(camera_info(LENSED, HEAD), **changes)
+    with pytest.raises(InputError, match=r"^/info: ") as caught:
+        intrinsics_from_message(info, "/info")
+    assert cause in str(caught.value)
+
+
+def test_of_a_rectified_image_p_is_the_camera_and_distortion_is_gone() -> None:
+    info = camera_info(LENSED, HEAD)
+    p = np.array([50.0, 0, 30, 0, 0, 50, 20, 0, 0, 0, 1, 0])
+    color, depth = color_image(rig.RGB, HEAD), depth_image(rig.DEPTH, HEAD)
+    for name in ("/camera/rgb/image_rect_color", "/left/image_rect/compressed"):
+        topics = replace(TOPICS, color=name)
+        frame = frame_from_messages(color, depth, replace(info, p=p), topics)
+        assert frame.intrinsics == CameraIntrinsics(64, 48, 50.0, 50.0, 30.0, 20.0)
+        without_p = frame_from_messages(color, depth, replace(info, p=np.zeros(12)), topics)
+        assert without_p.intrinsics == replace(LENSED, distortion=())
+    raw_topics = replace(TOPICS, color="/camera_rect/image_direct")
+    frame = frame_from_messages(color, depth, replace(info, p=p), raw_topics)
+    assert frame.intrinsics == LENSED
+
+
+def test_an_unknown_model_without_distortion_is_no_matter() -> None:
+    info = replace(camera_info(LENSED, HEAD), distortion_model="", d=np.zeros(0))
+    assert intrinsics_from_message(info, "/info").distortion == ()

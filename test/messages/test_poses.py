@@ -1,12 +1,15 @@
-"""Poses as parameters write them."""
+"""Poses in messages and as parameters write them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from rigs.messages import HEAD
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.poses import parse_pose
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.messages.fields import pose_stamped
+from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 
 
 def test_six_numbers_are_urdfs_roll_pitch_yaw_and_seven_a_quaternion() -> None:
@@ -22,3 +25,17 @@ def test_six_numbers_are_urdfs_roll_pitch_yaw_and_seven_a_quaternion() -> None:
 def test_a_pose_that_is_none_is_refused_with_the_form_it_should_have(text: str) -> None:
     with pytest.raises(InputError, match="x y z roll pitch yaw"):
         parse_pose("camera_pose", text)
+
+
+def test_a_pose_message_holds_the_transform() -> None:
+    T = se3.exp(np.array([1.0, 2.0, 3.0, 0.3, -0.2, 0.1]))
+    message = pose_stamped(T, HEAD)
+    assert pose_from_message(message, "/pose") == pytest.approx(T, abs=1e-12)
+
+
+@pytest.mark.parametrize("position", [np.nan, np.inf])
+def test_a_pose_that_is_not_finite_is_refused(position: float) -> None:
+    T = np.eye(4)
+    T[0, 3] = position
+    with pytest.raises(InputError, match=r"^/pose: a pose is not finite"):
+        pose_from_message(pose_stamped(T, HEAD), "/pose")
