@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
+
+from rgbd_glue_ros.code_cache import CodeCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -19,26 +19,12 @@ def compiled(function: F) -> F:
     divides by zero as IEEE 754 has it, without a check. Sums are taken in the order written: left
     to the compiler, their last digits differ between code just compiled and code from disk.
     """
-    return cast(F, njit(cache=True, nogil=True, error_model="numpy")(function))
+    dispatcher: Any = njit(nogil=True, error_model="numpy")(function)
+    if hasattr(dispatcher, "enable_caching"):  # else NUMBA_DISABLE_JIT is set
+        dispatcher._cache = CodeCache(function)  # noqa: SLF001 - as cache=True does it
+    return cast(F, dispatcher)
 
 
 def inlined(function: F) -> F:
     """A part of compiled functions that is put into each of them: what is done at every point."""
     return cast(F, njit(inline="always", error_model="numpy")(function))
-
-
-def forget_stale_code(package: Path) -> None:
-    """Removes the indices of compiled code that are older than a source beside it.
-
-    An index names the types that its functions take; one that a newer version has not got any more
-    ends in an error that says nothing, where compiling anew would do.
-    """
-    for cache in package.rglob("__pycache__"):
-        with suppress(OSError):  # what cannot be removed cannot be written either
-            newest = max((p.stat().st_mtime for p in cache.parent.glob("*.py")), default=0.0)
-            for index in cache.glob("*.nbi"):
-                if index.stat().st_mtime < newest:
-                    index.unlink(missing_ok=True)
-
-
-forget_stale_code(Path(__file__).parent)

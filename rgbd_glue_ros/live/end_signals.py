@@ -24,10 +24,14 @@ class EndSignals:
 
     def __init__(self) -> None:
         """Takes the signals over. To be called from the main thread."""
-        self._told, teller = os.pipe()
-        os.set_blocking(teller, False)  # a thousand signals are one wish too
-        signal.set_wakeup_fd(teller, warn_on_full_buffer=False)
+        self._told, self._teller = os.pipe()
+        os.set_blocking(self._teller, False)  # a thousand signals are one wish too
+        signal.set_wakeup_fd(self._teller, warn_on_full_buffer=False)
         _handle_by(_leave_it_to_the_pipe)
+
+    def end(self) -> None:
+        """Does as if one had come; any thread may call it."""
+        os.write(self._teller, bytes([signal.SIGTERM]))
 
     def wait(self) -> None:
         """Returns when one has come, even before."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter, deque
-from collections.abc import Mapping
+import time
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,8 +17,12 @@ from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RegistrationResul
 # Frames that the latency is taken over: the last half minute.
 LATENCY_WINDOW = 1000
 RATE_WINDOW_NS = 5 * NANOSECONDS
-# Different faults told apart; a camera gone mad must not fill the memory or the log.
+# Different faults remembered, and told in so much time at most: a camera gone mad must not fill the
+# memory or the log, nor keep what comes later out of it.
 MAX_FAULTS = 100
+FAULTS_WINDOW_NS = 600 * NANOSECONDS
+# Without a pose for so long, what became of the last frame is the state of the node.
+NO_POSE_S = 2.0
 
 
 class Drop(Enum):
@@ -29,6 +34,10 @@ class Drop(Enum):
     UNPLACED = "where the camera is on the robot was not known yet"
     UNUSABLE = "a message could not be used"
     FAILED = "an error inside"
+
+
+WISHED = {Drop.PAUSED, Drop.TOO_SOON}
+"""Reasons that somebody asked for."""
 
 
 @dataclass(frozen=True)
@@ -90,26 +99,33 @@ class Summary:
 
 
 class Monitor:
-    """Counts what becomes of frames. Any thread may call it; times are of a monotonic clock.
+    """Counts what becomes of frames. Any thread may call it.
 
     Attributes:
         is_paused: whether frames are left out until somebody says otherwise.
         width: of the last frame's colour image, pixels; 0 before the first.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        """Begins to count.
+
+        Args:
+            clock: the time in nanoseconds, which never goes back; that of all times given.
+        """
+        self._clock = clock
         self.is_paused = False
         self.width = 0
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0
         self._drops: Counter[Drop] = Counter()
-        self._faults: set[tuple[str, str]] = set()
+        self._faults: OrderedDict[tuple[str, str], None] = OrderedDict()
+        self._told_ns: deque[int] = deque(maxlen=MAX_FAULTS)
         self._latencies_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._evidence: dict[str, str] = {}
-        self._last_pose_ns: int | None = None
-        self._without_pose_ns = 0
+        self._last_pose_ns = clock()
+        self._refused: Drop | None = None
         self._last_error = ""
         self._why_no_pose = ""
 
@@ -135,10 +151,9 @@ class Monitor:
             self._state = estimate.state
             self._frames += 1
             self._tracked += estimate.T_odom_camera is not None
+            self._refused = None
             if estimate.T_odom_camera is not None:
-                self._last_pose_ns = estimate.stamp_ns
-            if self._last_pose_ns is not None:
-                self._without_pose_ns = max(estimate.stamp_ns - self._last_pose_ns, 0)
+                self._last_pose_ns = published_ns
             self._latencies_ns.append(published_ns - arrived_ns)
             self._published_ns.append(published_ns)
             if estimate.registration is not None:
@@ -148,32 +163,60 @@ class Monitor:
         """A frame got no estimate."""
         with self._lock:
             self._drops[reason] += 1
+            if reason not in WISHED:
+                self._refused = reason
 
     def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault is seen for the first time, so that it deserves a line in the log.
+        """Whether a fault was not seen before, as far as is remembered, and deserves a line.
 
         Faults that differ in numbers alone are the same.
         """
         kind = without_numbers(where), without_numbers(cause)
+        now_ns = self._clock()
         with self._lock:
             self._last_error = f"{where}: {cause}"
-            if kind in self._faults or len(self._faults) >= MAX_FAULTS:
+            if kind in self._faults:
+                self._faults.move_to_end(kind)
                 return False
-            self._faults.add(kind)
+            is_flood = len(self._told_ns) == MAX_FAULTS and (
+                now_ns - self._told_ns[0] < FAULTS_WINDOW_NS
+            )
+            if is_flood:
+                return False
+            self._told_ns.append(now_ns)
+            self._faults[kind] = None
+            if len(self._faults) > MAX_FAULTS:
+                self._faults.popitem(last=False)
             return True
 
     def values(self, now_ns: int) -> dict[str, str]:
         """Name and value of all there is to tell, as diagnostics want them."""
         summary = self.summary(now_ns).values()
         with self._lock:
-            seconds = self._without_pose_ns / NANOSECONDS
             return {
                 **summary,
-                "without_pose_s": f"{seconds:.3f}",
+                "without_pose_s": f"{self._without_pose_ns(now_ns) / NANOSECONDS:.3f}",
                 "why_no_pose": self._why_no_pose,
                 **self._evidence,
                 "last_error": self._last_error,
             }
+
+    def why_refused(self, now_ns: int) -> str:
+        """What keeps the frames that come from being processed; "" while they are."""
+        with self._lock:
+            refused, seconds = self._refused, self._without_pose_ns(now_ns) / NANOSECONDS
+            if refused is None or seconds < NO_POSE_S:
+                return ""
+            error = f": {self._last_error}" if refused in {Drop.UNUSABLE, Drop.FAILED} else ""
+            return f"no pose for {seconds:.0f} s, since {refused.value}{error}"
+
+    def is_overdue(self, now_ns: int) -> bool:
+        """Whether the last pose is older than that of a camera that is tracked."""
+        return self._without_pose_ns(now_ns) > NO_POSE_S * NANOSECONDS
+
+    def _without_pose_ns(self, now_ns: int) -> int:
+        """Time since the last pose; before the first, since counting began."""
+        return max(now_ns - self._last_pose_ns, 0)
 
     @property
     def why_no_pose(self) -> str:

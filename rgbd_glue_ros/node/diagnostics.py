@@ -59,6 +59,12 @@ class NodeDiagnostics:
             return DiagnosticStatus.WARN, "paused"
         if self._watch.silence:
             return DiagnosticStatus.STALE, self._watch.silence
+        now_ns = time.monotonic_ns()
+        refused = self._monitor.why_refused(now_ns)
+        if refused:
+            return DiagnosticStatus.ERROR, refused
+        if state is TrackingState.TRACKING and self._monitor.is_overdue(now_ns):
+            return DiagnosticStatus.STALE, f"{state.value}, but no frame came lately"
         if state is TrackingState.TRACKING and self._watch.drops:
             return DiagnosticStatus.WARN, self._watch.drops
         why = self._monitor.why_no_pose
@@ -67,7 +73,7 @@ class NodeDiagnostics:
     def _log(self) -> None:
         """Says that it works, or how badly."""
         summary = self._monitor.summary(time.monotonic_ns())
-        if summary.frames:
+        if summary.frames or any(summary.drops.values()):
             self._node.get_logger().info(f"{summary.rate_hz:.1f} poses a second; {summary}")
 
     def _publish(self) -> None:

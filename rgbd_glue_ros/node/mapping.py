@@ -239,7 +239,7 @@ def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until SIGINT or SIGTERM; the exit code is as that of the odometry node."""
-    return run_node(NODE_NAME, MappingNode, args)
+    return run_node(NODE_NAME, lambda _: MappingNode(), args)
 
 
 if __name__ == "__main__":

@@ -77,13 +77,17 @@ class OdometryNode(Node):  # type: ignore[misc]
         monitor: counts what becomes of frames.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, give_up: Callable[[], None]) -> None:
         """Declares the parameters; subscribes as soon as the first frame would not be slow.
+
+        Args:
+            give_up: called, by another thread, when no frame could be processed.
 
         Raises:
             InputError: a parameter has a value that it cannot have.
         """
         super().__init__(NODE_NAME)
+        self._give_up = give_up
         self._log_handler = RosLogHandler(self.get_logger())
         logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
 
@@ -185,7 +189,9 @@ class OdometryNode(Node):  # type: ignore[misc]
         try:
             warm_up(self._config)
         except Exception:
-            logger.exception("Warming up failed, so the first frames will be slow")
+            logger.exception("Warming up failed, and so would every frame: giving up")
+            self._give_up()
+            return
         with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
             self._warmed_up.trigger()
 
@@ -348,7 +354,7 @@ def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -
         end_signals: where they were taken over before this module was loaded, which takes a while.
 
     Returns:
-        The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
+        The exit code, as of ``run_node``.
     """
     return run_node(NODE_NAME, OdometryNode, args, end_signals)
 

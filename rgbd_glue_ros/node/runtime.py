@@ -92,26 +92,32 @@ class RunningNode(Protocol):
 
 def run_node(
     name: str,
-    create: Callable[[], RunningNode],
+    create: Callable[[Callable[[], None]], RunningNode],
     args: list[str] | None,
     end_signals: EndSignals | None = None,
 ) -> int:
-    """Runs a node until SIGINT or SIGTERM.
+    """Runs a node until SIGINT or SIGTERM, or until it cannot go on.
 
     Args:
         name: of the node, for what goes wrong before there is one.
-        create: makes it.
+        create: makes it, given what it calls, from any thread, when it cannot go on.
         args: ROS arguments; None takes the process's.
         end_signals: where they were taken over before; None takes them over here.
 
     Returns:
-        The exit code: 0, or 2 when an argument or parameter has a value that it cannot have.
+        The exit code: 0, or 2 when an argument or parameter has a value that it cannot have, or 1
+        when it could not go on.
     """
     end_signals = end_signals or EndSignals()
-    told_to_end = threading.Event()
+    told_to_end, has_failed = threading.Event(), threading.Event()
+
+    def give_up() -> None:
+        has_failed.set()
+        end_signals.end()
+
     try:
         init(args)
-        with create() as node:
+        with create(give_up) as node:
             executor = NodeExecutor(node, node.is_news)
             spinning = threading.Thread(
                 target=executor.spin_until, args=[told_to_end.is_set], daemon=True
@@ -127,7 +133,7 @@ def run_node(
         return 2
     finally:
         rclpy.try_shutdown()
-    return 0
+    return 1 if has_failed.is_set() else 0
 
 
 def say_later(node: Node, line: Callable[[], str]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.live.monitor import MAX_FAULTS, Drop, Monitor, Summary
+from rgbd_glue_ros.live.monitor import FAULTS_WINDOW_NS, MAX_FAULTS, Drop, Monitor, Summary
 from rgbd_glue_ros.types import OdometryEstimate, TrackingState
 
 MS = 1_000_000
@@ -62,19 +62,52 @@ def test_a_summary_before_the_first_frame_can_be_printed() -> None:
 
 
 def test_a_fault_is_news_once_and_the_memory_of_faults_is_bounded() -> None:
-    monitor = Monitor()
+    monitor = Monitor(lambda: 0)
     assert monitor.is_news("/rgb/image", "100 bytes instead of 900")
     assert not monitor.is_news("/rgb/image", "120 bytes instead of 900")
     news = [monitor.is_news("/rgb/image", "x" * i) for i in range(500)]
     assert sum(news) == MAX_FAULTS - 1
 
 
-def test_the_time_without_a_pose_is_told_and_so_is_the_last_error() -> None:
-    monitor = Monitor()
-    monitor.processed(replace(POSE, stamp_ns=1000 * MS), 0, MS)
-    monitor.processed(replace(NO_POSE, stamp_ns=3500 * MS), 0, MS)
+def test_after_a_flood_of_faults_a_new_one_is_news_again() -> None:
+    now_ns = 0
+    monitor = Monitor(lambda: now_ns)
+    assert sum(monitor.is_news("/rgb/image", "x" * i) for i in range(500)) == MAX_FAULTS
+    assert not monitor.is_news("/depth", "cut off")
+    now_ns += FAULTS_WINDOW_NS
+    assert monitor.is_news("/depth", "cut off")
+    assert not monitor.is_news("/depth", "cut off")
+
+
+def test_the_age_of_the_last_pose_goes_by_the_clock_whatever_frames_say() -> None:
+    now_ns = 5000 * MS
+    monitor = Monitor(lambda: now_ns)
+    assert monitor.values(now_ns + 700 * MS)["without_pose_s"] == "0.700"
+    monitor.processed(replace(POSE, stamp_ns=10**18), now_ns, now_ns)
+    monitor.processed(replace(NO_POSE, stamp_ns=0), now_ns, now_ns + 1000 * MS)
     monitor.is_news("/depth", "cut off")
-    values = monitor.values(MS)
+    values = monitor.values(now_ns + 2500 * MS)
     assert (values["without_pose_s"], values["last_error"]) == ("2.500", "/depth: cut off")
-    monitor.processed(replace(POSE, stamp_ns=3600 * MS), 0, MS)
-    assert monitor.values(MS)["without_pose_s"] == "0.000"
+    assert monitor.is_overdue(now_ns + 2500 * MS)
+    assert not monitor.is_overdue(now_ns + 500 * MS)
+
+
+def test_frames_that_come_and_are_all_refused_are_told_with_the_last_error() -> None:
+    monitor = Monitor(lambda: 0)
+    monitor.processed(POSE, 0, 0)
+    monitor.is_news("/rgb/image", "bayer_rggb8 is not known")
+    monitor.dropped(Drop.UNUSABLE)
+    assert monitor.why_refused(1000 * MS) == ""
+    why = monitor.why_refused(7000 * MS)
+    assert why == (
+        "no pose for 7 s, since a message could not be used: /rgb/image: bayer_rggb8 is not known"
+    )
+    monitor.processed(NO_POSE, 0, 7000 * MS)
+    assert monitor.why_refused(7000 * MS) == ""
+
+
+def test_frames_that_somebody_asked_to_leave_out_are_no_error() -> None:
+    monitor = Monitor(lambda: 0)
+    monitor.dropped(Drop.PAUSED)
+    monitor.dropped(Drop.TOO_SOON)
+    assert monitor.why_refused(7000 * MS) == ""

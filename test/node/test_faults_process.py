@@ -6,15 +6,23 @@ import itertools
 import os
 import signal
 import time
+from pathlib import Path
 
+import numba
 import pytest
 
+from rgbd_glue_ros.code_cache import CodeCache
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.geometry.fitting import procrustes
 from rgbd_glue_ros.live.end_signals import END_SIGNALS
+from rgbd_glue_ros.odometry.warm_up import warm_up
+from rgbd_glue_ros.parameters import load_preset
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rigs.faults import COMPILE_S, running_node
-from rigs.ros import PATIENCE_S
+from rigs.paths import ROOT
+from rigs.ros import PATIENCE_S, Rig, corner_frame
 
 
 @pytest.mark.parametrize("order", [END_SIGNALS, END_SIGNALS[::-1]], ids=str)
@@ -30,3 +38,33 @@ def test_signals_that_keep_coming_end_the_node_with_exit_code_0(
             os.kill(node.pid, how)
         assert node.wait_for_end(0) == 0
         assert not [line for line in node.lines if "Traceback" in line]
+
+
+def test_a_node_that_could_process_no_frame_ends_with_exit_code_1(ros_domain: int) -> None:
+    environment = {
+        **ros_environment(ros_domain),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
+    }
+    with NodeProcess({}, environment, module="rigs.unusable_node") as node:
+        node.wait_for_line("Warming up failed", PATIENCE_S)
+        assert node.wait_for_end(PATIENCE_S) == 1
+
+
+def leave_empty(files: list[Path], folder: Path) -> None:
+    """Leaves files of these names, as a power cut leaves what was not on the disk yet."""
+    for path in files:
+        (folder / path.name).write_bytes(b"")
+
+
+def test_a_damaged_cache_of_compiled_code_costs_no_pose(
+    ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    warm_up(load_preset("live"))  # what the private folder lacks comes from beside the sources
+    files = [*Path(procrustes.stats.cache_path).glob("*.nb?")]  # type: ignore[attr-defined]
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    leave_empty(files, Path(CodeCache(procrustes.py_func).cache_path))  # type: ignore[attr-defined]
+    with running_node(ros_domain, {"NUMBA_CACHE_DIR": str(tmp_path)}) as node:
+        node.wait_for_line("is damaged", COMPILE_S)
+        with Rig(ros_domain) as rig:
+            rig.wait_until_matched()
+            rig.pose_of(corner_frame(0))

@@ -33,6 +33,7 @@ ORDER = """
 """.split()  # noqa: SIM905 - a line a floor
 ROOT_MODULES = {
     "__main__",
+    "code_cache",
     "compiled",
     "errors",
     "input_checks",

@@ -1,0 +1,158 @@
+"""Where machine code is kept on disk, whatever has become of the disk.
+
+numba's own cache takes a file that a power cut left empty for the end of the function, refuses to
+compile where it finds no folder to write to, and does not see that a function whose code another
+one holds has changed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import logging
+import pickle
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
+
+logger = logging.getLogger(__name__)
+
+
+class CodeCache(FunctionCache):  # type: ignore[misc]
+    """Machine code of a function on disk; what cannot be read or written is compiled anew.
+
+    Code is looked for where numba keeps it (``NUMBA_CACHE_DIR``, beside the source, in the user's
+    cache), and beside the source in any case: an installation may bring what nobody may add to.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._impl_class = _ResultsAnywhere
+        super().__init__(function)
+        self._cache_file = self._files_in(Path(self._cache_path))
+        self._installed = self._files_in(_beside(function))
+
+    def _files_in(self, folder: Path) -> _SealedFiles:
+        stamp = digest_of_sources(Path(__file__).parent)
+        return _SealedFiles(str(folder), self._impl.filename_base, stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The machine code for a signature; None where there is none that is whole."""
+        target_context.refresh()
+        code = self._code_in(self._cache_file, sig, target_context)
+        return code or self._code_in(self._installed, sig, target_context)
+
+    def _code_in(self, files: _SealedFiles, sig: Any, target_context: Any) -> Any:
+        try:
+            data = files.load(self._index_key(sig, target_context.codegen()))
+            return None if data is None else self._impl.rebuild(target_context, data)
+        except OSError:
+            return None  # there is nothing that could be read
+        except Exception as error:  # noqa: BLE001 - what a damaged file makes of reading it
+            _say_once(f"Compiled code in {files.folder} is damaged ({error!r}): compiling anew")
+            files.discard()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keeps machine code, if the disk takes it."""
+        try:
+            self._save_overload(sig, data)
+        except OSError as error:
+            _say_once(
+                f"Compiled code cannot be kept ({error}), so that each start takes a minute: set "
+                "NUMBA_CACHE_DIR to a folder that can be written to"
+            )
+
+
+class _ReadOnly(_CacheLocator):  # type: ignore[misc]
+    """Beside the source, where code can be found and, as others were tried before, none be kept."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], _source: str) -> _ReadOnly:
+        """That of a function."""
+        return cls(function)
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return str(_beside(self._function))
+
+    def get_source_stamp(self) -> str:
+        """What changes with the source."""
+        return digest_of_sources(Path(__file__).parent)
+
+    def get_disambiguator(self) -> str:
+        """What tells functions of one name apart: the line, as numba's other locators have it."""
+        return str(self._function.__code__.co_firstlineno)
+
+
+class _ResultsAnywhere(CompileResultCacheImpl):  # type: ignore[misc]
+    """How a compiled function is kept, also where no folder can be written to."""
+
+    _locator_classes: ClassVar[list[Any]] = [
+        *CompileResultCacheImpl._locator_classes,  # noqa: SLF001 - numba has no other way to them
+        _ReadOnly,
+    ]
+
+
+class _SealedFiles(IndexDataCacheFile):  # type: ignore[misc]
+    """The files of one function, whose contents say whether they are whole."""
+
+    @property
+    def folder(self) -> str:
+        """Where they are."""
+        return str(self._cache_path)
+
+    def _dump(self, obj: object) -> bytes:
+        return pickle.dumps(_Sealed(super()._dump(obj)))
+
+    def discard(self) -> None:
+        """Forgets what was kept, so that it can be replaced."""
+        with contextlib.suppress(OSError):  # what stays is found damaged again the next time
+            Path(self._index_path).unlink(missing_ok=True)
+
+
+class _Sealed:
+    """Bytes that are read back as what was pickled in them, if they are still the same."""
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+
+    def __reduce__(self) -> tuple[Callable[[bytes, bytes], object], tuple[bytes, bytes]]:
+        return _unsealed, (self._content, hashlib.sha256(self._content).digest())
+
+
+def _unsealed(content: bytes, digest: bytes) -> object:
+    if hashlib.sha256(content).digest() != digest:
+        raise ValueError("the contents have changed")
+    return pickle.loads(content)  # noqa: S301 - code that runs anyway, from a folder of the user's
+
+
+@cache
+def digest_of_sources(package: Path) -> str:
+    """Digest of all sources that are compiled: they put one another into their code."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        source = path.read_bytes()
+        if b"compiled import" in source:
+            digest.update(source)
+    return digest.hexdigest()
+
+
+@cache
+def _say_once(text: str) -> None:
+    logger.warning(text)
+
+
+def _beside(function: Callable[..., Any]) -> Path:
+    """Where an installation keeps the machine code of a function."""
+    return Path(function.__code__.co_filename).parent / "__pycache__"
