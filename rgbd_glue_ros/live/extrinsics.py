@@ -95,7 +95,84 @@ class Extrinsics:
         return mapped
 
 
-def parse_extrinsics(frame_id: str, camera_pose: str, camera_axes: str) -> Extrinsics:
+@dataclass(frozen=True)
+class PlanarExtrinsics(Extrinsics):
+    """The same of a robot on wheels: its child frame keeps to the plane that it starts on.
+
+    Height, roll and pitch that the camera's odometry gathers are drift, and are left out: x and y
+    are those of the child frame, its yaw that of its x axis seen from above the plane. The
+    odometry itself is free: held to the plane it would take a bump, or an extrinsic that is a
+    degree off, for motion along it.
+    """
+
+    @staticmethod
+    def of_robot(T_robot_camera: Float64) -> PlanarExtrinsics:
+        """As of any robot, in its plane."""
+        return PlanarExtrinsics(T_robot_camera, se3.inverse(T_robot_camera))
+
+    def starting_at(self, T_odom_start: Float64) -> PlanarExtrinsics:
+        """The same from another start, whose x and y axes span the plane."""
+        return PlanarExtrinsics(T_odom_start @ self.T_fixed_odom, self.T_camera_child)
+
+    @property
+    def _T_fixed_start(self) -> Float64:
+        """Pose of the child frame at the start; its z axis is the plane's normal."""
+        T: Float64 = self.T_fixed_odom @ self.T_camera_child
+        return T
+
+    def pose(self, T_odom_camera: Float64) -> Float64:
+        """T_fixed_child [4, 4], as moved along the plane."""
+        start = self._T_fixed_start
+        return np.asarray(start @ in_plane(se3.inverse(start) @ super().pose(T_odom_camera)))
+
+    def pose_covariance(self, T_odom_camera: Float64, covariance: Float64) -> Float64:
+        """The covariance [6, 6], with next to no doubt across the plane."""
+        R = np.kron(np.eye(2), self._T_fixed_start[:3, :3])
+        free = super().pose_covariance(T_odom_camera, covariance)
+        return np.asarray(R @ _kept_in_plane(R.T @ free @ R) @ R.T)
+
+    def twist(self, twist: Float64) -> Float64:
+        """The child frame's velocity [6]: ahead, to the side, and about its z axis."""
+        return np.where(_IN_PLANE, super().twist(twist), 0.0)
+
+    def twist_covariance(self, covariance: Float64) -> Float64:
+        """The covariance [6, 6] of ``twist``, with next to no doubt across the plane."""
+        return _kept_in_plane(super().twist_covariance(covariance))
+
+
+# x, y and yaw among x y z rx ry rz
+_IN_PLANE = np.array([True, True, False, False, False, True])
+# What a filter is told of the rest, in m² and rad²: certain, but none fails to invert it.
+_CERTAIN = 1e-6
+
+
+def in_plane(T: Float64) -> Float64:
+    """The motion [4, 4] without height, roll and pitch: z 0, and the x axis turned into the plane.
+
+    Where the x axis stands on the plane, the yaw is 0 for want of any.
+    """
+    yaw = np.arctan2(T[1, 0], T[0, 0])
+    moved = np.eye(4)
+    moved[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    moved[:2, 3] = T[:2, 3]
+    return moved
+
+
+def _kept_in_plane(covariance: Float64) -> Float64:
+    """The part of a covariance [6, 6] that is in the plane, and certainty of the rest."""
+    kept = np.where(np.outer(_IN_PLANE, _IN_PLANE), covariance, 0.0)
+    return np.asarray(kept + _CERTAIN * np.diag(~_IN_PLANE))
+
+
+def robot_extrinsics(T_robot_camera: Float64, *, planar: bool) -> Extrinsics:
+    """Those of a robot, from the pose [4, 4] of its camera; ``planar`` for one on wheels."""
+    kind = PlanarExtrinsics if planar else Extrinsics
+    return kind.of_robot(T_robot_camera)
+
+
+def parse_extrinsics(
+    frame_id: str, camera_pose: str, camera_axes: str, *, planar: bool = False
+) -> Extrinsics:
     """The framing that the parameters of these names ask for.
 
     Args:
@@ -103,11 +180,19 @@ def parse_extrinsics(frame_id: str, camera_pose: str, camera_axes: str) -> Extri
         camera_pose: pose of the camera in ``frame_id`` as ``parse_pose`` reads it; "" if not given.
         camera_axes: a name in AXES: which axes of the camera ``camera_pose`` speaks of, and, where
             there is no robot frame, which axes odom starts with.
+        planar: whether the robot keeps to a plane.
 
     Raises:
-        InputError: one of ``frame_id`` and ``camera_pose`` is given without the other, or
-            ``camera_pose`` cannot be read. An extrinsic is never assumed to be the identity.
+        InputError: one of ``frame_id`` and ``camera_pose`` is given without the other, ``planar``
+            without ``frame_id``, or ``camera_pose`` cannot be read. An extrinsic is never assumed
+            to be the identity.
     """
+    if planar and not frame_id:
+        raise InputError(
+            "planar",
+            "keeps the robot on its plane, and frame_id, which says what the robot is, is not set",
+            "set frame_id, as base_footprint, or leave planar out",
+        )
     if not frame_id:
         if camera_pose:
             raise InputError(
@@ -123,4 +208,5 @@ def parse_extrinsics(frame_id: str, camera_pose: str, camera_axes: str) -> Extri
             f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), install "
             "tf2_msgs to have it from TF, or leave frame_id empty to publish the camera's own pose",
         )
-    return Extrinsics.of_robot(parse_pose("camera_pose", camera_pose) @ AXES[camera_axes])
+    T_robot_camera = parse_pose("camera_pose", camera_pose) @ AXES[camera_axes]
+    return robot_extrinsics(T_robot_camera, planar=planar)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics
+from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics, robot_extrinsics
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
@@ -39,7 +39,9 @@ class NodeExtrinsics:
         config = self._config
         if config.frame_id and not config.camera_pose and self._transforms is not None:
             return None
-        return parse_extrinsics(config.frame_id, config.camera_pose, config.camera_axes)
+        return parse_extrinsics(
+            config.frame_id, config.camera_pose, config.camera_axes, planar=config.planar
+        )
 
     def start_at(self, T_odom_start: Float64 | None) -> None:
         """Sets the pose [4, 4] that the next start is at; None for the origin."""
@@ -61,7 +63,7 @@ class NodeExtrinsics:
         if self._at_origin is None:
             T_robot_camera = self._lookup(self._config.frame_id, camera_frame, None)
             if T_robot_camera is not None:
-                self._at_origin = Extrinsics.of_robot(T_robot_camera)
+                self._at_origin = robot_extrinsics(T_robot_camera, planar=self._config.planar)
                 self._node.get_logger().info(f"TF: found {camera_frame}. {self.description}")
         return self.known
 

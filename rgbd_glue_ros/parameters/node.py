@@ -34,6 +34,11 @@ class NodeConfig(InputConfig):
         "odom starts with these axes at the camera.",
         choices=("body", "optical"),
     )
+    planar: bool = read_once(
+        False,
+        "Whether frame_id keeps to the plane that it starts on, as a robot on wheels does: x, y "
+        "and yaw alone are published, and nothing of the height and tilt that drift.",
+    )
     publish_tf: bool = read_once(
         True,
         "Whether odom_frame_id -> frame_id is broadcast on /tf. Without frame_id nothing is: the "

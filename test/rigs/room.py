@@ -90,3 +90,9 @@ def turned_frame(yaw: float, stamp_ns: int) -> RgbdFrame:
     turn = se3.exp(np.array([0, 0, 0, 0, yaw, 0]))
     color, depth = render(_scene(), true_pose(0.0) @ turn, CAMERA)
     return RgbdFrame(stamp_ns, color, depth, CAMERA)
+
+
+def view_after(T_first_camera: Float64, stamp_ns: int) -> RgbdFrame:
+    """What the camera sees after a motion [4, 4] from where it began."""
+    color, depth = render(_scene(), true_pose(0.0) @ T_first_camera, CAMERA)
+    return RgbdFrame(stamp_ns, color, depth, CAMERA)
