@@ -45,6 +45,8 @@ def _json(evaluation: Evaluation) -> str:
 
 
 def _table(evaluation: Evaluation) -> str:
+    from rgbd_glue_ros.evaluation.trajectory_errors import NO_RPE
+
     ape, rpe = evaluation.ape, evaluation.rpe
     rows = [
         f"{len(evaluation.stamps_ns)} poses, paired one-to-one by time",
@@ -55,7 +57,7 @@ def _table(evaluation: Evaluation) -> str:
         f"  max     {ape.max_m:.6f}",
     ]
     if rpe is None:
-        rows.append("RPE: the trajectory is too short")
+        rows.append(f"RPE: none, since {NO_RPE}")
     else:
         rows += [
             f"RPE over {rpe.delta_s:g} s, rmse",

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Collection
 
 from rgbd_glue_ros.cli import arguments
-from rgbd_glue_ros.errors import MissingExtraError
+from rgbd_glue_ros.errors import InputError, MissingExtraError
 
 QOS = ("reliable", "best_effort")
 
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Plays until the end, or until it is interrupted."""
-    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.cli.progress import bar, counted
     from rgbd_glue_ros.experiments.demo.node_process import shared_environment
     from rgbd_glue_ros.messages.synchronizer import Channel
 
@@ -45,5 +46,21 @@ def run(args: argparse.Namespace) -> str:
                     shown.update(message.channel is Channel.COLOR)
                 if not args.loop:
                     break
-            count = len(camera.published_ns)
-    return f"played {count} frames of {recording.name}\n"
+                _require_loop(camera.frames_ns)
+            count = counted(len(camera.frames_ns), "frame")
+    return f"played {count} of {recording.name}\n"
+
+
+def _require_loop(stamps_ns: Collection[int]) -> None:
+    """Raises InputError where a node would take a second round for messages that come late."""
+    from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
+    from rgbd_glue_ros.types import NANOSECONDS
+
+    length_ns = max(stamps_ns) - min(stamps_ns)
+    if length_ns <= BACKWARD_JUMP_NS:
+        raise InputError(
+            "--loop",
+            f"{length_ns / NANOSECONDS:.2f} s are too short: stamps that go back by up to "
+            f"{BACKWARD_JUMP_NS / NANOSECONDS:g} s are of late messages to a node",
+            "play a longer part, or leave --loop out",
+        )

@@ -116,16 +116,22 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
 def summary(figures: dict[str, Any]) -> str:
     """The figures of ``metrics.json`` in a few lines."""
     from rgbd_glue_ros.cli.progress import counted
+    from rgbd_glue_ros.evaluation.trajectory_errors import NO_RPE
 
-    frames = "{frames}, of which {tracked} tracked and {lost} lost; "
+    is_whole = figures["frames"] == figures["played"]
+    frames = "{frames}" if is_whole else "{frames} of {played} processed"
+    frames += ", of which {tracked} tracked and {lost} lost; "
     speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
     keyframes = counted(figures["keyframes"], "keyframe")
     text = f"frames   {frames.format(**figures)}{keyframes}\n"
     text += f"path     {figures['path_m']:.2f} m\n"
     text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
-    if "ape" in figures:
-        text += f"APE      {figures['ape']['rmse_m']:.4f} m rmse, SE(3) aligned\n"
-    if figures.get("rpe"):
+    if "ape" not in figures:
+        return f"{text}APE      none: there is no ground truth of these poses\n"
+    text += f"APE      {figures['ape']['rmse_m']:.4f} m rmse, SE(3) aligned\n"
+    if not figures["rpe"]:
+        text += f"RPE      none: {NO_RPE}\n"
+    else:
         rpe = "{trans_rmse_m:.4f} m, {rot_rmse_deg:.3f} deg rmse over {delta_s:g} s"
         text += f"RPE      {rpe.format(**figures['rpe'])}\n"
     return text

@@ -70,6 +70,7 @@ class Run:
         ground_truth: T_world_camera, None if not known.
         frames: every frame so far.
         wall_s: time since the start.
+        unanswered_ns: stamps of frames that were played to a node and came back without a pose.
     """
 
     sequence: str
@@ -77,6 +78,7 @@ class Run:
     ground_truth: Trajectory | None = None
     frames: list[FrameRecord] = field(default_factory=list)
     wall_s: float = 0.0
+    unanswered_ns: tuple[int, ...] = ()
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
         """Keeps what ``estimate`` says of its frame."""
@@ -116,6 +118,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     graph = run.pose_graph
     content: dict[str, Any] = {
         "sequence": run.sequence,
+        "played": len(run.frames) + len(run.unanswered_ns),
         "frames": len(run.frames),
         "tracked": states.count(TrackingState.TRACKING),
         "lost": states.count(TrackingState.LOST),

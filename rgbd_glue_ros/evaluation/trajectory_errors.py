@@ -21,6 +21,9 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, OdometryEstimate, T
 RPE_DELTA_S = 1.0
 """The time over which relative errors are taken."""
 
+NO_RPE = f"no two poses with a true one lie {RPE_DELTA_S:g} s apart"
+"""Why there is no relative error where there is an absolute one."""
+
 # a pair of poses may miss RPE_DELTA_S by this part of it, as where frames are lost
 _DELTA_TOLERANCE = 0.1
 # a true motion between poses further apart than this is anybody's guess

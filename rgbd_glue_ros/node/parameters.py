@@ -68,8 +68,14 @@ def follow_changes(
         changed: called with all values after some have changed.
     """
     changes = _Changes(node_config, config, changed)
+
+    def say(parameters: list[RosParameter]) -> None:
+        said = ", ".join(f"{p.name}: {p.value}" for p in parameters)
+        node.get_logger().info(f"Changed from the next frame on: {said}")
+
     node.add_on_set_parameters_callback(changes.check)
     node.add_post_set_parameters_callback(changes.take)
+    node.add_post_set_parameters_callback(say)
 
 
 class _Changes:

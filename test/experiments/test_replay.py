@@ -40,7 +40,7 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     )
     figures = json.loads((folder / METRICS).read_text())
     assert set(figures) == {
-        *("sequence", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
+        *("sequence", "played", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
         *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe", "edges"),
     }
     assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}

@@ -240,6 +240,7 @@ def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_dom
         # nothing is believed any more, and then everything again
         assert not set_parameter(rig, "odometry.min_planes", 10**6)
         assert not set_parameter(rig, "odometry.min_pixels", 10**6)
+        node.wait_for_line("Changed from the next frame on: odometry.min_pixels: 1000000", 1.0)
         rig.publish(corner_frame(2 * PERIOD_NS))
         node.wait_for_line("Lost at 0.067", PATIENCE_S)
         assert not set_parameter(rig, "odometry.min_planes", 200)

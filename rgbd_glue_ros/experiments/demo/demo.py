@@ -118,7 +118,7 @@ def demo(
         raise RuntimeError(f"the node ended with exit code {code}; its log is in {log}")
     if not figures:
         raise RuntimeError(f"the node gave no pose; its log is in {log}")
-    return DemoResult(figures, len(player.published_ns), ready_s, player.summary)
+    return DemoResult(figures, len(player.frames_ns), ready_s, player.summary)
 
 
 def _parameters(recording: Played) -> dict[str, object]:
@@ -175,6 +175,7 @@ def _run(recording: Played, config: Config, player: Player) -> Run:
             is_keyframe=stamp in player.keyframes,
         )
         run.add(estimate, (player.arrived_ns[stamp] - player.published_ns[stamp]) / 1e6)
+    run.unanswered_ns = tuple(sorted(player.frames_ns - player.poses.keys()))
     start, end = min(player.published_ns.values()), max(player.arrived_ns.values())
     run.wall_s = (end - start) / NANOSECONDS
     return run

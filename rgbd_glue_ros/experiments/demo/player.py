@@ -34,6 +34,7 @@ class Camera:
 
     Attributes:
         published_ns: by stamp, when publication of the last message with it began, monotonic clock.
+        frames_ns: stamps of the colour images published.
         topics: what is published, by channel, with the transport.
     """
 
@@ -54,6 +55,7 @@ class Camera:
             names: of the topics, without the transport.
         """
         self.published_ns: dict[int, int] = {}
+        self.frames_ns: set[int] = set()
         self._recording = recording
         self._reliability = (
             ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
@@ -101,6 +103,8 @@ class Camera:
         """Publishes a message as it was recorded, byte for byte."""
         # before, since a node may have it before this process goes on
         self.published_ns[message.stamp_ns] = time.monotonic_ns()
+        if message.channel is Channel.COLOR:
+            self.frames_ns.add(message.stamp_ns)
         self._publishers[message.channel].publish(message.data)
 
     def play(self, rate: float) -> Iterator[PlayedMessage]:
