@@ -8,6 +8,7 @@ not, depth images look alike, and poses from the wrong kind are wrong without a 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import intrinsics_of
 from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.messages.frame import FrameTopics
-from rgbd_glue_ros.messages.images import AnyImage
+from rgbd_glue_ros.messages.images import AnyImage, is_named_registered
 from rgbd_glue_ros.messages.reading import frame_of
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
@@ -29,18 +30,48 @@ REGISTER_IN_DRIVER = (
     "depth_registration; depthai_ros_driver: stereo.i_align_depth; azure_kinect_ros_driver: topic "
     "depth_to_rgb/image_raw), or run depth_image_proc's register node"
 )
+_IF_REGISTERED = "if it is registered in spite of that, set depth_is_registered"
 
 
-def depth_camera(
+@dataclass(frozen=True)
+class GivenDepthCamera:
+    """What the user told of the depth camera.
+
+    Attributes:
+        T_color_depth: its place, float64 [4, 4]; None leaves it open.
+        is_info_chosen: whether its info is the one that the user named, and counts in any case.
+    """
+
+    T_color_depth: Float64 | None = None
+    is_info_chosen: bool = False
+
+
+NOTHING_GIVEN = GivenDepthCamera()
+
+
+@dataclass(frozen=True)
+class FoundDepthCamera:
+    """The camera that took a depth image.
+
+    Attributes:
+        camera: None if the image is registered to colour.
+        note: what is to be told of how it was found; None where all agrees.
+    """
+
+    camera: DepthCamera | None
+    note: str | None = None
+
+
+def find_depth_camera(
     color: AnyImage,
     depth: AnyImage,
     color_info: CameraInfo,
     depth_info: CameraInfo | None,
     find_transform: FindTransform,
     topics: FrameTopics,
-    given_T_color_depth: Float64 | None = None,
-) -> DepthCamera | None:
-    """The camera that took a depth image; None if the image is registered to colour.
+    given: GivenDepthCamera = NOTHING_GIVEN,
+) -> FoundDepthCamera:
+    """The camera that took a depth image, as frames, infos and the user tell.
 
     Args:
         color: the colour image.
@@ -49,33 +80,27 @@ def depth_camera(
         depth_info: of the depth camera; None if there is none.
         find_transform: gives the place of the depth camera.
         topics: where the messages are from.
-        given_T_color_depth: that place [4, 4] where the user gave it; None where not.
+        given: what the user told.
 
     Raises:
         InputError: the depth image is not registered, and the depth camera or its place is not
             known.
     """
     color_frame, depth_frame = frame_of(color.header), frame_of(depth.header)
-    is_one_frame = color_frame == depth_frame or not (color_frame and depth_frame)
     if depth_info is not None and frame_of(depth_info.header) not in {"", depth_frame}:
         depth_info = None  # of another image, as where one of two topics was remapped
+    if color_frame == depth_frame or not (color_frame and depth_frame):
+        return _in_one_frame(color_info, depth_info, topics, given)
     if depth_info is None:
-        if is_one_frame:
-            return None
         raise InputError(
             topics.depth,
             f"is not registered to colour: its frame is {depth_frame}, that of {topics.color} "
             f"{color_frame}",
             f"{REGISTER_IN_DRIVER}; or set depth_info_topic to the topic of the depth camera's "
-            f"info (now {topics.depth_info}), to have it registered here",
+            f"info (now {topics.depth_info}), to have it registered here; {_IF_REGISTERED}",
         )
     intrinsics = intrinsics_of(depth_info, topics.depth, topics.depth_info)
-    if is_one_frame:
-        if is_same_camera(color_info, depth_info, topics):
-            return None
-        T = np.eye(4) if given_T_color_depth is None else given_T_color_depth
-        return DepthCamera(intrinsics, T)
-    T_color_depth = given_T_color_depth
+    T_color_depth = given.T_color_depth
     if T_color_depth is None:
         T_color_depth = find_transform(color_frame, depth_frame)
     if T_color_depth is None:
@@ -84,9 +109,48 @@ def depth_camera(
             f"is not registered to colour, and where {depth_frame} is in {color_frame} is not "
             "known",
             f"see that the driver publishes it to /tf_static, or set depth_camera_pose; or "
-            f"{REGISTER_IN_DRIVER}",
+            f"{REGISTER_IN_DRIVER}; {_IF_REGISTERED}",
         )
-    return DepthCamera(intrinsics, T_color_depth)
+    return FoundDepthCamera(DepthCamera(intrinsics, T_color_depth))
+
+
+def _in_one_frame(
+    color_info: CameraInfo,
+    depth_info: CameraInfo | None,
+    topics: FrameTopics,
+    given: GivenDepthCamera,
+) -> FoundDepthCamera:
+    """Of depth in the frame of colour: by its info, where that counts."""
+    if depth_info is None:
+        return FoundDepthCamera(None)
+    try:
+        intrinsics = intrinsics_of(depth_info, topics.depth, topics.depth_info)
+    except InputError as error:
+        if given.is_info_chosen:
+            raise
+        note = f"{error.where}: {error.cause}; {topics.depth} is taken as registered to colour"
+        return FoundDepthCamera(None, note)
+    color = intrinsics_of(color_info, topics.color, topics.info)
+    is_alike = _is_alike(intrinsics, color)
+    if is_alike and _is_same_view(intrinsics, color):
+        return FoundDepthCamera(None)
+    # drivers have sent the depth camera's info beside depth that they had registered
+    if is_named_registered(topics.depth) and not given.is_info_chosen:
+        note = (
+            f"{topics.depth}: registered to colour by its name, but of another camera by "
+            f"{topics.depth_info}; it is taken as registered. If it is not, name its info "
+            "(depth_info_topic, on the command line --depth-info-topic)"
+        )
+        return FoundDepthCamera(None, note)
+    if given.T_color_depth is not None or is_alike:
+        T = np.eye(4) if given.T_color_depth is None else given.T_color_depth
+        return FoundDepthCamera(DepthCamera(intrinsics, T))
+    note = (
+        f"{topics.depth}: its frame is that of {topics.color}, but its camera another one by "
+        f"{topics.depth_info}: depth is registered here, as from the same place; set "
+        "depth_camera_pose if it is from another, or depth_is_registered if it is registered"
+    )
+    return FoundDepthCamera(DepthCamera(intrinsics, np.eye(4)), note)
 
 
 def is_same_camera(color_info: CameraInfo, depth_info: CameraInfo, topics: FrameTopics) -> bool:
@@ -99,38 +163,27 @@ def is_same_camera(color_info: CameraInfo, depth_info: CameraInfo, topics: Frame
     return _is_alike(depth, intrinsics_of(color_info, topics.color, topics.info))
 
 
-def registration_note(
-    color: AnyImage, depth: AnyImage, taken_by: DepthCamera | None, topics: FrameTopics
-) -> str | None:
-    """What to tell the user of a depth camera that was found by its info alone.
-
-    Args:
-        color: the colour image.
-        depth: the depth image.
-        taken_by: as ``depth_camera`` found it.
-        topics: where the messages are from.
-
-    Returns:
-        None where depth is registered already, or the frames tell as well that it is not.
-    """
-    frames = {frame_of(color.header), frame_of(depth.header)} - {""}
-    if taken_by is None or len(frames) > 1:
-        return None
-    return (
-        f"{topics.depth}: its frame is that of {topics.color}, but its camera another one by "
-        f"{topics.depth_info}: depth is registered here, as from the same place; set "
-        "depth_camera_pose if it is from another, or depth_is_registered if it is registered"
-    )
-
-
 def _is_alike(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:
-    """Whether both are one camera, at one resolution or two."""
+    """Whether both are one camera, at one resolution or two.
+
+    Drivers leave out the coefficients of the lens beside registered depth; no two cameras have the
+    same matrix.
+    """
     if depth.width and color.width:
         depth = depth.scaled(color.width, color.height)
-    return (
-        depth.lens is color.lens
-        and np.array_equal(_significant(depth), _significant(color))
-        and np.allclose(depth.matrix, color.matrix, rtol=0, atol=0.01)
+    of_depth, of_color = _significant(depth), _significant(color)
+    is_one_lens = depth.lens is color.lens and np.array_equal(of_depth, of_color)
+    if not is_one_lens and len(of_depth) and len(of_color):
+        return False
+    return bool(np.allclose(depth.matrix, color.matrix, rtol=0, atol=0.01))
+
+
+def _is_same_view(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:
+    """Whether images of both have one aspect: not where one of them was squeezed."""
+    if not (depth.width and color.width):
+        return True
+    return abs(depth.width * color.height - color.width * depth.height) <= max(
+        depth.width, color.width
     )
 
 

@@ -104,6 +104,8 @@ _DEPTH_ENCODINGS: Mapping[str, tuple[type[np.generic], int]] = {
 # Before the PNG in a compressedDepth message: an enumerator and the two quantisation parameters
 _QUANTISATION = struct.Struct("<iff")
 
+_VIDEO = re.compile(r"h\.?26[45]|hevc|vp[89]|av1", re.IGNORECASE)
+
 # What an overflow leaves in 16 bits: as a depth it would be a wall where nothing is.
 _OVERFLOW = np.iinfo(np.uint16).max
 
@@ -168,6 +170,11 @@ def holds_whole_numbers(depth: AnyImage) -> bool:
 def base_name(topic: str) -> str:
     """The image's topic without what image_transport appended."""
     return topic.removesuffix(DEPTH_SUFFIX).removesuffix(COLOR_SUFFIX)
+
+
+def is_named_registered(topic: str) -> bool:
+    """Whether a depth topic is named as drivers name those of depth registered to colour."""
+    return re.search("align|regist|_to_", topic, re.IGNORECASE) is not None
 
 
 def is_rectified(topic: str) -> bool:
@@ -252,6 +259,12 @@ def _pixels(msg: Image, dtype: np.dtype[Any], channels: int, rows: int, where: s
 def _color_from_compressed(msg: CompressedImage, where: str) -> UInt8:
     if "compressedDepth" in msg.format:
         raise InputError(where, f"is depth ({msg.format})", "give the topic of the colour image")
+    if _VIDEO.search(msg.format):
+        raise InputError(
+            where,
+            f"is video ({msg.format}), whose images need those before them",
+            "have the driver send JPEG or raw images, or republish it as those",
+        )
     image = decode(_bytes(msg), where)
     is_grey, is_16_bit = image.ndim == 2, image.dtype == np.uint16
     if is_grey and is_16_bit and "mono16" not in msg.format:

@@ -13,7 +13,7 @@ from sensor_msgs.msg import CameraInfo
 
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.messages.depth_camera import depth_camera, registration_note
+from rgbd_glue_ros.messages.depth_camera import GivenDepthCamera, find_depth_camera
 from rgbd_glue_ros.messages.frame import FrameTopics
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.synchronizer import Channel, Match
@@ -42,7 +42,10 @@ class DepthCameraInput:
         self.topic = _info_topic(node, config)
         self._node = node
         self._is_registered = config.depth_is_registered
-        self._T_color_depth = pose_parameter("depth_camera_pose", config.depth_camera_pose)
+        self._given = GivenDepthCamera(
+            pose_parameter("depth_camera_pose", config.depth_camera_pose),
+            is_info_chosen=bool(config.depth_info_topic),
+        )
         self._transforms = transforms
         self._wait_s = config.wait_for_transform
         self._info: CameraInfo | None = None
@@ -86,18 +89,16 @@ class DepthCameraInput:
         if not self._has_waited and self._node.count_publishers(self.topic) > 0:
             self._came.wait(FIRST_INFO_S)
             self._has_waited = True
-        taken_by = depth_camera(
+        found = find_depth_camera(
             *(match.color, match.depth, match.info, self._info),
             self._find_transform,
             names,
-            self._T_color_depth,
+            self._given,
         )
-        if not self._has_noted:
+        if found.note is not None and not self._has_noted:
             self._has_noted = True
-            note = registration_note(match.color, match.depth, taken_by, names)
-            if note is not None and self._T_color_depth is None:
-                self._node.get_logger().warning(note)
-        return taken_by
+            self._node.get_logger().warning(found.note)
+        return found.camera
 
     def _find_transform(self, color_frame: str, depth_frame: str) -> Float64 | None:
         if self._transforms is None:

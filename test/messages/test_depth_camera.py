@@ -8,7 +8,11 @@ import pytest
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.depth_camera import depth_camera, registration_note
+from rgbd_glue_ros.messages.depth_camera import (
+    FoundDepthCamera,
+    GivenDepthCamera,
+    find_depth_camera,
+)
 from rgbd_glue_ros.messages.fields import camera_info, color_image, depth_image, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
@@ -19,14 +23,14 @@ TOPICS = FrameTopics("/color", "/depth", "/color/info", "/depth/info")
 T_COLOR_DEPTH = se3.exp(np.array([0.05, 0.01, 0.0, 0.0, 0.02, 0.0]))
 
 
-def taken_by(
+def found(
     depth_frame: str,
     info_frame: str | None,
     info_camera: CameraIntrinsics = DEPTH,
     T: Float64 | None = T_COLOR_DEPTH,
     given: Float64 | None = None,
-) -> Any:
-    return depth_camera(
+) -> FoundDepthCamera:
+    return find_depth_camera(
         color_image(np.zeros((48, 64), np.uint8), header(0, "color_optical")),
         depth_image(np.ones((64, 80), np.float32), header(0, depth_frame)),
         camera_info(COLOR, header(0, "color_optical")),
@@ -35,8 +39,12 @@ def taken_by(
             T if (target, source) == ("color_optical", "depth_optical") else None
         ),
         TOPICS,
-        given,
+        GivenDepthCamera(given),
     )
+
+
+def taken_by(*args: Any, **kwargs: Any) -> Any:
+    return found(*args, **kwargs).camera
 
 
 def test_depth_in_the_frame_of_colour_is_registered_already() -> None:
@@ -71,15 +79,13 @@ def test_a_place_that_is_given_comes_before_that_of_frames() -> None:
 
 
 def test_depth_that_is_registered_for_its_info_alone_is_noted() -> None:
-    color = color_image(np.zeros((48, 64), np.uint8), header(0, "color_optical"))
     for frame, camera, is_noted in (
         ("color_optical", DEPTH, True),
         ("", DEPTH, True),
         ("color_optical", COLOR, False),
         ("depth_optical", DEPTH, False),
     ):
-        depth = depth_image(np.ones((64, 80), np.float32), header(0, frame))
-        note = registration_note(color, depth, taken_by(frame, frame, camera), TOPICS)
+        note = found(frame, frame, camera).note
         assert (note is not None) == is_noted
         assert note is None or "set depth_camera_pose" in note
 
@@ -107,14 +113,14 @@ def test_a_frame_of_another_depth_camera_has_depth_at_the_pixels_of_colour() -> 
     depth = depth_image(np.full((32, 40), 2.0, np.float32), header(5, "depth_optical"))
     ahead = np.eye(4)
     ahead[2, 3] = 0.5
-    camera = depth_camera(
+    camera = find_depth_camera(
         color,
         depth,
         camera_info(COLOR, header(0, "")),
         camera_info(DEPTH, header(0, "depth_optical")),
         lambda *_: ahead,
         TOPICS,
-    )
+    ).camera
     frame = frame_from_messages(color, depth, camera_info(COLOR, header(0, "")), TOPICS, camera)
     assert frame.depth.shape == (48, 64)
     assert frame.intrinsics == COLOR

@@ -218,3 +218,11 @@ def test_compressed_depth_that_cannot_be_read_is_refused(
 def test_compressed_depth_on_the_colour_topic_is_refused() -> None:
     with pytest.raises(InputError, match="is depth"):
         color_from_message(compressed_depth_image(DEPTH, HEAD), "/color")
+
+
+@pytest.mark.parametrize("kind", ["h264", "H.265", "hevc", "vp9"])
+def test_video_in_place_of_images_is_refused_with_what_to_send(kind: str) -> None:
+    """As depthai-ros sends it (depthai-ros#653)."""
+    message = CompressedImage(HEAD, kind, flat(b"\0\0\0\1" + bytes(50)))
+    with pytest.raises(InputError, match=r"is video .*; have the driver send JPEG or raw images"):
+        color_from_message(message, "/color/compressed")

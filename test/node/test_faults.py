@@ -21,7 +21,7 @@ from rgbd_glue_ros.messages.camera_info import (
     intrinsics_from_message,
     rectified_intrinsics_from_message,
 )
-from rgbd_glue_ros.messages.depth_camera import depth_camera
+from rgbd_glue_ros.messages.depth_camera import find_depth_camera
 from rgbd_glue_ros.messages.fields import (
     CameraInfo,
     CompressedImage,
@@ -104,8 +104,8 @@ def has_poses(rig: Rig, count: int) -> bool:
 
 def read_as_the_node_does(sent: Triple) -> RgbdFrame:
     topics = FrameTopics("/color", "/depth", "/info")
-    taken_by = depth_camera(sent.color, sent.depth, sent.info, None, lambda *_: None, topics)
-    return frame_from_messages(sent.color, sent.depth, sent.info, topics, taken_by)
+    found = find_depth_camera(sent.color, sent.depth, sent.info, None, lambda *_: None, topics)
+    return frame_from_messages(sent.color, sent.depth, sent.info, topics, found.camera)
 
 
 @pytest.mark.parametrize("name", [*RAW, *COMPRESSED])
@@ -187,7 +187,7 @@ def test_whatever_the_fields_hold_they_make_a_frame_or_are_refused(
         lambda: depth_from_message(depth, "/depth"),
         lambda: intrinsics_from_message(info, "/info"),
         lambda: rectified_intrinsics_from_message(info, "/info"),
-        lambda: depth_camera(color, depth, info, depth_info, lambda *_: np.eye(4), topics),
+        lambda: find_depth_camera(color, depth, info, depth_info, lambda *_: np.eye(4), topics),
         lambda: frame_from_messages(color, depth, info, topics),
     ):
         with suppress(InputError):

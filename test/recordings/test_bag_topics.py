@@ -230,3 +230,23 @@ def test_of_two_cameras_the_depth_of_the_given_colour_is_taken() -> None:
     assert find_depth(topics, None, BAG, near="/rear/color/image_raw") == "/rear/depth/image_raw"
     with pytest.raises(InputError, match=r"give one of them \(--color-topic TOPIC\)"):
         find_color(topics, None, BAG)
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind", "what", "remedy"),
+    [
+        # voxblox#325
+        ("/points", "sensor_msgs/msg/PointCloud2", "depth", "pointcloud_to_depthimage"),
+        ("/disparity", "stereo_msgs/msg/DisparityImage", "depth", "disparity_to_depth"),
+        # depthai-ros#653
+        ("/rgb/ffmpeg", "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "colour", "republish"),
+        ("/rgb/theora", "theora_image_transport/msg/Packet", "colour", "republish"),
+        ("/rgbd", "rtabmap_msgs/msg/RGBDImage", "depth", "rgbd_split"),
+    ],
+)
+def test_images_in_another_form_are_told_with_what_makes_images_of_them(
+    topic: str, kind: str, what: str, remedy: str
+) -> None:
+    find = find_depth if what == "depth" else find_color
+    with pytest.raises(InputError, match=f"no topic of {what} found; {topic} holds .*{remedy}"):
+        find(topics_of({topic: kind, "/camera_info": INFO}), None, BAG)

@@ -11,7 +11,11 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import INFO_TYPES, intrinsics_of
-from rgbd_glue_ros.messages.depth_camera import depth_camera, is_same_camera, registration_note
+from rgbd_glue_ros.messages.depth_camera import (
+    GivenDepthCamera,
+    find_depth_camera,
+    is_same_camera,
+)
 from rgbd_glue_ros.messages.fields import CameraInfo, camera_info, header
 from rgbd_glue_ros.messages.frame import FrameTopics, registration_doubt
 from rgbd_glue_ros.messages.images import base_name
@@ -135,16 +139,15 @@ class RecordedDepthCamera:
                 _GIVE_PLACE,
             )
             T = np.eye(4)
-        taken_by = depth_camera(
+        found = find_depth_camera(
             *(match.color, match.depth, match.info, info),
             lambda *_: T,
             self.topics,
-            self._T_color_depth,
+            GivenDepthCamera(self._T_color_depth, self._is_given),
         )
-        note = registration_note(match.color, match.depth, taken_by, self.topics)
-        if note is not None and self._T_color_depth is None:
-            logger.warning("%s", note)
-        return taken_by
+        if found.note is not None:
+            logger.warning("%s", found.note)
+        return found.camera
 
     def _place(self, color_frame: str, depth_frame: str) -> Float64 | None:
         """The pose [4, 4] of the depth camera in that of colour; None where it is not told."""

@@ -10,11 +10,34 @@ from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.camera_info import INFO_TYPES
-from rgbd_glue_ros.messages.images import IMAGE_TYPES, base_name, is_rectified
+from rgbd_glue_ros.messages.images import (
+    IMAGE_TYPES,
+    base_name,
+    is_named_registered,
+    is_rectified,
+)
 from rgbd_glue_ros.messages.poses import POSE_TYPES
 from rgbd_glue_ros.recordings.bag.file import RecordedTopic
 
 _Rule = Callable[[RecordedTopic], bool]
+
+_VIDEO = "republish it as raw or compressed (ros2 run image_transport republish), and record that"
+# What else images come as: of which kinds, and what makes images of it
+_OTHER_FORMS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "PointCloud2": (
+        ("depth",),
+        "make depth images of it (rtabmap_util's pointcloud_to_depthimage), and record them",
+    ),
+    "DisparityImage": (
+        ("depth",),
+        "make depth images of it (rtabmap_util's disparity_to_depth), and record them",
+    ),
+    "FFMPEGPacket": (("colour", "depth"), _VIDEO),
+    "Packet": (("colour",), _VIDEO),  # of theora_image_transport
+    "CompressedVideo": (("colour",), _VIDEO),
+    "RGBDImage": (("colour", "depth"), "split it (rtabmap_util's rgbd_split), and record that"),
+}
+
 EncodingOf = Callable[[str], str]
 """Gives what the first image of a topic says of its encoding."""
 
@@ -106,7 +129,7 @@ def find_depth(
             for t in images
             if t.name != near and not _is_infrared(t) and _is_depth(encoding(t.name))
         ]
-    found = _nearest(_best(named, _named("align|regist|_to_")), near)
+    found = _nearest(_best(named, lambda t: is_named_registered(t.name)), near)
     return _chosen("depth", "--depth-topic TOPIC", wanted, found, images, topics, bag)
 
 
@@ -177,7 +200,17 @@ def _chosen(
         raise InputError(bag, cause, f"give one of them ({option})")
     have = ", ".join(f"{t.name} ({t.type}, {t.message_count})" for t in topics.values())
     cause = f"there is no topic {wanted} of {what}" if wanted else f"no topic of {what} found"
-    raise InputError(bag, cause, f"give one of its topics ({option}), which are {have}")
+    remedy = f"give one of its topics ({option}), which are {have}"
+    raise InputError(bag, cause, "; ".join([*_in_another_form(what, topics), remedy]))
+
+
+def _in_another_form(what: str, topics: Mapping[str, RecordedTopic]) -> list[str]:
+    """What to do where images are there as something else."""
+    for topic in topics.values():
+        kinds, remedy = _OTHER_FORMS.get(topic.type.rpartition("/")[2], ((), ""))
+        if what in kinds:
+            return [f"{topic.name} holds it as {topic.type}: {remedy}"]
+    return []
 
 
 def _nearest(topics: list[RecordedTopic], name: str) -> list[RecordedTopic]:
