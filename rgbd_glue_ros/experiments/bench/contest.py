@@ -48,6 +48,10 @@ class Ours:
         self.estimates.append(replace(estimate, registration=None))
         return estimate.T_odom_camera
 
+    def close(self) -> None:
+        """Ends its background thread."""
+        self._odometry.close()
+
 
 class FrameToFrame:
     """Odometry by a peer that registers every frame to the last one that it gave a pose.
@@ -126,7 +130,7 @@ class Contest:
         config: Config,
         peers: dict[str, Peer],
         patience_s: float,
-        beside: Callable[[RgbdFrame], None],
+        on_frame: Callable[[RgbdFrame], None],
     ) -> None:
         """Prepares the contest.
 
@@ -136,7 +140,7 @@ class Contest:
             peers: by name.
             patience_s: time that a peer has for the recording; one that needs more is measured on
                 the frames that it got done.
-            beside: called with every frame after everybody had it, for what is to be measured at
+            on_frame: called with every frame after everybody had it, for what is to be measured at
                 the same time.
         """
         self._recording = recording
@@ -145,7 +149,7 @@ class Contest:
             name: _Score(FrameToFrame(peer, config.camera)) for name, peer in peers.items()
         }
         self._patience_s = patience_s
-        self._beside = beside
+        self._on_frame = on_frame
 
     @property
     def frame_count(self) -> int:
@@ -154,6 +158,12 @@ class Contest:
 
     def run(self, step: Callable[[], None]) -> None:
         """Runs everybody over the recording."""
+        try:
+            self._run(step)
+        finally:
+            self._ours.close()
+
+    def _run(self, step: Callable[[], None]) -> None:
         for i, frame in enumerate(self._recording):
             scores = [
                 score
@@ -163,7 +173,7 @@ class Contest:
             turn = i % len(scores)
             for score in (*scores[turn:], *scores[:turn]):
                 score.process(frame)
-            self._beside(frame)
+            self._on_frame(frame)
             step()
 
     def figures(self) -> dict[str, Any]:
