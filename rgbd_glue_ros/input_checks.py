@@ -9,7 +9,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 
-_CAMERA, _FRAME = "CameraIntrinsics", "RgbdFrame"
+_CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"
 
 
 def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
@@ -71,6 +71,33 @@ def check_frame(stamp_ns: object, color: Any, depth: Any, width: int, height: in
     if (height, width) not in {depth.shape, (0, 0)}:
         cause = f"are of {width}x{height}, but the images {_size(depth)}"
         raise _fault(_FRAME, "intrinsics", cause, "give those of these images, as by scaled(w, h)")
+
+
+def check_imu(stamps_ns: Any, angular_velocity: Any, linear_acceleration: Any) -> None:
+    """Refuses samples of an IMU that are of another type or shape than they are taken for.
+
+    Args:
+        stamps_ns: to be int64 [N], increasing.
+        angular_velocity: to be float64 [N, 3].
+        linear_acceleration: the same.
+
+    Raises:
+        InputError: they are.
+    """
+    if not _is_array(stamps_ns, np.int64) or stamps_ns.ndim != 1:
+        remedy = "give int64 [N], whole nanoseconds"
+        raise _fault(_IMU, "stamps_ns", f"is {_described(stamps_ns)}", remedy)
+    if (np.diff(stamps_ns) <= 0).any():
+        remedy = "sort the samples, and leave out what repeats a stamp"
+        raise _fault(_IMU, "stamps_ns", "does not increase", remedy)
+    shape = (len(stamps_ns), 3)
+    for name, value in (
+        ("angular_velocity", angular_velocity),
+        ("linear_acceleration", linear_acceleration),
+    ):
+        if not _is_array(value, np.float64) or value.shape != shape:
+            remedy = f"give float64 {list(shape)}, NaN where it was not measured"
+            raise _fault(_IMU, name, f"is {_described(value)}", remedy)
 
 
 def _is_array(value: Any, dtype: type) -> bool:

@@ -21,6 +21,7 @@ from rgbd_glue_ros.types import (
     CameraIntrinsics,
     Float32,
     Float64,
+    ImuSamples,
     LensModel,
     UInt8,
 )
@@ -29,6 +30,9 @@ Message = TypeVar("Message")
 
 # REP-118: 16UC1 depth is in millimetres
 DEPTH_UNITS_PER_METRE = 1000
+
+# what sensor_msgs/Imu has for the covariance of an element that the sensor does not measure
+_NOT_MEASURED = np.array([-1.0] + [0.0] * 8)
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,28 @@ class PoseStamped:
     pose: Pose
 
 
+@dataclass(frozen=True)
+class Vector3:
+    """geometry_msgs/msg/Vector3."""
+
+    x: float
+    y: float
+    z: float
+
+
+@dataclass(frozen=True)
+class Imu:
+    """sensor_msgs/msg/Imu; covariances float64 [9], whose first is -1 of what is not measured."""
+
+    header: Header
+    orientation: Quaternion
+    orientation_covariance: Float64
+    angular_velocity: Vector3
+    angular_velocity_covariance: Float64
+    linear_acceleration: Vector3
+    linear_acceleration_covariance: Float64
+
+
 def header(stamp_ns: int, frame_id: str) -> Header:
     """A header with the stamp split into seconds and nanoseconds."""
     return Header(Time(*divmod(stamp_ns, NANOSECONDS)), frame_id)
@@ -194,6 +220,25 @@ def pose_stamped(T: Float64, head: Header) -> PoseStamped:
     x, y, z = (float(value) for value in T[:3, 3])
     qx, qy, qz, qw = (float(value) for value in se3.quaternion(T))
     return PoseStamped(head, Pose(Point(x, y, z), Quaternion(qx, qy, qz, qw)))
+
+
+def imu(samples: ImuSamples, index: int, frame_id: str) -> Imu:
+    """One of the samples, in the axes of the frame; NaN is what is not measured."""
+    measured, covariances = [], []
+    for vectors in (samples.angular_velocity, samples.linear_acceleration):
+        is_known = bool(np.isfinite(vectors[index]).all())
+        x, y, z = (float(value) if is_known else 0.0 for value in vectors[index])
+        measured.append(Vector3(x, y, z))
+        covariances.append(np.zeros(9) if is_known else _NOT_MEASURED)
+    return Imu(
+        header(int(samples.stamps_ns[index]), frame_id),
+        Quaternion(0.0, 0.0, 0.0, 1.0),
+        _NOT_MEASURED,
+        measured[0],
+        covariances[0],
+        measured[1],
+        covariances[1],
+    )
 
 
 def copy_fields(source: object, target: Message) -> Message:
