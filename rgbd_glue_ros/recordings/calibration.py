@@ -44,6 +44,10 @@ _DEPTH_SCALE = ("depthmapfactor", "png_depth_scale", "depth_scale", "scale")
 # By name, where no list holds them
 _PLUMB_BOB = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _EQUIDISTANT = ("k1", "k2", "k3", "k4")
+# Of several cameras in a file, the one that is called so
+_OF_COLOR = re.compile(r"colou?r|rgb", re.IGNORECASE)
+# Focal lengths along rows and columns differ by less than this part, the principal point by more
+_NEARLY_ONE = 0.05
 # Lenses that no model here comes near
 _UNKNOWN_CAMERAS = {"omni", "ds", "eucm", "mei", "scaramuzza"}
 
@@ -85,6 +89,9 @@ def read_calibration(path: Path) -> Calibration:
         raise InputError(path, f"cannot be read ({reason})", "give a YAML or JSON file") from error
     cameras = list(_cameras("", content))
     if len(cameras) > 1:
+        named = [camera for camera in cameras if _OF_COLOR.search(camera[0])]
+        cameras = named if len(named) == 1 else cameras
+    if len(cameras) > 1:
         names = ", ".join(name or "one without a name" for name, _ in cameras)
         raise InputError(
             path, f"holds {len(cameras)} cameras ({names})", "leave that of the colour images alone"
@@ -103,7 +110,10 @@ def _content(text: str) -> Any:
     """The tree of a YAML or JSON file, or the numbers of a text."""
     numbers = _numbers(text)
     if numbers is not None:
-        return {"k": numbers}
+        # ARKitScenes writes width and height before the four
+        return (
+            {"resolution": numbers[:-4], "k": numbers[-4:]} if len(numbers) == 6 else {"k": numbers}
+        )
     try:
         return json.loads(text)
     except ValueError:
@@ -197,6 +207,8 @@ def _matrix(values: Mapping[str, Any]) -> Float64:
         if numbers.size != 4:
             return _of_matrix(numbers)
         fx, fy, cx, cy = numbers
+        if abs(fx - fy) > _NEARLY_ONE * fx and abs(fx - cx) < _NEARLY_ONE * fx:
+            fx, cx, fy, cy = numbers  # as OpenLORIS has it
     # some calibrate one focal length
     return np.array([[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1]], np.float64)
 

@@ -97,6 +97,39 @@ REALSENSE = (
     '{"color": {"width": 640, "height": 480, "ppx": 320.5, "ppy": 240.5, "fx": 600.0, '
     '"fy": 601.0, "model": "Brown Conrady", "coeffs": [0.1, -0.2, 0.001, -0.002, 0.05]}}'
 )
+OPENLORIS = """%YAML:1.0
+---
+d400_color_optical_frame:
+   sensor_type: camera
+   fps: 30
+   width: 640
+   height: 480
+   model: pinhole
+   intrinsics: !!opencv-matrix
+      rows: 1
+      cols: 4
+      dt: d
+      data: [ 600.0, 320.5, 601.0, 240.5 ]
+   distortion_model: radial-tangential
+   distortion_coefficients: !!opencv-matrix
+      rows: 1
+      cols: 5
+      dt: d
+      data: [ 0.1, -0.2, 0.001, -0.002, 0.05 ]
+d400_depth_optical_frame:
+   width: 848
+   height: 480
+   intrinsics: !!opencv-matrix
+      rows: 1
+      cols: 4
+      dt: d
+      data: [ 427.0, 428.0, 427.0, 239.0 ]
+d400_gyroscope:
+   sensor_type: gyroscope
+"""
+AZURE_BY_OPEN3D = """{"color_mode": "MJPG_3072P", "depth_mode": "NFOV_UNBINNED", "height": 480,
+"intrinsic_matrix": [600.0, 0, 0, 0, 601.0, 0, 320.5, 240.5, 1], "serial_number_": "000266700112",
+"stream_length_usec": 2666689, "width": 640}"""
 ROWS = "600 0 320.5\n0 601 240.5\n0 0 1\n"
 
 # text, size, coefficients and metres per unit
@@ -120,6 +153,9 @@ FILES: dict[str, tuple[str, tuple[int, int], tuple[float, ...], float | None]] =
     "Record3D.json": (RECORD3D, SIZE, (), None),
     "nerfstudio.json": (NERFSTUDIO, SIZE, (*D[:4], 0, 0, 0, 0), None),
     "RealSense.json": (REALSENSE, SIZE, D, None),
+    "OpenLORIS sensors.yaml": (OPENLORIS, SIZE, D, None),
+    "Azure Kinect by Open3D's reader.json": (AZURE_BY_OPEN3D, SIZE, (), None),
+    "ARKitScenes.pincam": ("640 480 600.0 601.0 320.5 240.5", SIZE, (), None),
     "K.txt": (ROWS, (0, 0), (), None),
     "camera_matrix.csv": (ROWS.replace(" ", ","), (0, 0), (), None),
     "numpy.txt": ("[[600. 0. 320.5]\n [0. 601. 240.5]\n [0. 0. 1.]]", (0, 0), (), None),

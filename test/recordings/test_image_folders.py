@@ -102,6 +102,30 @@ def lists(folder: Path, color_list: str, depth_list: str, units: float) -> None:
     text(folder / "groundtruth.txt", "timestamp tx ty tz qx qy qz qw", *tum_lines())
 
 
+def openloris_as_packed(folder: Path) -> None:
+    """With the sensors of the robot, and another camera among them."""
+    lists(folder, "color.txt", "aligned_depth.txt", 1000)
+    camera = "   width: 64\n   height: 48\n   intrinsics: !!opencv-matrix\n      rows: 1\n"
+    camera += "      cols: 4\n      dt: d\n      data: [ {}, 31.5, {}, 23.5 ]\n"
+    text(
+        folder / "sensors.yaml",
+        "%YAML:1.0\n---\nd400_color_optical_frame:\n" + camera.format(60.0, 61.0),
+        "d400_depth_optical_frame:\n" + camera.format(40.0, 40.0),
+    )
+    text(folder / "trans_matrix.yaml", "%YAML:1.0\n---\ntrans_matrix:\n   - parent_frame: base")
+
+
+def arkit_scenes(folder: Path) -> None:
+    """Numbers in names are that of the scan, and seconds since the phone was started."""
+    for i in range(FRAMES):
+        name = f"41069021_{305.377 + i / 10:.3f}"
+        write(folder / f"lowres_wide/{name}.png", color(i))
+        write(folder / f"lowres_depth/{name}.png", depth(i, 1000))
+        write(folder / f"confidence/{name}.png", np.zeros((48, 64), np.uint8))
+        text(folder / f"lowres_wide_intrinsics/{name}.pincam", "64 48 60 61 31.5 23.5")
+        text(folder / f"poses/{name}.txt", *map(numbers, POSES[i]))
+
+
 def eth3d(folder: Path) -> None:
     lists(folder, "rgb.txt", "depth.txt", 5000)
     text(folder / "calibration.txt", "60 61 31.5 23.5")
@@ -252,6 +276,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "Replica as NICE-SLAM has it": replica,
     "ETH3D": eth3d,
     "OpenLORIS": openloris,
+    "OpenLORIS with its sensors": openloris_as_packed,
+    "ARKitScenes": arkit_scenes,
     "lists with faults": tum_with_faults,
     "association, colour first": lambda folder: association(folder, False),
     "association, depth first": lambda folder: association(folder, True),

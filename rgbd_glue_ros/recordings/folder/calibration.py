@@ -33,6 +33,8 @@ NAMES = (
 )
 """Those that programs write, the plainest first."""
 
+# A file for each frame, of which the first is taken
+_FOR_EACH_FRAME = "*_intrinsics/*.pincam"
 _OTHERS = ("*.yaml", "*.yml", "*calib*.json", "*intrinsic*.json", "*intrinsic*.txt")
 
 
@@ -51,7 +53,7 @@ def calibration_of(folder: Path) -> Calibration | None:
             return found
         # what is called anything may belong to anything: only files of the recording itself
         if place == folder:
-            found = _the_only(folder)
+            found = _the_only(folder) or _of_first_frame(folder)
             if found is not None:
                 return found
     return None
@@ -64,6 +66,11 @@ def _read(path: Path) -> Calibration | None:
         level = logging.WARNING if path.name in NAMES else logging.DEBUG
         logger.log(level, "%s; passed over", error)
         return None
+
+
+def _of_first_frame(folder: Path) -> Calibration | None:
+    first = min(folder.glob(_FOR_EACH_FRAME), default=None)
+    return None if first is None else _read(first)
 
 
 def _the_only(folder: Path) -> Calibration | None:
