@@ -1,19 +1,174 @@
-"""Files that are there whole or as they were, whatever ends the program or fills the disk."""
+"""Results: whole or as they were, of one run and no other, whatever ends it or fills the disk."""
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import json
+import math
+import os
+import shutil
+from collections.abc import Collection
 from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rgbd_glue_ros.errors import InputError
+
+# What file systems say that have no locks, such as some networks'
+_NO_LOCKS = {errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Writes a text (UTF-8) beside a file, then puts it in the file's place.
+def not_written(path: Path, error: OSError) -> InputError:
+    """What to say where a file or folder cannot be written."""
+    is_full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    remedy = "free some space, or give another folder" if is_full else "give another folder (-o)"
+    return InputError(path, f"cannot be written ({error.strerror or error})", remedy)
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Writes a file (a text in UTF-8) beside its place, then puts it there.
 
     Raises:
-        OSError: it cannot be written; what was there before still is.
+        InputError: it cannot be written; what was there before still is.
     """
     aside = path.with_name(f".{path.name}.part")
+    data = content.encode() if isinstance(content, str) else content
     try:
-        aside.write_text(text, encoding="utf-8")
+        with aside.open("wb") as file:
+            file.write(data)
+            file.flush()
+            # else a power cut may leave the name, and nothing under it
+            os.fsync(file.fileno())
         aside.replace(path)
+    except OSError as error:
+        raise not_written(path, error) from error
     finally:
         aside.unlink(missing_ok=True)
+
+
+def json_text(content: Any) -> str:
+    """JSON as the standard has it, with a line end; null where a number is not finite."""
+    return json.dumps(finite(content), indent=2, allow_nan=False) + "\n"
+
+
+def finite(value: Any) -> Any:
+    """The value with None for every number in it that is not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    return value
+
+
+class _Lock:
+    """Held on a folder by one process at a time, until it is closed or the process ends."""
+
+    def __init__(self, folder: Path) -> None:
+        self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                self.close()
+                raise
+
+    def close(self) -> None:
+        os.close(self._descriptor)
+
+
+class ResultFolder:
+    """A folder that one run at a time writes its results to.
+
+    Attributes:
+        path: of the folder.
+    """
+
+    def __init__(self, path: Path, names: Collection[str]) -> None:
+        """Makes the folder, and removes the results of an earlier run.
+
+        Args:
+            path: of the folder.
+            names: of the files that the run will write. Whatever ends it, no file of another run
+                is among them.
+
+        Raises:
+            InputError: it cannot be written, or another run is writing to it.
+        """
+        self.path = path
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock = _Lock(path)
+        except BlockingIOError as error:
+            raise InputError(
+                path, "another run is writing to it", "wait for it, or give another folder (-o)"
+            ) from error
+        except OSError as error:
+            raise not_written(path, error) from error
+        try:
+            for name in names:
+                (path / name).unlink(missing_ok=True)
+                (path / f".{name}.part").unlink(missing_ok=True)
+            (path / ".part").touch()
+            (path / ".part").unlink()
+        except OSError as error:
+            self.close()
+            raise not_written(path, error) from error
+
+    def close(self) -> None:
+        """Lets others write to it."""
+        self._lock.close()
+
+    def __enter__(self) -> ResultFolder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class NewFolder:
+    """A folder that appears under its name when it is written, or when writing it has ended.
+
+    Attributes:
+        path: where it is until then; to be made by its writer.
+    """
+
+    def __init__(self, target: Path) -> None:
+        """Makes a place beside the target.
+
+        Args:
+            target: must not exist.
+
+        Raises:
+            InputError: it exists, cannot be written, or another run is writing it.
+        """
+        if target.exists():
+            raise InputError(target, "exists already", "give a new folder")
+        self._target = target
+        self._place = target.with_name(f".{target.name}.writing")
+        self.path = self._place / target.name
+        self._folder = ResultFolder(self._place, ())
+        # of a run that was killed
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def close(self, *, is_of_use: bool = True) -> None:
+        """Gives it its name; removes it if it is of no use.
+
+        Raises:
+            InputError: something else has that name by now.
+        """
+        try:
+            if is_of_use and self.path.exists():
+                self.path.rename(self._target)
+        except OSError as error:
+            raise not_written(self._target, error) from error
+        finally:
+            shutil.rmtree(self._place, ignore_errors=True)
+            self._folder.close()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli.arguments import path
+from rgbd_glue_ros.whole_files import json_text
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
@@ -41,7 +41,7 @@ def _json(evaluation: Evaluation) -> str:
         "ape": asdict(evaluation.ape),
         "rpe": asdict(evaluation.rpe) if evaluation.rpe else None,
     }
-    return json.dumps(content, indent=2) + "\n"
+    return json_text(content)
 
 
 def _table(evaluation: Evaluation) -> str:

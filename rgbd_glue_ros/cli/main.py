@@ -40,13 +40,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        # the reader went away, as in `| head`: keep Python from flushing into nothing at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return BROKEN_PIPE
+    except OSError as error:
+        # a full disk, a folder without access: nothing that this program does could be better
+        _drop_output()
+        text = f"{error.filename or 'a file'}: {error.strerror or error}; give another place"
+        return _fail(error, text, BAD_INPUT, debug=args.debug)
     except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
         text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"
         return _fail(error, text, FAILED, debug=args.debug)
     return OK
+
+
+def _drop_output() -> None:
+    """Keeps Python from flushing at exit into what cannot be written, as in ``| head``."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(error: Exception, text: str, code: int, *, debug: bool) -> int:

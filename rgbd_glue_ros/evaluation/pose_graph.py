@@ -24,6 +24,7 @@ from rgbd_glue_ros.evaluation.text_lines import (
 from rgbd_glue_ros.evaluation.trajectory import format_stamp, parse_stamp
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
+from rgbd_glue_ros.whole_files import write_whole
 
 
 @dataclass(frozen=True)
@@ -63,19 +64,27 @@ def write_graph(path: Path, graph: PoseGraph, reader: GraphReader = GraphReader.
 
     The information matrix is that of the reader's residual, perturbed on the right as both have
     it.
+
+    Raises:
+        InputError: the file cannot be written.
     """
-    with path.open("w", encoding="ascii") as file:
-        file.write(f"# information matrices as {reader.name} reads them\n{_READER} {reader.name}\n")
-        rows = zip(graph.keyframes.stamps_ns, graph.keyframes.poses, strict=True)
-        for row, (stamp, T) in enumerate(rows):
-            file.write(f"{_STAMP} {row} {format_stamp(stamp)}\n{_VERTEX} {row} {pose_text(T)}\n")
-        for edge in graph.edges:
-            information = _information(edge, reader)[_UPPER]
-            file.write(
-                f"{_ORIGIN} {edge.origin.name.lower()}\n"
-                f"{_EDGE} {edge.parent} {edge.child} {pose_text(edge.T_parent_child)} "
-                f"{numbers_text(information)}\n"
-            )
+    lines = [f"# information matrices as {reader.name} reads them", f"{_READER} {reader.name}"]
+    rows = zip(graph.keyframes.stamps_ns, graph.keyframes.poses, strict=True)
+    for row, (stamp, T) in enumerate(rows):
+        lines += [f"{_STAMP} {row} {format_stamp(stamp)}", f"{_VERTEX} {row} {pose_text(T)}"]
+    for edge in graph.edges:
+        information = _information(edge, reader)[_UPPER]
+        lines += [
+            f"{_ORIGIN} {edge.origin.name.lower()}",
+            " ".join(
+                [
+                    f"{_EDGE} {edge.parent} {edge.child}",
+                    pose_text(edge.T_parent_child),
+                    numbers_text(information),
+                ]
+            ),
+        ]
+    write_whole(path, "".join(f"{line}\n" for line in lines))
 
 
 def read_graph(path: Path) -> PoseGraph:

@@ -15,6 +15,7 @@ from rgbd_glue_ros.evaluation.text_lines import (
 )
 from rgbd_glue_ros.evaluation.trajectory_text import stamped_poses, stamps_ns
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, Trajectory
+from rgbd_glue_ros.whole_files import not_written, write_whole
 
 MAX_TIME_DIFFERENCE_S = 0.02
 """Stamps further apart than this are not of the same moment (the TUM tools' value)."""
@@ -90,22 +91,50 @@ def read_tum(path: Path) -> Trajectory:
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
-    """Writes a TUM file, which ``read_tum`` reads back to the nanosecond."""
-    with TumWriter(path) as writer:
-        for stamp, T in zip(trajectory.stamps_ns, trajectory.poses, strict=True):
-            writer.append(int(stamp), T)
+    """Writes a TUM file, which ``read_tum`` reads back to the nanosecond.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    rows = zip(trajectory.stamps_ns, trajectory.poses, strict=True)
+    lines = [TUM_HEADER, *(_tum_line(int(stamp), T) for stamp, T in rows)]
+    write_whole(path, "".join(f"{line}\n" for line in lines))
+
+
+def _tum_line(stamp_ns: int, T_world_body: Float64) -> str:
+    return f"{format_stamp(stamp_ns)} {pose_text(T_world_body)}"
 
 
 class TumWriter:
-    """Writes a TUM file pose by pose; what was appended is on disk, whatever happens after."""
+    """Writes a TUM file pose by pose; what was appended is on disk, whatever happens after.
+
+    Its lines are whole, even where the disk is full.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("w", encoding="ascii", buffering=1)
-        self._file.write(TUM_HEADER + "\n")
+        """Begins the file; raises InputError if it cannot be written."""
+        self._path = path
+        try:
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise not_written(path, error) from error
+        self._append(TUM_HEADER)
 
     def append(self, stamp_ns: int, T_world_body: Float64) -> None:
-        """Adds one pose [4, 4]."""
-        self._file.write(f"{format_stamp(stamp_ns)} {pose_text(T_world_body)}\n")
+        """Adds one pose [4, 4]; raises InputError if it cannot be written."""
+        self._append(_tum_line(stamp_ns, T_world_body))
+
+    def _append(self, text: str) -> None:
+        line = f"{text}\n".encode()
+        end = self._file.tell()
+        try:
+            # the last bytes that fit are written without an error
+            while line:
+                line = line[self._file.write(line) :]
+        except OSError as error:
+            # a number without its last digits is another number
+            self._file.truncate(end)
+            raise not_written(self._path, error) from error
 
     def close(self) -> None:
         """Closes the file."""
@@ -136,7 +165,7 @@ def read_kitti(path: Path) -> Float64:
 def write_kitti(path: Path, poses: Float64) -> None:
     """Writes poses [N, 4, 4] as a KITTI file."""
     rows = np.asarray(poses)[:, :3, :].reshape(-1, 12)
-    path.write_text("".join(numbers_text(row) + "\n" for row in rows), encoding="ascii")
+    write_whole(path, "".join(numbers_text(row) + "\n" for row in rows))
 
 
 def _kitti_row(words: list[str]) -> Float64:

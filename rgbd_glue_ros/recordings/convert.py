@@ -20,6 +20,7 @@ from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW, BagWriter
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
+from rgbd_glue_ros.whole_files import NewFolder, not_written
 
 # When, and how
 _Write = tuple[int, Callable[[], None]]
@@ -33,7 +34,8 @@ _PROGRESS_AFTER_S = 2.0
 def convert(source: Recording, target: Path, compressed: bool) -> None:
     """Writes a recording in another format, with its camera and true poses.
 
-    However it ends, the frames written are there and can be read.
+    The target appears when it is written. However that ends, the frames written are there and can
+    be read.
 
     Args:
         source: a bag, for a TUM RGB-D folder; or any other, for a rosbag2.
@@ -45,8 +47,19 @@ def convert(source: Recording, target: Path, compressed: bool) -> None:
         InputError: the target exists or cannot be written, or a frame cannot be read; the frames
             before it were written.
     """
-    if target.exists():
-        raise InputError(target, "exists already", "give a new folder")
+    new = NewFolder(target)
+    try:
+        _convert(source, new.path, compressed)
+    except OSError as error:
+        raise not_written(target, error) from error
+    except KeyboardInterrupt:
+        logger.warning("interrupted; the frames written so far are in %s", target)
+        raise
+    finally:
+        new.close()
+
+
+def _convert(source: Recording, target: Path, compressed: bool) -> None:
     frames = iter(source)
     first = next(frames, None)
     if first is None:
@@ -58,23 +71,13 @@ def convert(source: Recording, target: Path, compressed: bool) -> None:
         delay=_PROGRESS_AFTER_S,
         disable=None,
     )
-    try:
-        if isinstance(source, BagRecording):
-            with TumFolderWriter(target, first.intrinsics, source.ground_truth) as folder:
-                for files in mapped_ahead(folder.encode, progress):
-                    folder.write(files)
-        else:
-            with BagWriter(target, COMPRESSED if compressed else RAW) as bag:
-                write_bag(progress, source.ground_truth, bag)
-    except OSError as error:
-        raise InputError(
-            target,
-            f"cannot be written ({error.strerror})",
-            "free some space, or give another folder",
-        ) from error
-    except KeyboardInterrupt:
-        logger.warning("interrupted; the frames written so far are in %s", target)
-        raise
+    if isinstance(source, BagRecording):
+        with TumFolderWriter(target, first.intrinsics, source.ground_truth) as folder:
+            for files in mapped_ahead(folder.encode, progress):
+                folder.write(files)
+    else:
+        with BagWriter(target, COMPRESSED if compressed else RAW) as bag:
+            write_bag(progress, source.ground_truth, bag)
 
 
 def write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWriter) -> None:

@@ -13,6 +13,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import back_project, rectified
 from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigma
 from rgbd_glue_ros.types import Float32, Float64, Int64, RgbdFrame, UInt8
+from rgbd_glue_ros.whole_files import write_whole
 
 VOXEL_M = 0.01
 """Points nearer together than this become one."""
@@ -92,11 +93,11 @@ def write_ply(path: Path, cloud: ColoredCloud) -> None:
     rows["points"], rows["colors"] = cloud.points, cloud.colors
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(header.encode("ascii") + rows.tobytes())
     except OSError as error:
         raise InputError(
             path, f"cannot be written ({error.strerror})", "give another file"
         ) from error
+    write_whole(path, header.encode("ascii") + rows.tobytes())
 
 
 def _edges(depth: Float32) -> np.typing.NDArray[np.bool_]:

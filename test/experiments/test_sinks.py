@@ -95,7 +95,7 @@ def test_another_reader_of_mcap_reads_it(replayed: tuple[Path, Run]) -> None:
 
 def test_a_bag_that_is_there_is_not_overwritten(replayed: tuple[Path, Run]) -> None:
     folder, _ = replayed
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="exists already"):
         BagSink(folder / "bag")
 
 

@@ -7,11 +7,11 @@ import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from tempfile import TemporaryFile
 from types import TracebackType
 from typing import Any, TextIO
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.whole_files import finite
 
 logger = logging.getLogger(__name__)
 
@@ -107,7 +107,7 @@ class Journal:
     def _write(self, line: Mapping[str, Any]) -> None:
         if self._file is None:
             self._file = self._open()
-        self._file.write(json.dumps(line, allow_nan=False) + "\n")
+        self._file.write(json.dumps(finite(line), allow_nan=False) + "\n")
         self._file.flush()
 
     def _open(self) -> TextIO:
@@ -123,19 +123,3 @@ class Journal:
         if self._length == 0:
             file.write(json.dumps(self._about) + "\n")
         return file
-
-
-def prepare(folder: Path) -> None:
-    """Makes a folder, and sure that results can be written to it.
-
-    Raises:
-        InputError: they cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
-        ) from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +11,6 @@ from time import monotonic
 from typing import Any
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError, install_command
-from rgbd_glue_ros.experiments.batch.journal import prepare
 from rgbd_glue_ros.experiments.bench.contest import OURS, Contest
 from rgbd_glue_ros.experiments.bench.degraded import DegradedSequence, first
 from rgbd_glue_ros.experiments.bench.floors import Floors
@@ -27,7 +25,7 @@ from rgbd_glue_ros.experiments.peers import PEERS, Peer
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.whole_files import write_whole
+from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
 FIGURES, TABLES = "bench.json", "bench.md"
 
@@ -148,8 +146,7 @@ class _Bench:
     def write(self) -> None:
         """Leaves everything measured so far."""
         figures = self.figures()
-        text = json.dumps(figures, indent=2, allow_nan=False)
-        write_whole(self.folder / FIGURES, text + "\n")
+        write_whole(self.folder / FIGURES, json_text(figures))
         write_whole(self.folder / TABLES, to_markdown(figures))
         drawn = picture(self.sequences, OURS)
         if drawn is not None:
@@ -187,8 +184,16 @@ def run_bench(
     if unknown:
         known = ", ".join(PEERS)
         raise InputError("--peer", f"there is no {', '.join(unknown)}", f"there are {known}")
-    prepare(folder)
-    bench = _Bench(plan, folder, on_part, on_frame)
+    with ResultFolder(folder, (FIGURES, TABLES, PICTURE)):
+        return _measured(sources, open_source, plan, _Bench(plan, folder, on_part, on_frame))
+
+
+def _measured(
+    sources: Sequence[Path],
+    open_source: Callable[[Path], Recording],
+    plan: Plan,
+    bench: _Bench,
+) -> dict[str, Any]:
     unusable: list[InputError] = []
 
     def use(source: Path, measure: Callable[[Recording], object]) -> None:

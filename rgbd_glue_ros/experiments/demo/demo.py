@@ -14,11 +14,12 @@ from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.experiments.demo.played import Played, transport
-from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, start_results, write_results
+from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, results_of, write_results
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, share_directory
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
+from rgbd_glue_ros.whole_files import write_whole
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.player import Player
@@ -87,7 +88,17 @@ def demo(
         RuntimeError: the node ended, or gave no pose.
     """
     config = load_preset(PRESET)
-    start_results(config, folder, InputConfig())
+    with results_of(recording.name, config, folder, InputConfig(), (LOG,)):
+        return _played_to_the_node(recording, config, folder, rate, on_progress)
+
+
+def _played_to_the_node(
+    recording: Played,
+    config: Config,
+    folder: Path,
+    rate: float,
+    on_progress: Callable[[Progress], None],
+) -> DemoResult:
     log = folder / LOG
     figures: dict[str, Any] = {}
     with private_domain() as domain:
@@ -109,7 +120,7 @@ def demo(
             finally:
                 measured = _measured(player, node)
                 code = node.stop()
-                log.write_text("\n".join(node.lines) + "\n", encoding="utf-8")
+                write_whole(log, "\n".join(node.lines) + "\n")
                 if player.poses:
                     run = _run(recording, config, player)
                     write_tum(folder / TRAJECTORY, run.trajectory)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,7 +14,12 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
-from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, replay, write_results
+from rgbd_glue_ros.experiments.replay.replay import (
+    TRAJECTORY,
+    replay_into,
+    results_of,
+    write_results,
+)
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.recordings import Recording
@@ -113,35 +117,36 @@ def map_recording(
     load_gtsam()
     odometry, mapper = Odometry(config), Mapper(config, SearchTree())
     sink = MappingSink(odometry, mapper)
-    run = replay(
-        sequence,
-        config,
-        folder,
-        ground_truth=ground_truth,
-        limit=limit,
-        on_frame=on_frame,
-        sinks=[sink],
-        odometry=odometry,
-        inputs=inputs,
-    )
-    shutil.copyfile(folder / TRAJECTORY, folder / ODOMETRY)
-    start = perf_counter()
-    optimum = mapper.finish()
-    finish_ms = 1000 * (perf_counter() - start)
-    mapped = _mapped(run, mapper, optimum)
-    write_tum(folder / TRAJECTORY, mapped.trajectory)
-    cloud = fused(sink.clouds, optimum.graph.keyframes.poses)
-    write_ply(folder / CLOUD, cloud)
-    figures = write_results(
-        mapped,
-        folder,
-        {
-            "odometry": _errors(run),
-            "loops": _loops(optimum),
-            "mapping_ms": {"keyframe_p50": float(np.median(sink.ms)), "finish": finish_ms},
-            "map_points": len(cloud),
-        },
-    )
+    inputs, further = inputs or InputConfig(), (ODOMETRY, CLOUD)
+    with results_of(sequence.name, config, folder, inputs, further) as results:
+        run = replay_into(
+            results,
+            sequence,
+            config,
+            ground_truth=ground_truth,
+            limit=limit,
+            on_frame=on_frame,
+            sinks=[sink],
+            odometry=odometry,
+        )
+        write_tum(folder / ODOMETRY, run.trajectory)
+        start = perf_counter()
+        optimum = mapper.finish()
+        finish_ms = 1000 * (perf_counter() - start)
+        mapped = _mapped(run, mapper, optimum)
+        write_tum(folder / TRAJECTORY, mapped.trajectory)
+        cloud = fused(sink.clouds, optimum.graph.keyframes.poses)
+        write_ply(folder / CLOUD, cloud)
+        figures = write_results(
+            mapped,
+            folder,
+            {
+                "odometry": _errors(run),
+                "loops": _loops(optimum),
+                "mapping_ms": {"keyframe_p50": float(np.median(sink.ms)), "finish": finish_ms},
+                "map_points": len(cloud),
+            },
+        )
     return MappedRun(mapped, optimum, figures)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.experiments.batch.journal import Journal, prepare
+from rgbd_glue_ros.experiments.batch.journal import Journal
 from rgbd_glue_ros.experiments.batch.workers import Pool, Serial
 from rgbd_glue_ros.experiments.pairs.gallery import chosen, examples
 from rgbd_glue_ros.experiments.pairs.jobs import (
@@ -21,10 +21,11 @@ from rgbd_glue_ros.experiments.pairs.jobs import (
     true_poses,
 )
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, method_of
-from rgbd_glue_ros.experiments.pairs.report import JOURNAL, write_report
+from rgbd_glue_ros.experiments.pairs.report import FIGURES, JOURNAL, REPORT, TABLES, write_report
 from rgbd_glue_ros.experiments.pairs.results import GLUE, Plan, ResultCollector
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.whole_files import ResultFolder
 
 logger = logging.getLogger(__name__)
 
@@ -82,9 +83,22 @@ def run_pairs(
             no pair at all.
         MissingExtraError: a feature needs a library that is not installed.
     """
-    pool = pool or Serial()
+    with ResultFolder(folder, (FIGURES, TABLES, REPORT)):
+        return _measured(
+            sources, open_source, experiment, folder, pool or Serial(), on_planned, on_pair
+        )
+
+
+def _measured(
+    sources: Iterable[Path],
+    open_source: OpenRecording,
+    experiment: Experiment,
+    folder: Path,
+    pool: Pool,
+    on_planned: Callable[[int, int], None],
+    on_pair: Callable[[Results], None],
+) -> dict[str, Any]:
     estimators, absent = _estimators(experiment)
-    prepare(folder)
     plan, names, unusable = _planned(sources, open_source, experiment)
     with Journal(folder / JOURNAL, _about(experiment, estimators)) as journal:
         collector = ResultCollector(journal, unusable)

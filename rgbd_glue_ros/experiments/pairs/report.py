@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from rgbd_glue_ros.experiments.pairs.page import render
 from rgbd_glue_ros.experiments.pairs.results import PairResults
 from rgbd_glue_ros.experiments.pairs.tables import to_markdown
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.whole_files import write_whole
+from rgbd_glue_ros.whole_files import json_text, write_whole
 
 JOURNAL, FIGURES, TABLES, REPORT = "pairs.jsonl", "pairs.json", "pairs.md", "report.html"
 
@@ -33,7 +32,6 @@ def write_report(
         figures: of those, as ``PairResults.figures`` gives them.
         shown: pairs to show pictures of, the worst first.
     """
-    text = json.dumps(figures, indent=2, allow_nan=False)
-    write_whole(folder / FIGURES, text + "\n")
+    write_whole(folder / FIGURES, json_text(figures))
     write_whole(folder / TABLES, to_markdown(figures))
     write_whole(folder / REPORT, render(figures, results.by_method, config, shown))

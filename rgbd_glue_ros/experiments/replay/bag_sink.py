@@ -25,6 +25,7 @@ from rgbd_glue_ros.types import (
     RgbdFrame,
     TrackingState,
 )
+from rgbd_glue_ros.whole_files import NewFolder, not_written
 
 ODOM_FRAME, CAMERA_FRAME = "odom", "camera_color_optical_frame"
 MATCHES = f"{topics.MATCHES}/compressed"
@@ -64,13 +65,14 @@ class BagSink:
         self._extrinsics = Extrinsics.of_camera("body")
         self._path: list[fields.PoseStamped] = []
         self._diagnosed_ns: int | None = None
+        self._folder, self._new = folder, NewFolder(folder)
         try:
-            folder.parent.mkdir(parents=True, exist_ok=True)
             self._writer = Writer(
-                folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
+                self._new.path, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
             )
             self._writer.open()
         except (WriterError, OSError) as error:
+            self._new.close()
             raise InputError(folder, f"cannot be written ({error})", "give a new folder") from error
         self._topics = {name: self._topic(name, kind) for name, kind in _TYPES.items()}
 
@@ -96,7 +98,15 @@ class BagSink:
             self._write(topics.ODOM, frame.stamp_ns, self._odometry(pose, estimate, camera))
 
     def close(self) -> None:
-        """Writes the path, index and metadata."""
+        """Writes the path, index and metadata; raises InputError if they cannot be written."""
+        try:
+            self._finish()
+        except OSError as error:
+            raise not_written(self._folder, error) from error
+        finally:
+            self._new.close()
+
+    def _finish(self) -> None:
         if self._path:
             last = self._path[-1].header
             path = self._make("nav_msgs/msg/Path", header=last, poses=self._path)

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.experiments.batch.journal import Journal, prepare
+from rgbd_glue_ros.experiments.batch.journal import Journal
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.parameters import Config, InputConfig, values
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.whole_files import write_whole
+from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -80,14 +80,16 @@ def run_replays(
             could be replayed.
     """
     pool, inputs = pool or Serial(), inputs or InputConfig()
-    prepare(folder)
     jobs = {
         name: ReplayJob(path, open_source, config, folder / name, limit, inputs)
         for name, path in named(sources).items()
     }
     problems: dict[str, str] = {}
     about = {"parameters": {**values(inputs), **values(config)}, "limit": limit}
-    with Journal(folder / JOURNAL, about) as journal:
+    with (
+        ResultFolder(folder, (FIGURES, TABLE)),
+        Journal(folder / JOURNAL, about) as journal,
+    ):
         on_planned(len(jobs), len(journal.done))
         missing = [job for name, job in jobs.items() if name not in journal.done]
         try:
@@ -105,8 +107,7 @@ def run_replays(
             done = {name: journal.done[name] for name in jobs if name in journal.done}
             if done:
                 figures = {"recordings": done, "problems": list(problems.values())}
-                text = json.dumps(figures, indent=2) + "\n"
-                write_whole(folder / FIGURES, text)
+                write_whole(folder / FIGURES, json_text(figures))
                 write_whole(folder / TABLE, to_markdown(figures))
     if not done:
         raise InputError(

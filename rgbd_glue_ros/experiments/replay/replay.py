@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +19,7 @@ from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
+from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
     explain_no_pose,
@@ -27,13 +29,14 @@ from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, Trajectory
-from rgbd_glue_ros.whole_files import write_whole
+from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
 logger = logging.getLogger(__name__)
 
 TRAJECTORY, METRICS, PARAMETERS = "trajectory.txt", "metrics.json", "params.yaml"
 REPORT = "report.html"
 KEYFRAMES, KEYFRAMES_GTSAM = "keyframes.g2o", "keyframes_gtsam.g2o"
+RESULTS = (TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES, KEYFRAMES_GTSAM)
 
 
 def replay(
@@ -66,10 +69,35 @@ def replay(
         inputs: how ``sequence`` was opened, for the record; None as by default.
 
     Raises:
-        InputError: the folder cannot be written, a frame cannot be read, or none was tracked.
+        InputError: the folder cannot be written, another run is writing to it, a frame cannot be
+            read, or none was tracked.
     """
-    _warn_of_other_results(folder, sequence.name)
-    start_results(config, folder, inputs or InputConfig())
+    with results_of(sequence.name, config, folder, inputs or InputConfig()) as results:
+        return replay_into(
+            results,
+            sequence,
+            config,
+            ground_truth=ground_truth,
+            limit=limit,
+            on_frame=on_frame,
+            sinks=sinks,
+            odometry=odometry,
+        )
+
+
+def replay_into(
+    results: ResultFolder,
+    sequence: Recording,
+    config: Config,
+    *,
+    ground_truth: Trajectory | None = None,
+    limit: int | None = None,
+    on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
+    sinks: Sequence[FrameSink] = (),
+    odometry: Odometry | None = None,
+) -> Run:
+    """As ``replay``, into a folder that the caller goes on to write to."""
+    folder = results.path
     logger.info("warming up; where nothing is compiled yet, it takes some seconds")
     warm_up(config)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
@@ -96,10 +124,11 @@ def replay(
         done = f"{error.remedy}; the {len(run.frames)} frames before it are done"
         raise InputError(error.where, error.cause, done) from error
     finally:
-        for sink in sinks:
-            sink.close()
-        if run.frames:
-            write_results(run, folder)
+        with ExitStack() as left:
+            for sink in sinks:
+                left.callback(sink.close)
+            if run.frames:
+                write_results(run, folder)
     if not run.frames:
         raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
     if last is not None and len(run.trajectory) == 0:
@@ -118,30 +147,35 @@ def _warn_of_scale(frame: RgbdFrame, name: str) -> None:
         logger.warning("%s: %s", name, doubt)
 
 
-def _warn_of_other_results(folder: Path, name: str) -> None:
-    """Says so where the folder holds the results of another recording, which are now replaced."""
+def _recording_of(folder: Path) -> str | None:
+    """Of which recording the results in a folder are; None if it holds none."""
     try:
-        before = json.loads((folder / METRICS).read_text(encoding="utf-8"))["sequence"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return
-    if before != name:
-        logger.warning("%s: the results of %s that were there are replaced", folder, before)
+        return str(json.loads(read_text(folder / METRICS))["sequence"])
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
-def start_results(config: Config, folder: Path, inputs: InputConfig) -> None:
-    """Creates the folder, with what is known before the first frame.
+def results_of(
+    name: str, config: Config, folder: Path, inputs: InputConfig, further: Sequence[str] = ()
+) -> ResultFolder:
+    """The folder for the results of a recording, with what is known before the first frame.
+
+    Args:
+        name: of the recording.
+        config: of the odometry.
+        folder: created if it is not there; results in it are removed.
+        inputs: how the recording was opened.
+        further: names of what is written beside the results of a replay.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: it cannot be written, or another run is writing to it.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / TRAJECTORY).touch()
-        write_whole(folder / PARAMETERS, to_yaml(inputs, config))
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", "give another folder (-o)"
-        ) from error
+    before = _recording_of(folder)
+    results = ResultFolder(folder, (*RESULTS, *further))
+    if before not in (None, name):
+        logger.warning("%s: the results of %s that were there are replaced", folder, before)
+    write_whole(folder / PARAMETERS, to_yaml(inputs, config))
+    return results
 
 
 def write_results(
@@ -162,7 +196,7 @@ def write_results(
     graph = run.pose_graph
     write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
     write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
-    write_whole(folder / METRICS, json.dumps(figures, indent=2) + "\n")
+    write_whole(folder / METRICS, json_text(figures))
     write_whole(folder / REPORT, render(run, figures, evaluation))
     return figures
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings.fetch.archive import only_folder, remove, unpack
 from rgbd_glue_ros.recordings.fetch.catalogue import Source
 from rgbd_glue_ros.recordings.fetch.download import Progress, download
+from rgbd_glue_ros.whole_files import json_text, write_whole
 
 RECORD = "fetched.json"
 """In the folder: where it is from, with size and checksum of the archive."""
@@ -100,7 +100,7 @@ def fetch(
 
 def _record(fetched: Fetched, folder: Path) -> Path:
     content = {key: value for key, value in asdict(fetched).items() if key != "folder"}
-    (folder / RECORD).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    write_whole(folder / RECORD, json_text(content))
     return folder
 
 
