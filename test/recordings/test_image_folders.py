@@ -239,7 +239,7 @@ def nyu_in_pnm(folder: Path) -> None:
     folder.mkdir(parents=True)
     for i in range(FRAMES):
         write(folder / f"r-{stamp_s(i)}-{2754192016 + 7 * i}.ppm", color(i))
-        write(folder / f"depth-{stamp_s(i)}-{2734937519 + 9 * i}.pgm", depth(i, 1000))
+        write(folder / f"d-{stamp_s(i)}-{2734937519 + 9 * i}.pgm", depth(i, 1000))
     text(folder / "K.txt", K)
     text(folder / "groundtruth.txt", *tum_lines())
 
@@ -482,10 +482,13 @@ def archive(folder: Path) -> None:
 
 
 def nyu_raw(folder: Path) -> None:
+    """Disparities, 2047 where there is none, their bytes in the other order than PGM has."""
     folder.mkdir()
     for i in range(FRAMES):
+        disparity = np.full((48, 64), 700, np.uint16)
+        disparity[:5] = 2047
         write(folder / f"r-{stamp_s(i)}-{2754192016 + i}.ppm", color(i))
-        write(folder / f"d-{stamp_s(i)}-{2734937519 + i}.pgm", depth(i, 500))
+        write(folder / f"d-{stamp_s(i)}-{2734937519 + i}.pgm", disparity.byteswap())
     text(folder / "K.txt", K)
 
 
@@ -502,7 +505,7 @@ UNKNOWN: dict[str, tuple[Callable[[Path], None], str]] = {
     "something else": (without_its_storage, "it holds metadata.yml, notes.txt; give a bag, or"),
     "nothing": (Path.mkdir, "known format: it is empty; give the folder of one"),
     "an archive": (archive, "is a zip archive; unpack it"),
-    "raw NYU": (nyu_raw, "holds disparities of a Kinect as NYU Depth dumps them"),
+    "raw NYU": (nyu_raw, "holds disparities of a Kinect, as NYU Depth dumps them"),
     "recordings": (nested, "day0, day1, day2 and others, which are; give one of them"),
 }
 

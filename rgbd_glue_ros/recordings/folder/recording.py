@@ -10,6 +10,9 @@ import logging
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
@@ -33,7 +36,8 @@ _MILLIMETRES = DepthEncoding(1000.0, (0, 65535))
 _TUM = DepthEncoding(5000.0, (0,))
 # SUN3D rotates the bits of its millimetres
 _SUN3D = replace(_MILLIMETRES, rotation=3)
-_RAW_NYU = re.compile(r"d-[\d.]+-\d+\.pgm")
+# Where a Kinect sees nothing, the disparity that it sends
+_NO_DISPARITY = 2047
 _SUN3D_EXTRINSICS = re.compile(r"\d{10,}\.txt")
 
 
@@ -70,13 +74,6 @@ def open_folder(
     """
     pairs, encoding = _frames(folder, color, depth)
     told = _calibration(folder) if calibration is None else Calibration(calibration)
-    if _RAW_NYU.fullmatch(pairs[0].depth.name):
-        raise InputError(
-            pairs[0].depth,
-            "holds disparities of a Kinect as NYU Depth dumps them, in the view of its infrared "
-            "camera",
-            "project them with the data set's toolbox, and save depth as 16-bit PNG",
-        )
     color_shape, depth_shape = _first_readable(pairs)
     if depth_camera is None:
         camera = _fitted(told.intrinsics, color_shape, depth_shape, pairs[0], folder)
@@ -150,9 +147,21 @@ def _first_readable(pairs: tuple[ImagePair, ...]) -> tuple[tuple[int, int], tupl
     first: InputError | None = None
     for pair in pairs:
         try:
-            color, depth = (read_image(path).shape for path in (pair.color, pair.depth))
+            color, depth = (read_image(path) for path in (pair.color, pair.depth))
         except InputError as error:
             first = first or error
             continue
-        return (color[0], color[1]), (depth[0], depth[1])
+        if pair.depth.suffix.lower() == ".pgm" and _holds_disparities(depth):
+            raise InputError(
+                pair.depth,
+                "holds disparities of a Kinect, as NYU Depth dumps them, in the view of its "
+                "infrared camera",
+                "project them with the data set's toolbox, and save depth as 16-bit PNG",
+            )
+        return (color.shape[0], color.shape[1]), (depth.shape[0], depth.shape[1])
     raise first or InputError("frames", "there are none", "give a recording")
+
+
+def _holds_disparities(depth: NDArray[Any]) -> bool:
+    """Whether an image holds what a Kinect measures; NYU writes its bytes in the other order."""
+    return _NO_DISPARITY in {int(depth.max()), int(depth.byteswap().max())}
