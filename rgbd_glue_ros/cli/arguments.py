@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -304,6 +305,13 @@ def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, ob
     own = values(InputConfig())
     of_inputs = {name: value for name, value in given.items() if name in own}
     return of_inputs, {name: value for name, value in given.items() if name not in own}
+
+
+def command(args: argparse.Namespace) -> str:
+    """The line that was typed, to be quoted."""
+    from rgbd_glue_ros.cli.parser import PROGRAM
+
+    return shlex.join([PROGRAM, *args.words])
 
 
 def node_command(args: argparse.Namespace) -> str:

@@ -62,9 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Measures and returns the tables."""
-    import shlex
-
-    from rgbd_glue_ros.cli.parser import PROGRAM
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.experiments.bench import ODOMETRIES, TABLES, Plan, run_bench
     from rgbd_glue_ros.experiments.demo.demo import bundled_bag
@@ -78,7 +75,7 @@ def run(args: argparse.Namespace) -> str:
         args.robustness,
         args.live,
         args.memory,
-        command=shlex.join([PROGRAM, *args.words]),
+        command=arguments.command(args),
     )
     with bar(" frames", 0) as shown:
 

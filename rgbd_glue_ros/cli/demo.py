@@ -52,6 +52,7 @@ def _play(args: argparse.Namespace, recording: Played) -> str:
             shown.set_postfix_str(f"{progress.poses} poses", refresh=False)
             shown.update(progress.played - shown.n)
 
-        result = demo(recording, args.output, args.rate, show)
+        command = arguments.command(args)
+        result = demo(recording, args.output, args.rate, show, command)
     said = f"node     {result.summary}\n" if result.summary else ""
     return f"{summary(result.figures)}{said}report   {args.output / REPORT}\n"

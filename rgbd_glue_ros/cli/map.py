@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> str:
                 ground_truth=truth,
                 limit=args.limit,
                 on_frame=show,
+                command=arguments.command(args),
                 inputs=arguments.inputs(args),
             )
     figures = mapped.figures

@@ -103,6 +103,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     limit=args.limit,
                     on_frame=show,
                     sinks=arguments.exports(args),
+                    command=arguments.command(args),
                     inputs=arguments.inputs(args),
                 )
             except KeyboardInterrupt:

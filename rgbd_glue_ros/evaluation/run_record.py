@@ -31,6 +31,8 @@ class FrameRecord:
         visual_inliers: |C_vis^in|, None where nothing was registered.
         credible: |C_geo^in|, None where nothing was registered.
         stages_ms: wall time of each stage.
+        sigmas: float64 [6], standard deviations of the pose (x y z rx ry rz; m, rad) in the odom
+            frame; None where no covariance is known.
     """
 
     stamp_ns: int
@@ -42,11 +44,12 @@ class FrameRecord:
     visual_inliers: int | None = None
     credible: int | None = None
     stages_ms: dict[str, float] = field(default_factory=dict)
+    sigmas: Float64 | None = None
 
     @staticmethod
     def of(estimate: OdometryEstimate, latency_ms: float) -> FrameRecord:
         """What is kept of an estimate: numbers, and no correspondences."""
-        result = estimate.registration
+        result, covariance = estimate.registration, estimate.covariance
         return FrameRecord(
             stamp_ns=estimate.stamp_ns,
             state=estimate.state,
@@ -57,6 +60,7 @@ class FrameRecord:
             visual_inliers=len(result.visual_inliers) if result else None,
             credible=len(result.credible) if result else None,
             stages_ms=estimate.stages_ms,
+            sigmas=None if covariance is None else np.sqrt(np.diag(covariance)),
         )
 
 
@@ -71,6 +75,8 @@ class Run:
         frames: every frame so far.
         wall_s: time since the start.
         unanswered_ns: stamps of frames that were played to a node and came back without a pose.
+        thumbnails: small JPEGs of some frames, by stamp.
+        command: that asked for the run, to be quoted; "" where a program did.
     """
 
     sequence: str
@@ -79,6 +85,8 @@ class Run:
     frames: list[FrameRecord] = field(default_factory=list)
     wall_s: float = 0.0
     unanswered_ns: tuple[int, ...] = ()
+    thumbnails: dict[int, bytes] = field(default_factory=dict)
+    command: str = ""
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
         """Keeps what ``estimate`` says of its frame."""

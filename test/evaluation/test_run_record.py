@@ -51,6 +51,9 @@ def test_the_pose_graph_has_the_keyframes_and_what_was_measured_between_them() -
 def test_a_record_keeps_counts_and_no_correspondences() -> None:
     record = FrameRecord.of(registered(0.5, 0, 1), 12.5)
     assert (record.visual_inliers, record.credible, record.latency_ms) == (4, 0, 12.5)
+    covariance = np.diag([1.0, 4, 9, 16, 25, 36])
+    posed = OdometryEstimate(0, TRACKING, np.eye(4), covariance=covariance)
+    np.testing.assert_array_equal(FrameRecord.of(posed, 1.0).sigmas, [1, 2, 3, 4, 5, 6])
     nothing = FrameRecord.of(OdometryEstimate(0, LOST), 1.0)
     assert nothing.visual_inliers is None
 

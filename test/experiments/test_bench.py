@@ -24,11 +24,11 @@ from rgbd_glue_ros.experiments.bench.degraded import DEGRADATIONS
 from rgbd_glue_ros.experiments.bench.figures import losses, times
 from rgbd_glue_ros.experiments.bench.floors import FLOORS, Floors
 from rgbd_glue_ros.experiments.bench.live import Live
-from rgbd_glue_ros.experiments.bench.machine import machine, resident_mb
 from rgbd_glue_ros.experiments.bench.memory import Memory, endless
 from rgbd_glue_ros.experiments.bench.picture import PICTURE, picture
 from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import NoTransformError
+from rgbd_glue_ros.experiments.report.machine import machine, resident_mb
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import CameraConfig, Config
 from rgbd_glue_ros.recordings.recording import selected

@@ -8,8 +8,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rgbd_glue_ros.experiments.report.axes import linear, logarithmic, rising, ticks
-from rgbd_glue_ros.experiments.report.charts import SIDE, Line, chart, plot
+from rgbd_glue_ros.experiments.report.axes import linear, logarithmic, rising, symmetric, ticks
+from rgbd_glue_ros.experiments.report.charts import SIDE, Area, Line, chart, plot
+from rgbd_glue_ros.experiments.report.plans import plans
 
 
 @given(st.floats(1e-6, 1e9))
@@ -65,3 +66,32 @@ def test_a_line_is_broken_where_its_value_is_not_known() -> None:
     assert path
     assert path[1].count("M") == 2
     assert "nan" not in page
+
+
+def test_a_point_between_gaps_is_a_dot() -> None:
+    line = Line("gap", "red", np.arange(3.0), np.array([np.nan, 1, np.nan]), "thick")
+    assert f'd="M{SIDE / 2:.1f} 0.0h0"' in chart("gap", [line], (0.0, 2.0), 4)
+
+
+def test_an_area_goes_along_its_upper_line_and_back_along_its_lower_one() -> None:
+    x, high = np.arange(3.0), np.array([1.0, 2.0, 1.0])
+    page = chart("area", [], (0.0, 2.0), 4, symmetric(2.0, 4), [Area("", "red", x, -high, high)])
+    assert 'd="M0.0 250.0L500.0 0.0L1000.0 250.0L1000.0 750.0L500.0 1000.0L0.0 750.0Z"' in page
+
+
+def test_an_axis_about_zero_is_as_long_to_both_sides() -> None:
+    axis = symmetric(0.33, 4)
+    assert (axis.low, axis.high) == (-0.4, 0.4)
+    assert [value for value, _ in axis.ticks] == [-0.4, -0.2, 0.0, 0.2, 0.4]
+
+
+def test_views_of_a_path_have_one_scale() -> None:
+    x = np.array([0.0, 4.0, 4.0])
+    y = np.array([0.0, 0.0, 1.0])
+    times = np.arange(3.0)
+    page = plans(
+        [("a", [Line("", "red", x, y, "one")], times), ("b", [Line("", "red", y, x, "two")], times)]
+    )
+    first, second = (np.array(points(page, kind)) for kind in ("one", "two"))
+    np.testing.assert_allclose(np.ptp(first[:, 0]), np.ptp(second[:, 1]), atol=0.2)
+    np.testing.assert_allclose(np.ptp(first[:, 1]), np.ptp(second[:, 0]), atol=0.2)

@@ -15,13 +15,13 @@ from rgbd_glue_ros.experiments.bench.contest import OURS, Contest
 from rgbd_glue_ros.experiments.bench.degraded import DegradedSequence, first
 from rgbd_glue_ros.experiments.bench.floors import Floors
 from rgbd_glue_ros.experiments.bench.live import Live
-from rgbd_glue_ros.experiments.bench.machine import load, machine
 from rgbd_glue_ros.experiments.bench.memory import Memory
 from rgbd_glue_ros.experiments.bench.part import Part
 from rgbd_glue_ros.experiments.bench.picture import PICTURE, picture
 from rgbd_glue_ros.experiments.bench.report import to_markdown
 from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import PEERS, Peer
+from rgbd_glue_ros.experiments.report.machine import load, machine
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import islice
 from typing import Any
 
-from rgbd_glue_ros.experiments.bench.machine import resident_mb
+from rgbd_glue_ros.experiments.report.machine import resident_mb
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.recordings import Recording

@@ -70,7 +70,11 @@ def bundled_bag() -> Path:
 
 
 def demo(
-    recording: Played, folder: Path, rate: float, on_progress: Callable[[Progress], None]
+    recording: Played,
+    folder: Path,
+    rate: float,
+    on_progress: Callable[[Progress], None],
+    command: str = "",
 ) -> DemoResult:
     """Plays a recording to the node and leaves the results of a replay, measured live.
 
@@ -81,6 +85,7 @@ def demo(
         folder: where the results and the node's log go.
         rate: speed, 1 for that of the recording.
         on_progress: called after every frame.
+        command: that asks for it, to be quoted in the report.
 
     Raises:
         InputError: the recording or the folder cannot be used.
@@ -89,7 +94,7 @@ def demo(
     """
     config = load_preset(PRESET)
     with results_of(recording.name, config, folder, InputConfig(), (LOG,)):
-        return _played_to_the_node(recording, config, folder, rate, on_progress)
+        return _played_to_the_node(recording, config, folder, rate, on_progress, command)
 
 
 def _played_to_the_node(
@@ -98,6 +103,7 @@ def _played_to_the_node(
     folder: Path,
     rate: float,
     on_progress: Callable[[Progress], None],
+    command: str,
 ) -> DemoResult:
     log = folder / LOG
     figures: dict[str, Any] = {}
@@ -123,6 +129,7 @@ def _played_to_the_node(
                 write_whole(log, "\n".join(node.lines) + "\n")
                 if player.poses:
                     run = _run(recording, config, player)
+                    run.command = command
                     write_tum(folder / TRAJECTORY, run.trajectory)
                     figures = write_results(run, folder, measured)
     if code != 0:

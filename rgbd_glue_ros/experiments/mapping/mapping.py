@@ -95,6 +95,7 @@ def map_recording(
     limit: int | None = None,
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     inputs: InputConfig | None = None,
+    command: str = "",
 ) -> MappedRun:
     """Runs the odometry, closes loops, and writes what is corrected by them.
 
@@ -109,6 +110,7 @@ def map_recording(
         limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
         inputs: how ``sequence`` was opened, for the record; None as by default.
+        command: that asks for it, to be quoted in the report.
 
     Raises:
         InputError: the folder cannot be written, or a frame cannot be read.
@@ -128,6 +130,7 @@ def map_recording(
             on_frame=on_frame,
             sinks=[sink],
             odometry=odometry,
+            command=command,
         )
         write_tum(folder / ODOMETRY, run.trajectory)
         start = perf_counter()

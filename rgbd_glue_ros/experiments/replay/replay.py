@@ -19,6 +19,8 @@ from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
+from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
+from rgbd_glue_ros.experiments.report.colophon import Colophon
 from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
@@ -50,6 +52,7 @@ def replay(
     sinks: Sequence[FrameSink] = (),
     odometry: Odometry | None = None,
     inputs: InputConfig | None = None,
+    command: str = "",
 ) -> Run:
     """Runs the odometry over ``sequence`` as fast as it goes; no frame is dropped.
 
@@ -67,6 +70,7 @@ def replay(
         odometry: a new one of ``config``, for who wants to look into it; None makes one. It
             is closed in the end.
         inputs: how ``sequence`` was opened, for the record; None as by default.
+        command: that asks for it, to be quoted in the report.
 
     Raises:
         InputError: the folder cannot be written, another run is writing to it, a frame cannot be
@@ -82,6 +86,7 @@ def replay(
             on_frame=on_frame,
             sinks=sinks,
             odometry=odometry,
+            command=command,
         )
 
 
@@ -95,12 +100,14 @@ def replay_into(
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     sinks: Sequence[FrameSink] = (),
     odometry: Odometry | None = None,
+    command: str = "",
 ) -> Run:
     """As ``replay``, into a folder that the caller goes on to write to."""
     folder = results.path
     logger.info("warming up; where nothing is compiled yet, it takes some seconds")
     warm_up(config)
-    run = Run(sequence.name, config, ground_truth or sequence.ground_truth)
+    run = Run(sequence.name, config, ground_truth or sequence.ground_truth, command=command)
+    pictures = Thumbnails()
     odometry = odometry or Odometry(config)
     start = perf_counter()
     last: OdometryEstimate | None = None
@@ -116,7 +123,7 @@ def replay_into(
                 run.wall_s = now - start
                 if estimate.T_odom_camera is not None:
                     trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
-                for sink in sinks:
+                for sink in (pictures, *sinks):
                     sink.add(frame, estimate)
                 on_frame(estimate)
                 last = estimate
@@ -128,6 +135,7 @@ def replay_into(
             for sink in sinks:
                 left.callback(sink.close)
             if run.frames:
+                run.thumbnails = pictures.jpegs
                 write_results(run, folder)
     if not run.frames:
         raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
@@ -197,7 +205,8 @@ def write_results(
     write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
     write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
     write_whole(folder / METRICS, json_text(figures))
-    write_whole(folder / REPORT, render(run, figures, evaluation))
+    colophon = Colophon.now(run.command, run.sequence)
+    write_whole(folder / REPORT, render(run, figures, evaluation, colophon))
     return figures
 
 
@@ -207,5 +216,5 @@ def _evaluation(run: Run) -> Evaluation | None:
     try:
         return evaluate(run.trajectory, run.ground_truth)
     except InputError as error:
-        logger.warning("no error against ground truth: %s", error.cause)
+        logger.warning("%s: no error against ground truth: %s", run.sequence, error.cause)
         return None

@@ -3,63 +3,73 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.run_record import FrameRecord, Run
+from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.evaluation.trajectory_errors import RPE_DELTA_S, Evaluation
+from rgbd_glue_ros.experiments.replay.moments import CSS as MOMENTS_CSS
+from rgbd_glue_ros.experiments.replay.moments import moments
+from rgbd_glue_ros.experiments.replay.series import error_charts, since_start, with_gaps
 from rgbd_glue_ros.experiments.report import charts
-from rgbd_glue_ros.experiments.report.charts import Line, Span
+from rgbd_glue_ros.experiments.report.axes import linear, rising
+from rgbd_glue_ros.experiments.report.charts import Line
+from rgbd_glue_ros.experiments.report.colophon import Colophon
 from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_parameters, page, tiles
+from rgbd_glue_ros.experiments.report.plans import plans
+from rgbd_glue_ros.experiments.report.timeline import Span, band
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, TrackingState
+from rgbd_glue_ros.types import Float64, TrackingState
 
-_STATES = {
+_UNANSWERED = None
+_STATES: dict[TrackingState | None, tuple[str, str]] = {
     TrackingState.TRACKING: ("tracking", "var(--good)"),
     TrackingState.INITIALIZING: ("initializing", "var(--wait)"),
     TrackingState.LOST: ("lost", "var(--bad)"),
+    _UNANSWERED: ("dropped, or without a pose", "var(--truth)"),
 }
 _TALL, _LOW = 5, 3
 
 
-def render(run: Run, figures: Mapping[str, Any], evaluation: Evaluation | None) -> str:
+def render(
+    run: Run, figures: Mapping[str, Any], evaluation: Evaluation | None, colophon: Colophon
+) -> str:
     """The page.
 
     Args:
         run: with one frame at least.
         figures: its ``metrics``.
         evaluation: of its trajectory; None without ground truth.
+        colophon: how it came about.
     """
-    seconds = _seconds(run, np.array([frame.stamp_ns for frame in run.frames], np.int64))
+    stamps_ns = np.array([frame.stamp_ns for frame in run.frames], np.int64)
+    seconds = since_start(run, stamps_ns)
     parts = [
-        _summary(run, seconds),
+        _summary(run, figures, seconds),
         _tiles(figures),
         _trajectory(run, evaluation),
         "<h2>Over time</h2>",
-        _states(run.frames, seconds),
+        _states(run),
         *_charts(run, seconds, evaluation),
+        *moments(run, evaluation),
         *_stages(figures["stages_ms"]),
         "<h2>All figures</h2>",
         _figures(figures),
         "<h2>Parameters that differ from the defaults</h2>",
         changed_parameters(run.config),
+        str(colophon),
     ]
-    return page(run.sequence, parts)
+    return page(run.sequence, parts, MOMENTS_CSS)
 
 
-def _summary(run: Run, seconds: Float64) -> str:
-    return (
-        f"<p>{len(run.frames)} frames, {seconds[-1]:.1f} s of recording, "
-        f"replayed in {run.wall_s:.1f} s by rgbd-glue.</p>"
-    )
-
-
-def _seconds(run: Run, stamps_ns: Int64) -> Float64:
-    """Time since the first frame."""
-    return np.asarray((stamps_ns - run.frames[0].stamp_ns) / NANOSECONDS, np.float64)
+def _summary(run: Run, figures: Mapping[str, Any], seconds: Float64) -> str:
+    frames, played = figures["frames"], figures["played"]
+    processed = f"{frames} frames" if frames == played else f"{frames} of {played} frames processed"
+    return f"<p>{processed}, {seconds[-1]:.1f} s of recording, done in {run.wall_s:.1f} s.</p>"
 
 
 def _tiles(figures: Mapping[str, Any]) -> str:
@@ -80,9 +90,10 @@ def _tiles(figures: Mapping[str, Any]) -> str:
 
 
 def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
-    poses = run.trajectory.poses
-    if not len(poses):
+    trajectory = run.trajectory
+    if not len(trajectory):
         return "<h2>Trajectory</h2><p>No frame has a pose.</p>"
+    times, poses = with_gaps(replace(run, unanswered_ns=()), trajectory.stamps_ns, trajectory.poses)
     tracks = []
     if evaluation is not None:
         # the truth, laid upon the estimate, so that the picture has the first camera's axes
@@ -94,37 +105,42 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
     aligned = "; the ground truth is laid upon it by rotation and translation"
     return (
         "<h2>Trajectory</h2><p>In the axes of the first camera, from the green to the red end"
-        f"{aligned if evaluation else ''}.</p>"
-        f'<div class="two">{charts.plan("From above (right, forward)", above)}'
-        f"{charts.plan('From the side (forward, up)', beside)}</div>"
+        f"{aligned if evaluation else ''}. Both views have one scale.</p>"
+        + plans(
+            [
+                ("From above (right, forward)", above, times),
+                ("From the side (forward, up)", beside, times),
+            ]
+        )
     )
 
 
-def _states(frames: list[FrameRecord], seconds: Float64) -> str:
+def _states(run: Run) -> str:
+    states: dict[int, TrackingState | None] = dict.fromkeys(run.unanswered_ns, _UNANSWERED)
+    states |= {frame.stamp_ns: frame.state for frame in run.frames}
+    in_order = sorted(states.items())
+    seconds = since_start(run, np.array([stamp_ns for stamp_ns, _ in in_order], np.int64))
+    first, last = float(seconds[0]), float(seconds[-1])
     # a frame's state holds until the next frame
-    edges = np.append(seconds, seconds[-1]) / (seconds[-1] or 1.0)
+    edges = (np.append(seconds, last) - first) / ((last - first) or 1.0)
     spans, start = [], 0
-    for state, group in groupby(frames, key=lambda frame: frame.state):
+    for state, group in groupby(in_order, key=lambda item: item[1]):
         stop = start + len(list(group))
         spans.append(Span(edges[start], edges[stop], _STATES[state][1]))
         start = stop
-    keyframes = edges[[i for i, frame in enumerate(frames) if frame.is_keyframe]]
-    present = {frame.state for frame in frames}
-    keys = [key for state, key in _STATES.items() if state in present]
-    title = f"State, and a tick for each of {len(keyframes)} keyframes"
-    return charts.band(title, keys, spans, keyframes)
+    marked = np.array([f.stamp_ns for f in run.frames if f.is_keyframe], np.int64)
+    marks = (since_start(run, marked) - first) / ((last - first) or 1.0)
+    keys = [key for state, key in _STATES.items() if state in set(states.values())]
+    title = f"State, and a tick for each of {len(marked)} keyframes"
+    return band(title, keys, spans, marks, (first, last))
 
 
 def _charts(run: Run, seconds: Float64, evaluation: Evaluation | None) -> list[str]:
     span = (float(seconds.min()), float(seconds.max()))
     drawn = []
+    stamps_ns = np.array([frame.stamp_ns for frame in run.frames], np.int64)
     if evaluation is not None:
-        x, y = _seconds(run, evaluation.stamps_ns), 100 * evaluation.errors_m
-        rmse = Line(
-            "rmse", "var(--quiet)", x, np.full(len(x), 100 * evaluation.ape.rmse_m), "dashed"
-        )
-        error = Line("of each pose", "var(--estimate)", x, y)
-        drawn.append(charts.chart("Position error after alignment, cm", [rmse, error], span, _TALL))
+        drawn += error_charts(run, evaluation, span)
     for title, color, numbers in (
         ("Visual inliers", "var(--estimate)", [frame.visual_inliers for frame in run.frames]),
         (
@@ -136,21 +152,38 @@ def _charts(run: Run, seconds: Float64, evaluation: Evaluation | None) -> list[s
         y = np.array(numbers, np.float64)
         # a node does not publish them with each pose
         if np.isfinite(y).any():
-            drawn.append(charts.chart(title, [Line(title, color, seconds, y)], span, _LOW))
-    drawn.append(_latency(run.frames, seconds, span))
+            drawn.append(
+                charts.chart(title, [Line("", color, *with_gaps(run, stamps_ns, y))], span, _LOW)
+            )
+    drawn.append(_latency(run, span))
     return drawn
 
 
-def _latency(frames: list[FrameRecord], seconds: Float64, span: tuple[float, float]) -> str:
-    latency = np.array([frame.latency_ms for frame in frames])
-    interval = 1000 * float(np.median(np.diff(seconds))) if len(seconds) > 1 else float("nan")
-    # the first frames may compile code: their seconds would hide all others
-    ceiling = 3 * float(np.nanmax([interval, np.percentile(latency, 95)]))
+def _latency(run: Run, span: tuple[float, float]) -> str:
+    stamps_ns = np.array([frame.stamp_ns for frame in run.frames], np.int64)
+    latency = np.array([frame.latency_ms for frame in run.frames])
+    offered = since_start(run, np.sort(np.append(stamps_ns, run.unanswered_ns)).astype(np.int64))
+    interval = 1000 * float(np.median(np.diff(offered))) if len(offered) > 1 else float("nan")
+    # the seconds of a frame that compiles code or waits for a disk would hide all others
+    y = rising(1.5 * float(np.nanmax([interval, np.percentile(latency, 95)])), _TALL)
+    is_shown = latency <= y.high
+    x, shown = with_gaps(run, stamps_ns, np.where(is_shown, latency, np.nan))
     lines = [
-        Line("between frames", "var(--quiet)", seconds, np.full(len(seconds), interval), "dashed"),
-        Line("per frame", "var(--estimate)", seconds, np.minimum(latency, ceiling)),
+        Line("between frames", "var(--quiet)", x, np.full(len(x), interval), "dashed"),
+        Line("per frame", "var(--estimate)", x, shown),
     ]
-    return charts.chart("Latency, ms", lines, span, _TALL)
+    beyond = since_start(run, stamps_ns[~is_shown])
+    text, dots = "", []
+    if len(beyond):
+        dots = [Line("longer", "var(--bad)", beyond, np.full(len(beyond), y.high))]
+        text = (
+            f"<p>Red at the top edge: longer than that, {latency.max():.0f} ms at most "
+            f"(at {since_start(run, stamps_ns)[latency.argmax()]:.1f} s).</p>"
+        )
+    drawn = charts.plot(
+        "Latency, ms", lines, linear(*span, " s"), y, _TALL, dots=dots, is_timed=True
+    )
+    return drawn + text
 
 
 def _stages(medians: Mapping[str, float]) -> list[str]:

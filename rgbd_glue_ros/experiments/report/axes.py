@@ -47,6 +47,14 @@ def rising(highest: float, rows: int) -> Axis:
     return Axis(0.0, values[-1] or 1.0, tuple((value, f"{value:g}") for value in values))
 
 
+def symmetric(furthest: float, rows: int) -> Axis:
+    """A y axis about zero that ends at the first tick beyond all values."""
+    values = ticks(0.0, furthest, max(1, rows // 2))
+    end = values[-1] or 1.0
+    both = sorted({*values, *(-value for value in values)})
+    return Axis(-end, end, tuple((value, f"{value:g}") for value in both))
+
+
 def logarithmic(*values: float) -> Axis:
     """An axis from the first to the last of the values, which are its ticks."""
     return Axis(values[0], values[-1], tuple((v, f"{v:g}") for v in values), is_logarithmic=True)

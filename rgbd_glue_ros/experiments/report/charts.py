@@ -5,13 +5,13 @@ Shapes are drawn in a square of ``SIDE`` units that the page stretches to any wi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
-from rgbd_glue_ros.experiments.report.axes import Axis, linear, rising, ticks
+from rgbd_glue_ros.experiments.report.axes import Axis, linear, rising
 from rgbd_glue_ros.types import Float64
 
 SIDE = 1000
@@ -30,7 +30,7 @@ CSS = """
 .key.dashed i { border-top-style: dashed; border-top-width: 2px; }
 .legend { display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; margin: 0 0 1rem; }
 .plot { position: relative; height: var(--h); margin: 0 0 0 2.9rem; }
-.time .plot { margin-bottom: 2.9rem; }
+.time { position: relative; padding-bottom: 2.9rem; }
 .plot svg { position: absolute; inset: 0; width: 100%; height: 100%; overflow: visible; }
 .plot path, .plot line { fill: none; vector-effect: non-scaling-stroke; stroke: var(--c);
   stroke-width: 1.6; stroke-linejoin: round; stroke-linecap: round; }
@@ -38,23 +38,17 @@ CSS = """
 .plot .dashed { stroke-dasharray: 5 4; stroke-width: 1.3; }
 .plot .thick { stroke-width: 3.2; }
 .plot .dot { stroke-width: 9; }
+.plot .area { fill: var(--c); stroke: none; opacity: .16; }
+.key.area i { border-top-width: .6rem; opacity: .3; vertical-align: -.02rem; }
 .plot .dots { stroke-width: 6; opacity: .5; }
 .tick { position: absolute; color: var(--quiet); font-size: .72rem; line-height: 1;
   font-variant-numeric: tabular-nums; white-space: nowrap; }
 .tick.y { right: calc(100% + .5rem); transform: translateY(50%); }
 .tick.x { top: calc(100% + .45rem); transform: translateX(-50%); }
-.plan .plot { margin: 0; height: auto; aspect-ratio: var(--ratio); }
-.scale { position: absolute; right: 0; bottom: 0; color: var(--quiet); font-size: .72rem;
-  border: solid var(--quiet); border-width: 0 1px 1px; padding: 0 0 .25rem; text-align: center;
-  line-height: 1; }
 .bars { display: grid; grid-template-columns: max-content 1fr max-content; gap: .45rem .8rem;
   align-items: center; font-size: .88rem; }
 .bars div { height: .85rem; border-radius: 3px; background: var(--c); min-width: 2px; }
 .bars span:nth-child(3n) { text-align: right; font-variant-numeric: tabular-nums; }
-.band { position: relative; height: 1.5rem; margin: 0 0 1.6rem 2.9rem; border-radius: 4px;
-  overflow: hidden; background: var(--line); }
-.band div { position: absolute; top: 0; bottom: 0; background: var(--c); min-width: 1px; }
-.band div.mark { width: 1px; top: 55%; background: var(--page); opacity: .85; }
 """
 
 
@@ -77,17 +71,47 @@ class Line:
     style: str = ""
 
 
-def chart(title: str, lines: Sequence[Line], x_range: tuple[float, float], rows: int) -> str:
-    """Lines over a common x axis in seconds, with the y axis from zero.
+@dataclass(frozen=True)
+class Area:
+    """What lies between two lines over time.
+
+    Attributes:
+        label: what it shows.
+        color: a CSS colour.
+        x: float64 [N].
+        low: float64 [N].
+        high: float64 [N], NaN where nothing is known, as ``low``.
+    """
+
+    label: str
+    color: str
+    x: Float64
+    low: Float64
+    high: Float64
+
+
+def chart(
+    title: str,
+    lines: Sequence[Line],
+    x_range: tuple[float, float],
+    rows: int,
+    y: Axis | None = None,
+    areas: Sequence[Area] = (),
+) -> str:
+    """Lines over a common x axis in seconds; a pointer on it shows its moment in all such charts.
 
     Args:
         title: with the unit of y.
         lines: to draw, the last on top.
         x_range: ends of the x axis.
         rows: of grid lines, about; the height follows from it.
+        y: the axis upward; None for one from zero that holds all lines.
+        areas: drawn below the lines.
     """
-    highest = max((float(np.nanmax(line.y)) for line in lines if _known(line)), default=1.0)
-    return plot(title, lines, linear(*x_range, " s"), rising(highest, rows), rows)
+    if y is None:
+        highest = max((float(np.nanmax(line.y)) for line in lines if _known(line)), default=1.0)
+        y = rising(highest, rows)
+    return plot(title, lines, linear(*x_range, " s"), y, rows, areas=areas, is_timed=True)
 
 
 def plot(
@@ -97,6 +121,9 @@ def plot(
     y: Axis,
     rows: int,
     dots: Sequence[Line] = (),
+    areas: Sequence[Area] = (),
+    *,
+    is_timed: bool = False,
 ) -> str:
     """Lines and dots in a plane.
 
@@ -107,11 +134,14 @@ def plot(
         y: the axis upward, with a grid line at each tick.
         rows: that make up the height.
         dots: drawn as dots at their points, below the lines.
+        areas: drawn below all.
+        is_timed: whether x is a time in seconds that the page's other charts have too.
     """
     heights = SIDE * (1 - y.at(np.array([value for value, _ in y.ticks])))
     shapes = [
         f'<line class="grid" x1="0" x2="{SIDE}" y1="{at:.1f}" y2="{at:.1f}"/>' for at in heights
     ]
+    shapes += [_area(area, x, y) for area in areas]
     shapes += [
         f'<path class="dots {cloud.style}" style="--c:{cloud.color}" d="'
         + "".join(
@@ -122,7 +152,7 @@ def plot(
         for cloud in dots
     ]
     shapes += [
-        _path(line, *_thinned(x.at(line.x) * SIDE, (1 - y.at(line.y)) * SIDE))
+        path(line, *_thinned(x.at(line.x) * SIDE, (1 - y.at(line.y)) * SIDE), is_timed=is_timed)
         for line in lines
         if _known(line)
     ]
@@ -134,9 +164,10 @@ def plot(
         f'<span class="tick x" style="left:{100 * at:.2f}%">{escape(text)}</span>'
         for at, text in _placed(x)
     ]
+    moment = f' data-span="{x.low:.3f},{x.high:.3f}" data-range="{y.low:g},{y.high:g}"'
     return (
-        f'<figure class="chart time">{_caption(title, [*lines, *dots])}'
-        f'<div class="plot" style="--h:{_ROW_REM * rows + 1}rem">'
+        f'<figure class="chart time">{caption(title, [*areas, *lines, *dots], is_timed=is_timed)}'
+        f'<div class="plot" style="--h:{_ROW_REM * rows + 1}rem"{moment if is_timed else ""}>'
         f'<svg viewBox="0 0 {SIDE} {SIDE}" preserveAspectRatio="none" role="img" '
         f'aria-label="{escape(title)}">{"".join(shapes)}</svg>{"".join(words)}</div></figure>'
     )
@@ -146,72 +177,6 @@ def _placed(axis: Axis) -> list[tuple[float, str]]:
     """Where along the axis each tick's text is."""
     at = axis.at(np.array([value for value, _ in axis.ticks]))
     return [(float(place), text) for place, (_, text) in zip(at, axis.ticks, strict=True)]
-
-
-def plan(title: str, lines: Sequence[Line]) -> str:
-    """Lines in a plane with equal axes, x to the right and y up, and a bar that shows a length.
-
-    The first point of the last line is marked green, its last one red.
-    """
-    xy = np.concatenate([np.stack([line.x, line.y]) for line in lines], axis=1)
-    low, high = xy.min(axis=1), xy.max(axis=1)
-    # neither a flat nor a slim picture, and room for the strokes at the edge
-    extent = (high - low).max() or 1.0
-    size = np.maximum(high - low, 0.55 * extent) + 0.08 * extent
-    corner = (low + high - size) / 2
-    scale = SIDE / size[0]
-    height = SIDE * size[1] / size[0]
-    drawn = []
-    for line in lines:
-        x, y = (line.x - corner[0]) * scale, height - (line.y - corner[1]) * scale
-        kept = _spaced(x, y)
-        drawn.append(_path(line, x[kept], y[kept]))
-        ends = (x[0], y[0], "var(--good)"), (x[-1], y[-1], "var(--bad)")
-    drawn += [
-        f'<path class="dot" style="--c:{color}" d="M{px:.1f} {py:.1f}h0"/>'
-        for px, py, color in ends
-    ]
-    bar = max(value for value in ticks(0.0, 0.4 * size[0]) if value <= 0.4 * size[0])
-    length = f"{bar:g} m" if bar >= 1 else f"{100 * bar:g} cm"
-    return (
-        f'<figure class="chart plan">{_caption(title, lines)}'
-        f'<div class="plot" style="--ratio:{SIDE}/{height:.0f}">'
-        f'<svg viewBox="0 0 {SIDE} {height:.0f}" role="img" aria-label="{escape(title)}">'
-        f"{''.join(drawn)}</svg>"
-        f'<span class="scale" style="width:{100 * bar / size[0]:.2f}%">{length}</span>'
-        "</div></figure>"
-    )
-
-
-@dataclass(frozen=True)
-class Span:
-    """A coloured part of a band, in fractions of its length."""
-
-    start: float
-    stop: float
-    color: str
-
-
-def band(title: str, keys: Iterable[tuple[str, str]], spans: Iterable[Span], marks: Float64) -> str:
-    """A band of coloured spans with thin marks.
-
-    Args:
-        title: of the band.
-        keys: label and colour of each kind of span.
-        spans: to draw.
-        marks: float64 [N], fractions of the length.
-    """
-    drawn = [
-        f'<div style="--c:{span.color};left:{100 * span.start:.3f}%;'
-        f'width:{100 * (span.stop - span.start):.3f}%"></div>'
-        for span in spans
-    ]
-    drawn += [f'<div class="mark" style="left:{100 * mark:.3f}%"></div>' for mark in marks]
-    named = "".join(_key(label, color, "") for label, color in keys)
-    return (
-        f'<figure class="chart"><figcaption><b>{escape(title)}</b>{named}</figcaption>'
-        f'<div class="band">{"".join(drawn)}</div></figure>'
-    )
 
 
 def bars(values: dict[str, float], unit: str, color: str) -> str:
@@ -229,10 +194,12 @@ def _known(line: Line) -> bool:
     return bool(np.isfinite(line.y).any())
 
 
-def _caption(title: str, lines: Sequence[Line]) -> str:
+def caption(title: str, lines: Sequence[Line | Area], *, is_timed: bool = False) -> str:
+    """The title of a figure, the keys of its lines, and room for what a pointer asks for."""
     # one line alone is what the title says
     named = lines if len(lines) > 1 else ()
-    return f"<figcaption><b>{escape(title)}</b>{_keys(named)}</figcaption>"
+    said = "<output></output>" if is_timed else ""
+    return f"<figcaption><b>{escape(title)}</b>{_keys(named)}{said}</figcaption>"
 
 
 def legend(lines: Sequence[Line]) -> str:
@@ -240,24 +207,55 @@ def legend(lines: Sequence[Line]) -> str:
     return f'<div class="legend">{_keys(lines)}</div>'
 
 
-def _keys(lines: Sequence[Line]) -> str:
-    return "".join(_key(line.label, line.color, line.style) for line in lines if line.label)
+def _keys(lines: Sequence[Line | Area]) -> str:
+    return "".join(
+        key(line.label, line.color, line.style if isinstance(line, Line) else "area")
+        for line in lines
+        if line.label
+    )
 
 
-def _key(label: str, color: str, style: str) -> str:
+def key(label: str, color: str, style: str) -> str:
+    """The colour of what is drawn, and what it is."""
     return f'<span class="key {style}" style="--c:{color}"><i></i>{escape(label)}</span>'
 
 
-def _path(line: Line, x: Float64, y: Float64) -> str:
-    words: list[str] = []
-    pen = "M"
-    for px, py in zip(x, y, strict=True):
-        if not np.isfinite(py):
-            pen = "M"
-            continue
-        words.append(f"{pen}{px:.1f} {py:.1f}")
-        pen = "L"
-    return f'<path class="{line.style}" style="--c:{line.color}" d="{"".join(words)}"/>'
+def path(line: Line, x: Float64, y: Float64, *, is_timed: bool = False) -> str:
+    """A line through points in units of the drawing; a point alone is a dot.
+
+    Args:
+        line: how it looks.
+        x: float64 [N].
+        y: float64 [N]; NaN breaks the line.
+        is_timed: whether a pointer may ask for its value.
+    """
+    drawn = "".join(_stretch(x[rows], y[rows]) for rows in _stretches(y))
+    value = f' data-value="{escape(line.label)}"' if is_timed else ""
+    return f'<path class="{line.style}" style="--c:{line.color}"{value} d="{drawn}"/>'
+
+
+def _stretch(x: Float64, y: Float64) -> str:
+    points = "L".join(f"{px:.1f} {py:.1f}" for px, py in zip(x, y, strict=True))
+    return f"M{points}{'h0' if len(x) == 1 else ''}"
+
+
+def _stretches(y: Float64) -> list[slice]:
+    """The parts of a line between the points that are not known."""
+    known = np.concatenate([[0], np.isfinite(y), [0]]).astype(np.int8)
+    starts, stops = np.flatnonzero(np.diff(known) == 1), np.flatnonzero(np.diff(known) == -1)
+    return [slice(a, b) for a, b in zip(starts.tolist(), stops.tolist(), strict=True)]
+
+
+def _area(area: Area, x: Axis, y: Axis) -> str:
+    every = slice(None, None, max(1, len(area.x) // _COLUMNS))
+    px, low, high = area.x[every], area.low[every], area.high[every]
+    outlines = []
+    for rows in _stretches(high):
+        across = np.concatenate([x.at(px[rows]), x.at(px[rows])[::-1]]) * SIDE
+        # the axis may be shorter
+        heights = np.concatenate([y.at(high[rows]), y.at(low[rows])[::-1]]).clip(0, 1)
+        outlines.append(f"{_stretch(across, (1 - heights) * SIDE)}Z")
+    return f'<path class="area" style="--c:{area.color}" d="{"".join(outlines)}"/>'
 
 
 def _thinned(x: Float64, y: Float64) -> tuple[Float64, Float64]:
@@ -272,12 +270,3 @@ def _thinned(x: Float64, y: Float64) -> tuple[Float64, Float64]:
         else:
             rows.append(int(column[0]))
     return x[rows], y[rows]
-
-
-def _spaced(x: Float64, y: Float64) -> list[int]:
-    """Rows of points that lie apart by more than anybody sees."""
-    kept = [0]
-    for i in range(1, len(x)):
-        if abs(x[i] - x[kept[-1]]) + abs(y[i] - y[kept[-1]]) > 1.0:
-            kept.append(i)
-    return [*kept, len(x) - 1]

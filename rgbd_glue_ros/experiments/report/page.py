@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
-from rgbd_glue_ros.experiments.report import charts
+from rgbd_glue_ros.experiments.report import charts, plans, timeline
 from rgbd_glue_ros.parameters import Config, parameters, values
 
 SIDE_BY_SIDE = "Stages that run side by side add up to more than the whole."
@@ -22,7 +22,8 @@ _CSS = """
 body { margin: 0; background: var(--page); color: var(--text);
   font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", sans-serif; }
 main { max-width: 66rem; margin: 0 auto; padding: 2rem 1.25rem 3rem; }
-h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .3rem; overflow-wrap: anywhere; }
+h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .3rem; overflow-wrap: anywhere;
+  text-wrap: balance; }
 h2 { font-size: 1.1rem; margin: 2.6rem 0 1rem; padding-top: 1.1rem;
   border-top: 1px solid var(--line); }
 p { margin: 0 0 1rem; color: var(--quiet); max-width: 46rem; }
@@ -45,6 +46,8 @@ code { font: .86em ui-monospace, "SF Mono", Consolas, monospace; overflow-wrap: 
 td small { color: var(--quiet); }
 .wide { overflow-x: auto; margin: 0 0 1.2rem; }
 .wide table { width: auto; min-width: 100%; white-space: nowrap; }
+footer { margin-top: 3rem; padding-top: 1rem; border-top: 1px solid var(--line);
+  color: var(--quiet); font-size: .8rem; }
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 """
 
@@ -60,8 +63,10 @@ def page(title: str, parts: Iterable[str], css: str = "") -> str:
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)} · rgbd-glue</title><style>{_CSS}{charts.CSS}{css}</style>"
-        f"</head><body><main><h1>{escape(title)}</h1>{''.join(parts)}</main></body></html>\n"
+        f"<title>{escape(title)} · rgbd-glue</title><style>"
+        f"{_CSS}{charts.CSS}{plans.CSS}{timeline.CSS}{css}</style>"
+        f"</head><body><main><h1>{escape(title)}</h1>{''.join(parts)}</main>"
+        f"<script>{timeline.SCRIPT}</script></body></html>\n"
     )
 
 

@@ -1,0 +1,55 @@
+"""What a page ends with: what made it, when, where, and by which command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from html import escape
+from typing import Any
+
+from rgbd_glue_ros.experiments.report.machine import machine
+
+
+@dataclass(frozen=True)
+class Colophon:
+    """How a result came about.
+
+    Attributes:
+        version: of this package.
+        date: of the page, with its zone.
+        machine: processor, memory and system.
+        command: that asked for it; "" where a program did.
+        source: what it is about.
+    """
+
+    version: str
+    date: str
+    machine: str
+    command: str
+    source: str
+
+    @staticmethod
+    def now(command: str, source: str) -> Colophon:
+        """Of what is made now, on this machine."""
+        about = machine()
+        return Colophon(
+            about["versions"].get("rgbd_glue_ros", "(not installed)"),
+            f"{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC",
+            machine_text(about),
+            command,
+            source,
+        )
+
+    def __str__(self) -> str:
+        made = f"rgbd_glue_ros {self.version}, {self.date}, on {self.machine}."
+        command = f"<br><code>{escape(self.command)}</code>" if self.command else ""
+        return f"<footer>{escape(self.source)}: {escape(made)}{command}</footer>"
+
+
+def machine_text(about: Mapping[str, Any]) -> str:
+    """A machine in a line, from what ``machine`` says of it."""
+    return (
+        f"{about['cores']} cores of {about['processor']}, {about['memory_gb']} GB, "
+        f"{about['system']}, Python {about['python']}"
+    )
