@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 
+_END_OF_TIME_NS = 2**63
 _CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"
 
 
@@ -37,13 +39,53 @@ def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, c
             raise _fault(_CAMERA, name, f"is {centre}", "give pixels")
 
 
-def check_frame(stamp_ns: object, color: Any, depth: Any, width: int, height: int) -> None:
+def check_distortion(coefficients: Sequence[float], counts: Collection[int]) -> None:
+    """Refuses coefficients that are no lens.
+
+    Args:
+        coefficients: of the distortion; none for a rectified image.
+        counts: how many there can be.
+
+    Raises:
+        InputError: there are as many as no model has, or one is not finite.
+    """
+    if len(coefficients) not in {0, *counts}:
+        known = ", ".join(map(str, counts))
+        raise _fault(
+            _CAMERA, "distortion", f"has {len(coefficients)} coefficients", f"give 0 or {known}"
+        )
+    if not all(map(math.isfinite, coefficients)):
+        raise _fault(_CAMERA, "distortion", f"is {coefficients}", "calibrate the camera again")
+
+
+def check_stamps(stamp_ns: object, depth_delay_ns: object) -> None:
+    """Refuses times that are no whole nanoseconds, or beyond what 64 bits hold.
+
+    Raises:
+        InputError: they are.
+    """
+    for name, value in (("stamp_ns", stamp_ns), ("depth_delay_ns", depth_delay_ns)):
+        if not isinstance(value, (int, np.integer)) or abs(int(value)) >= _END_OF_TIME_NS:
+            remedy = "give whole nanoseconds, as round(seconds * 1e9)"
+            raise _fault(_FRAME, name, f"is {value!r}", remedy)
+
+
+def check_frame_id(frame_id: object) -> None:
+    """Refuses a name that is no text.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(frame_id, str):
+        raise _fault(_FRAME, "frame_id", f"is {frame_id!r}", "give a text, empty if it is unknown")
+
+
+def check_frame(color: Any, depth: Any, width: int, height: int) -> None:
     """Refuses images that are of another type or shape than they are taken for.
 
     Depth of another unit has the right type: the odometry's estimate says so.
 
     Args:
-        stamp_ns: to be an integer.
         color: to be uint8 [H, W, 3] or [H, W].
         depth: to be float32 [H, W].
         width: of the images that the intrinsics are of, pixels; 0 if it is not known.
@@ -52,9 +94,6 @@ def check_frame(stamp_ns: object, color: Any, depth: Any, width: int, height: in
     Raises:
         InputError: they are.
     """
-    if not isinstance(stamp_ns, (int, np.integer)):
-        remedy = "give whole nanoseconds, as round(seconds * 1e9)"
-        raise _fault(_FRAME, "stamp_ns", f"is {stamp_ns!r}", remedy)
     if not _is_array(color, np.uint8) or color.shape[2:] not in {(), (3,)} or color.ndim < 2:
         remedy = "give uint8, [H, W, 3] RGB or [H, W] grey"
         raise _fault(_FRAME, "color", f"is {_described(color)}", remedy)
@@ -68,6 +107,8 @@ def check_frame(stamp_ns: object, color: Any, depth: Any, width: int, height: in
     if depth.shape != color.shape[:2]:
         cause = f"is {_described(depth)}, but color is {_described(color)}"
         raise _fault(_FRAME, "depth", cause, "give depth registered to color, pixel for pixel")
+    if not depth.size:
+        raise _fault(_FRAME, "depth", f"is {_described(depth)}", "give images that hold pixels")
     if (height, width) not in {depth.shape, (0, 0)}:
         cause = f"are of {width}x{height}, but the images {_size(depth)}"
         raise _fault(_FRAME, "intrinsics", cause, "give those of these images, as by scaled(w, h)")

@@ -12,7 +12,14 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from rgbd_glue_ros.input_checks import check_frame, check_imu, check_intrinsics
+from rgbd_glue_ros.input_checks import (
+    check_distortion,
+    check_frame,
+    check_frame_id,
+    check_imu,
+    check_intrinsics,
+    check_stamps,
+)
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -34,6 +41,11 @@ class LensModel(Enum):
     """The same, but from the distorted point back to the pinhole's, as in librealsense"""
     KANNALA_BRANDT = "equidistant"
     """k1 k2 k3 k4, a polynomial in the angle to the axis (Kannala and Brandt 2006)"""
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """How many coefficients there can be, zeros behind the last one included."""
+        return (4,) if self is LensModel.KANNALA_BRANDT else (4, 5, 8, 12, 14)
 
 
 @dataclass(frozen=True)
@@ -64,9 +76,10 @@ class CameraIntrinsics:
         """Checks the numbers.
 
         Raises:
-            InputError: a size, a focal length or a centre is none.
+            InputError: a size, a focal length or a centre is none, or the coefficients are no lens.
         """
         check_intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        check_distortion(self.distortion, self.lens.counts)
 
     @property
     def matrix(self) -> Float64:
@@ -101,7 +114,7 @@ class RgbdFrame:
         stamp_ns: time of the colour image, nanoseconds.
         color: uint8, [H, W, 3] RGB or [H, W] grey.
         depth: float32 [H, W], metres along the optical axis, NaN where unknown.
-        intrinsics: of both images.
+        intrinsics: of both images, whose size they take where they have none.
         frame_id: the optical frame of the camera, from the message header; "" if unknown.
         depth_delay_ns: stamp of the depth image less ``stamp_ns``, nanoseconds.
     """
@@ -120,7 +133,13 @@ class RgbdFrame:
             InputError: they are of another type, shape or unit.
         """
         camera = self.intrinsics
-        check_frame(self.stamp_ns, self.color, self.depth, camera.width, camera.height)
+        check_frame(self.color, self.depth, camera.width, camera.height)
+        check_stamps(self.stamp_ns, self.depth_delay_ns)
+        check_frame_id(self.frame_id)
+        if camera.width == 0:
+            height, width = self.depth.shape
+            sized = replace(camera, width=width, height=height)
+            object.__setattr__(self, "intrinsics", sized)
 
 
 @dataclass(frozen=True)

@@ -63,11 +63,6 @@ _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
     ),
 }
 # How many coefficients OpenCV takes of each
-_LENGTHS: Mapping[LensModel, tuple[int, ...]] = {
-    LensModel.BROWN_CONRADY: (4, 5, 8, 12, 14),
-    LensModel.INVERSE_BROWN_CONRADY: (4, 5, 8, 12, 14),
-    LensModel.KANNALA_BRANDT: (4,),
-}
 
 
 def intrinsics_of(info: CameraInfo, image_topic: str, where: str) -> CameraIntrinsics:
@@ -256,7 +251,7 @@ def _distortion(msg: CameraInfo, where: str) -> tuple[LensModel, tuple[float, ..
         return LensModel.BROWN_CONRADY, ()
     lens = _lens_named(msg.distortion_model)
     needed = int(d.nonzero()[0][-1]) + 1
-    lengths = [n for n in _LENGTHS[lens] if n >= needed] if lens else []
+    lengths = [n for n in lens.counts if n >= needed] if lens else []
     if lens is None or not lengths:
         known = ", ".join(name for names in _FAMILIES.values() for name in names if name)
         raise InputError(

@@ -12,7 +12,7 @@ from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
-from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
+from rgbd_glue_ros.odometry.motion_filter import Motion, lost_spread
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config, OdometryConfig, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
@@ -116,7 +116,7 @@ class KeyframeMap:
         T_track_camera = last_motion.T_track_camera
         seconds = (stamp_ns - last_motion.stamp_ns) / NANOSECONDS
         adjoint = se3.adjoint(T_track_camera)
-        spread = adjoint @ (LOST_SPREAD * seconds**2) @ adjoint.T
+        spread = adjoint @ lost_spread(seconds) @ adjoint.T
         keyframe = self._add(stamp_ns, T_track_camera, last.covariance + spread, features, model)
         edge = edge_from(last, keyframe.number, T_track_camera, spread, EdgeOrigin.ASSUMED)
         self._edges.append(edge)

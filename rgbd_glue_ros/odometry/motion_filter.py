@@ -28,8 +28,16 @@ LOST_SPREAD = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
 
 A hand-held camera or a robot indoors.
 """
+# No pose is off by more, and a clock that jumped by months would leave a covariance no digit.
+_FARTHEST_SPREAD = np.diag([1e3] * 3 + [np.pi] * 3) ** 2
 # The two parts of the filter's state.
 _POSE, _TWIST = slice(0, 6), slice(6, 12)
+
+
+def lost_spread(seconds: float) -> Float64:
+    """How far a pose may be off so long after it was lost, float64 [6, 6], m² and rad²."""
+    spread: Float64 = np.minimum(LOST_SPREAD * seconds**2, _FARTHEST_SPREAD)
+    return spread
 
 
 @dataclass(frozen=True)
