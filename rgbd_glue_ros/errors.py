@@ -6,13 +6,15 @@ import re
 import shlex
 from importlib import metadata
 
+from rgbd_glue_ros.printable import printable
+
 # A damaged or hostile message may hold texts of megabytes, and its words are quoted.
 _LONGEST = 1000
 
 
 def _readable(text: str) -> str:
-    """The text in one line, without its middle if it is long."""
-    line = " ".join(text.splitlines())
+    """The text in one line that a terminal shows, without its middle if it is long."""
+    line = printable(" ".join(text.splitlines()))
     half = _LONGEST // 2
     return line if len(line) <= _LONGEST else f"{line[:half]} ... {line[-half:]}"
 

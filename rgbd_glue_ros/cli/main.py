@@ -6,10 +6,12 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 
 from rgbd_glue_ros.cli.parser import BAD_INPUT, PROGRAM, complete, parse
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import InterruptOnce
+from rgbd_glue_ros.printable import printable
 
 logger = logging.getLogger(__name__)
 
@@ -29,11 +31,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     complete()
     args = parse(sys.argv[1:] if arguments is None else arguments)
-    logging.basicConfig(format=f"{PROGRAM}: %(levelname)s: %(message)s")
+    # a terminal of few characters gets escapes for the others
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    logging.basicConfig(handlers=[_log()])
     # what Ctrl-C leaves in order (results written, the demonstration's node ended), a kill does too
     InterruptOnce()
     try:
-        sys.stdout.write(args.command.module.run(args))
+        sys.stdout.write(printable(args.command.module.run(args), kept="\n"))
         sys.stdout.flush()
     except (InputError, MissingExtraError) as error:
         return _fail(error, str(error), BAD_INPUT, debug=args.debug)
@@ -53,6 +59,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return OK
 
 
+class _OneLine(logging.Formatter):
+    """A message is one line that a terminal shows; a traceback below it is left as it is."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        return printable(super().formatMessage(record))
+
+
+def _log() -> logging.Handler:
+    handler = logging.StreamHandler()
+    handler.setFormatter(_OneLine(f"{PROGRAM}: %(levelname)s: %(message)s"))
+    return handler
+
+
 def _drop_output() -> None:
     """Keeps Python from flushing at exit into what cannot be written, as in ``| head``."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -61,5 +80,5 @@ def _drop_output() -> None:
 def _fail(error: Exception, text: str, code: int, *, debug: bool) -> int:
     if debug:
         logger.error("traceback:", exc_info=error)
-    sys.stderr.write(f"{PROGRAM}: {' '.join(text.split())}\n")
+    sys.stderr.write(f"{PROGRAM}: {printable(' '.join(text.split()))}\n")
     return code

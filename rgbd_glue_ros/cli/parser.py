@@ -11,6 +11,7 @@ from importlib import metadata
 from typing import Any, NoReturn
 
 from rgbd_glue_ros.cli.commands import COMMANDS
+from rgbd_glue_ros.printable import printable
 
 PROGRAM = "rgbd-glue"
 BAD_INPUT = 2
@@ -21,7 +22,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Ends the process with one line."""
-        self.exit(BAD_INPUT, f"{PROGRAM}: {message}; see {self.prog} --help\n")
+        text = printable(f"{PROGRAM}: {message}; see {self.prog} --help")
+        self.exit(BAD_INPUT, f"{text}\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As argparse does it, but an unknown word is an error of the command that it is given to.

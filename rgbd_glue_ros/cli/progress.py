@@ -6,11 +6,25 @@ from typing import Any
 
 from tqdm import tqdm
 
+from rgbd_glue_ros.printable import printable
+
 
 def bar(unit: str, total: int | None = None, **options: Any) -> tqdm[Any]:
     """A bar that counts in ``unit``, as in " frames"; ``options`` are tqdm's."""
     # None: no bar where nobody watches
-    return tqdm(total=total, unit=unit, disable=None, dynamic_ncols=True, **options)
+    return _Bar(total=total, unit=unit, disable=None, dynamic_ncols=True, **options)
+
+
+class _Bar(tqdm[Any]):
+    """Names of recordings in its texts are fit for a terminal."""
+
+    def set_description(self, desc: str | None = None, refresh: bool | None = True) -> None:
+        """As tqdm's."""
+        super().set_description(printable(desc or ""), refresh)
+
+    def set_postfix_str(self, s: str = "", refresh: bool = True) -> None:
+        """As tqdm's."""
+        super().set_postfix_str(printable(s), refresh)
 
 
 def counted(count: int, noun: str) -> str:

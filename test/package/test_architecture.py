@@ -39,6 +39,7 @@ ROOT_MODULES = {
     "input_checks",
     "input_files",
     "input_yaml",
+    "printable",
     "stopwatch",
     "types",
     "whole_files",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from html import escape
 from typing import Any
 
 import numpy as np
+
+from rgbd_glue_ros.experiments.report.escaping import escape
 
 PICTURE = "bench.svg"
 

@@ -8,7 +8,9 @@ from typing import Any
 from rgbd_glue_ros.experiments.bench.contest import OURS
 from rgbd_glue_ros.experiments.bench.floors import FLOORS
 from rgbd_glue_ros.experiments.bench.picture import PICTURE
-from rgbd_glue_ros.experiments.report.markdown import NOTHING, number, table
+from rgbd_glue_ros.experiments.report.escaping import markdown
+from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, number, table
+from rgbd_glue_ros.printable import printable
 
 _Figures = Mapping[str, Any]
 
@@ -63,7 +65,7 @@ def to_markdown(figures: _Figures) -> str:
         if body:
             parts += [f"## {title}", *([text] if text else []), body]
     if figures["problems"]:
-        parts += ["## Left out", "\n".join(f"- {problem}" for problem in figures["problems"])]
+        parts += ["## Left out", bullets(figures["problems"])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -77,7 +79,7 @@ def _header(figures: _Figures) -> str:
 Written {written}, by
 
 ```
-{figures["command"]}
+{printable(figures["command"])}
 ```
 
 on {machine["cores"]} cores of {machine["processor"]}, {machine["memory_gb"]} GB, \
@@ -98,7 +100,7 @@ def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
             for who, result in content["contest"].items()
         ]
         rows += [[who, f"not installed: {how}", *[""] * 7] for who, how in not_installed.items()]
-        parts += [f"### {name}", table(head, rows)]
+        parts += [f"### {markdown(name)}", table(head, rows)]
     if parts:
         parts.append(f"![Error against time]({PICTURE})")
     return "\n\n".join(parts)
@@ -144,7 +146,9 @@ def _stages(sequences: _Figures) -> str:
         ]
         for stage in stages
     ]
-    return table(["stage", *(f"{name}, ours / floor" for name in sequences), "floor"], rows)
+    return table(
+        ["stage", *(f"{markdown(name)}, ours / floor" for name in sequences), "floor"], rows
+    )
 
 
 def _honesty(sequences: _Figures) -> str:
@@ -172,7 +176,7 @@ def _robustness(sequences: _Figures) -> str:
             _degraded(kind, result)
             for kind, result in {"as recorded": tracking, **content["robustness"]}.items()
         ]
-        parts += [f"### {name}", table(head, rows)]
+        parts += [f"### {markdown(name)}", table(head, rows)]
     return "\n\n".join(parts)
 
 

@@ -6,7 +6,6 @@ import base64
 import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import cv2
@@ -16,6 +15,7 @@ from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM, PairResult
 from rgbd_glue_ros.experiments.pairs.jobs import pose_at, true_poses
 from rgbd_glue_ros.experiments.pairs.methods import PairMethod
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import grey, view_of
 from rgbd_glue_ros.geometry.fitting import distances

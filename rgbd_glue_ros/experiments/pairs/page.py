@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any
 
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
@@ -15,6 +14,7 @@ from rgbd_glue_ros.experiments.pairs.gallery import LEGEND, WORST, Example, gall
 from rgbd_glue_ros.experiments.pairs.metrics import METRICS
 from rgbd_glue_ros.experiments.pairs.results import GLUE, ByGap
 from rgbd_glue_ros.experiments.report import charts
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_parameters, page, tiles
 from rgbd_glue_ros.parameters import Config
 

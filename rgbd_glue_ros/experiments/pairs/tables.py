@@ -7,7 +7,8 @@ from typing import Any
 
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.metrics import METRICS
-from rgbd_glue_ros.experiments.report.markdown import number, table
+from rgbd_glue_ros.experiments.report.escaping import markdown
+from rgbd_glue_ros.experiments.report.markdown import bullets, number, table
 
 _ERRORS = """\
 Accuracy: percent of all pairs whose error is at most the threshold. Of a pair without a transform,
@@ -34,7 +35,7 @@ def to_markdown(figures: dict[str, Any]) -> str:
     features = figures["features"]
     parts = [
         f"# Pairs: visual {features['visual']}, geometric {features['geometric']}",
-        f"Recordings: {', '.join(figures['sources'])}.",
+        f"Recordings: {markdown(', '.join(figures['sources']))}.",
         "## Registration",
         _registration(gaps),
         _ERRORS,
@@ -56,7 +57,7 @@ def to_markdown(figures: dict[str, Any]) -> str:
         by_gap = sorted([*own, *others], key=lambda row: int(row[1]))
         parts += ["## Others on the same pairs", comparison(by_gap), _OTHERS]
     if figures["problems"]:
-        parts += ["## Left out", "\n".join(f"- {problem}" for problem in figures["problems"])]
+        parts += ["## Left out", bullets(figures["problems"])]
     return "\n\n".join(parts) + "\n"
 
 

@@ -14,6 +14,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.batch.journal import Journal
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
+from rgbd_glue_ros.experiments.report.markdown import bullets, table
 from rgbd_glue_ros.parameters import Config, InputConfig, values
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
@@ -141,11 +142,10 @@ def to_markdown(figures: Mapping[str, Any]) -> str:
         *("recording", "frames", "tracked (%)", "APE rmse (cm)", "RPE (cm/s)", "RPE (°/s)"),
         *("median latency (ms)", "frames/s"),
     ]
-    lines = [head, ["---"] * len(head)]
-    lines += [_row(name, content) for name, content in figures["recordings"].items()]
-    text = "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+    rows = [_row(name, content) for name, content in figures["recordings"].items()]
+    text = table(head, rows) + "\n"
     if figures["problems"]:
-        text += "\n" + "".join(f"- {problem}\n" for problem in figures["problems"])
+        text += f"\n{bullets(figures['problems'])}\n"
     return text
 
 

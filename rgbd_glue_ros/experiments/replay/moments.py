@@ -5,12 +5,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
 from rgbd_glue_ros.evaluation.run_record import FrameRecord, Run
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.types import NANOSECONDS, TrackingState
 
 CSS = """

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
 from rgbd_glue_ros.experiments.report.axes import Axis, linear, rising
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.types import Float64
 
 SIDE = 1000

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from html import escape
 from typing import Any
 
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.experiments.report.machine import machine
 
 

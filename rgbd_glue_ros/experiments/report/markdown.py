@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from rgbd_glue_ros.experiments.report.escaping import markdown
+
 NOTHING = "–"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table with one line a row."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    """A table with one line a row; its cells are text."""
+    lines = [["---"] * len(head), *([markdown(cell) for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [list(head), *lines])
+
+
+def bullets(texts: Iterable[str]) -> str:
+    """A list with one line a text."""
+    return "\n".join(f"- {markdown(text)}" for text in texts)
 
 
 def number(value: float | None, digits: int) -> str:

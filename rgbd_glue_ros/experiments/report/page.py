@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from html import escape
 
 from rgbd_glue_ros.experiments.report import charts, plans, timeline
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.parameters import Config, parameters, values
 
 SIDE_BY_SIDE = "Stages that run side by side add up to more than the whole."

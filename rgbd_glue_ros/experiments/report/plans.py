@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
 
 from rgbd_glue_ros.experiments.report.axes import ticks
 from rgbd_glue_ros.experiments.report.charts import SIDE, Line, caption, path
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.types import Float64, Int64
 
 CSS = """

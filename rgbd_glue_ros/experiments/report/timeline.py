@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from html import escape
 
 from rgbd_glue_ros.experiments.report.charts import key
+from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.types import Float64
 
 CSS = """
