@@ -15,7 +15,7 @@ def bar(unit: str, total: int | None = None, **options: Any) -> tqdm[Any]:
     return _Bar(total=total, unit=unit, disable=None, dynamic_ncols=True, **options)
 
 
-class _Bar(tqdm[Any]):
+class _Bar(tqdm):  # type: ignore[type-arg]
     """Names of recordings in its texts are fit for a terminal."""
 
     def set_description(self, desc: str | None = None, refresh: bool | None = True) -> None:
