@@ -347,6 +347,13 @@ def _parameters() -> Iterator[Parameter]:
         yield from parameters(part)
 
 
+def camera_presets(**_: object) -> list[str]:
+    """The names of the presets of cameras, for the shell to complete."""
+    from rgbd_glue_ros.live.camera_presets import camera_names
+
+    return camera_names()
+
+
 def _presets(**_: object) -> list[str]:
     from rgbd_glue_ros.parameters import share_directory
 

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli.parser import PROGRAM
+from rgbd_glue_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.recordings.bag.writer import WrittenTopics
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,12 +24,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write JPEG and compressedDepth to a bag in place of raw images, which lose nothing",
     )
+    parser.add_argument(
+        "--topics-like",
+        metavar="PRESET",
+        help="call a bag's topics as the driver of a camera does: a name in config/cameras, as "
+        "oak_d (default: realsense_d400)",
+    ).completer = arguments.camera_presets  # type: ignore[attr-defined]
 
 
 def run(args: argparse.Namespace) -> str:
-    """Converts and returns where the result is."""
+    """Converts and returns where the result is, what is in it and what to do with it."""
+    from rgbd_glue_ros.recordings.bag.recording import BagRecording
     from rgbd_glue_ros.recordings.convert import convert
 
+    topics = _topics(args)
     with arguments.opener(args)(args.recording) as recording:
-        convert(recording, args.target, args.compressed)
-    return f"written: {args.target}\n"
+        is_bag = isinstance(recording, BagRecording)
+        if is_bag and args.topics_like:
+            raise InputError(
+                "--topics-like",
+                f"{args.recording} is a bag, which is converted to a folder of images",
+                "leave it out",
+            )
+        convert(recording, args.target, args.compressed, topics)
+    size_mb = sum(p.stat().st_size for p in args.target.rglob("*") if p.is_file()) / 1e6
+    text = f"written  {args.target}, {size_mb:.1f} MB\n"
+    if not is_bag:
+        suffixes = ("/compressed", "/compressedDepth") if args.compressed else ("", "")
+        named = (topics.color + suffixes[0], topics.depth + suffixes[1], topics.info)
+        text += f"topics   {', '.join(named)}\n"
+    return f"{text}play it  {shlex.join([PROGRAM, 'play', str(args.target)])}\n"
+
+
+def _topics(args: argparse.Namespace) -> WrittenTopics:
+    """What the topics of a bag are to be called."""
+    from rgbd_glue_ros.live.camera_presets import load_camera
+    from rgbd_glue_ros.recordings.bag.writer import AS_REALSENSE, WrittenTopics
+
+    if not args.topics_like:
+        return AS_REALSENSE
+    named = load_camera(args.topics_like).topics
+    return WrittenTopics(named["color"], named["depth"], named["camera_info"])

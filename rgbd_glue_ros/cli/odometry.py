@@ -9,6 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PRESET",
         help="topics and parameters of a camera: a name in config/cameras, as realsense_d400, or "
         "a file like those; ROS arguments win over it",
-    ).completer = _cameras  # type: ignore[attr-defined]
+    ).completer = arguments.camera_presets  # type: ignore[attr-defined]
 
 
 def run(args: argparse.Namespace) -> str:
@@ -79,9 +80,3 @@ def _with_camera(camera: Camera, ros: list[str]) -> list[str]:
     for own, topic in remappings(camera, {}):
         mapped_last += ["-r", f"{own}:={topic}"]
     return [*set_first, *ros, *mapped_last]
-
-
-def _cameras(**_: object) -> list[str]:
-    from rgbd_glue_ros.live.camera_presets import camera_names
-
-    return camera_names()

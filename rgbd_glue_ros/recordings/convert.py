@@ -16,7 +16,13 @@ from tqdm import tqdm
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
-from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW, BagWriter
+from rgbd_glue_ros.recordings.bag.writer import (
+    AS_REALSENSE,
+    COMPRESSED,
+    RAW,
+    BagWriter,
+    WrittenTopics,
+)
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
@@ -31,7 +37,9 @@ logger = logging.getLogger(__name__)
 _PROGRESS_AFTER_S = 2.0
 
 
-def convert(source: Recording, target: Path, compressed: bool) -> None:
+def convert(
+    source: Recording, target: Path, compressed: bool, topics: WrittenTopics = AS_REALSENSE
+) -> None:
     """Writes a recording in another format, with its camera and true poses.
 
     The target appears when it is written. However that ends, the frames written are there and can
@@ -42,6 +50,7 @@ def convert(source: Recording, target: Path, compressed: bool) -> None:
         target: a folder that does not exist.
         compressed: whether images in a bag are to be JPEG and compressedDepth; raw ones lose
             nothing. In a folder, images are always PNG.
+        topics: what the topics of a bag are to be called.
 
     Raises:
         InputError: the target exists or cannot be written, or a frame cannot be read; the frames
@@ -49,7 +58,7 @@ def convert(source: Recording, target: Path, compressed: bool) -> None:
     """
     new = NewFolder(target)
     try:
-        _convert(source, new.path, compressed)
+        _convert(source, new.path, compressed, topics)
     except OSError as error:
         raise not_written(target, error) from error
     except KeyboardInterrupt:
@@ -59,7 +68,7 @@ def convert(source: Recording, target: Path, compressed: bool) -> None:
         new.close()
 
 
-def _convert(source: Recording, target: Path, compressed: bool) -> None:
+def _convert(source: Recording, target: Path, compressed: bool, topics: WrittenTopics) -> None:
     frames = iter(source)
     first = next(frames, None)
     if first is None:
@@ -76,7 +85,7 @@ def _convert(source: Recording, target: Path, compressed: bool) -> None:
             for files in mapped_ahead(folder.encode, progress):
                 folder.write(files)
     else:
-        with BagWriter(target, COMPRESSED if compressed else RAW) as bag:
+        with BagWriter(target, COMPRESSED if compressed else RAW, topics) as bag:
             write_bag(progress, source.ground_truth, bag)
 
 

@@ -13,13 +13,16 @@ from rigs.bags import (
     recorded,
     write_rosbag2,
 )
+from rigs.data_sets import write_data_set
 from rigs.paths import ROOT
 
 from rgbd_glue_ros import parameters as config
+from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.camera_presets import camera_names, load_camera, remappings
 from rgbd_glue_ros.messages.images import is_rectified
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings.bag.recording import BagRecording
 
 FOLDER = ROOT / "config" / "cameras"
 
@@ -68,6 +71,38 @@ def test_a_bag_with_the_topics_of_a_preset_is_read_without_being_told(
     assert len(read) == len(frames)
     for frame, original in zip(read, frames, strict=True):
         assert_same_frame(frame, original)
+
+
+@pytest.fixture(scope="module")
+def data_set(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A few frames of a data set, and their calibration."""
+    folder = tmp_path_factory.mktemp("data") / "poster"
+    return folder, write_data_set(folder, 2)
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_a_recording_is_converted_to_a_bag_with_the_topics_of_a_preset(
+    name: str, data_set: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, calibration = data_set
+    words = ["convert", str(source), str(tmp_path / "bag"), "--calibration", str(calibration)]
+    assert main([*words, "--topics-like", name]) == 0
+    topics = load_camera(name).topics
+    named = [topics["color"], topics["depth"], topics["camera_info"]]
+    assert f"topics   {', '.join(named)}\n" in capsys.readouterr().out
+    with open_recording(tmp_path / "bag") as bag:
+        assert isinstance(bag, BagRecording)
+        assert [bag.topics.color, bag.topics.depth, bag.topics.info] == named
+        assert len(list(bag)) == 2
+
+
+def test_a_bag_is_not_converted_to_a_bag_of_other_topics(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = str(ROOT / "bags" / "living_room")
+    assert main(["convert", bag, str(tmp_path / "out"), "--topics-like", "zed"]) == 2
+    assert "--topics-like: " in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("name", camera_names())

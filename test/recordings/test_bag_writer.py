@@ -12,11 +12,9 @@ from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliabili
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 from rgbd_glue_ros.recordings.bag.writer import (
+    AS_REALSENSE,
     CAMERA_FRAME,
-    COLOR_TOPIC,
-    DEPTH_TOPIC,
     GROUND_TRUTH_TOPIC,
-    INFO_TOPIC,
     RAW,
     BagWriter,
     ImageCodec,
@@ -51,14 +49,14 @@ def test_equal_frames_make_equal_bytes(codec: ImageCodec, tmp_path: Path) -> Non
 
 def test_topics_and_their_types_are_those_of_a_camera_driver(tmp_path: Path) -> None:
     compressed = "sensor_msgs/msg/CompressedImage"
-    info = {INFO_TOPIC: "sensor_msgs/msg/CameraInfo"}
+    info = {AS_REALSENSE.info: "sensor_msgs/msg/CameraInfo"}
     pose = {GROUND_TRUTH_TOPIC: "geometry_msgs/msg/PoseStamped"}
     image = "sensor_msgs/msg/Image"
     expected = {
-        "raw": {COLOR_TOPIC: image, DEPTH_TOPIC: image, **info, **pose},
+        "raw": {AS_REALSENSE.color: image, AS_REALSENSE.depth: image, **info, **pose},
         "compressed": {
-            f"{COLOR_TOPIC}/compressed": compressed,
-            f"{DEPTH_TOPIC}/compressedDepth": compressed,
+            f"{AS_REALSENSE.color}/compressed": compressed,
+            f"{AS_REALSENSE.depth}/compressedDepth": compressed,
             **info,
             **pose,
         },

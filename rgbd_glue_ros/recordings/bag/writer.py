@@ -35,14 +35,30 @@ from rgbd_glue_ros.messages.fields import (
 from rgbd_glue_ros.messages.images import COLOR_SUFFIX, DEPTH_SUFFIX
 from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, UInt8
 
-COLOR_TOPIC = "/camera/color/image_raw"
-DEPTH_TOPIC = "/camera/aligned_depth_to_color/image_raw"
-INFO_TOPIC = "/camera/color/camera_info"
 GROUND_TRUTH_TOPIC = "/ground_truth/pose"
-"""Topics of the bags written here, named as a RealSense camera's driver does."""
+"""Where the bags written here have true poses."""
 
 CAMERA_FRAME = "camera_color_optical_frame"
 WORLD_FRAME = "world"
+
+
+@dataclass(frozen=True)
+class WrittenTopics:
+    """Topics of a bag that is written, without the suffixes of a codec.
+
+    Attributes:
+        color: of the colour images.
+        depth: of the depth images, registered to colour.
+        info: of the camera infos of colour.
+    """
+
+    color: str = "/camera/color/image_raw"
+    depth: str = "/camera/aligned_depth_to_color/image_raw"
+    info: str = "/camera/color/camera_info"
+
+
+AS_REALSENSE = WrittenTopics()
+"""As a RealSense camera's driver names them."""
 
 
 @dataclass(frozen=True)
@@ -145,12 +161,15 @@ class BagWriter:
     Equal calls write equal bytes.
     """
 
-    def __init__(self, folder: Path, codec: ImageCodec) -> None:
+    def __init__(
+        self, folder: Path, codec: ImageCodec, topics: WrittenTopics = AS_REALSENSE
+    ) -> None:
         """Creates the bag.
 
         Args:
             folder: of the bag; must not exist.
             codec: ``RAW`` or ``COMPRESSED``.
+            topics: what its topics are called.
 
         Raises:
             InputError: the folder exists or cannot be written.
@@ -164,9 +183,9 @@ class BagWriter:
             self._writer.open()
         except (WriterError, OSError) as error:
             raise InputError(folder, f"cannot be written ({error})", "give a new folder") from error
-        self._color = self._topic(COLOR_TOPIC + codec.color_suffix, codec.type, _IMAGE_QOS)
-        self._depth = self._topic(DEPTH_TOPIC + codec.depth_suffix, codec.type, _IMAGE_QOS)
-        self._info = self._topic(INFO_TOPIC, INFO_TYPE, _IMAGE_QOS)
+        self._color = self._topic(topics.color + codec.color_suffix, codec.type, _IMAGE_QOS)
+        self._depth = self._topic(topics.depth + codec.depth_suffix, codec.type, _IMAGE_QOS)
+        self._info = self._topic(topics.info, INFO_TYPE, _IMAGE_QOS)
 
     def encode(self, frame: RgbdFrame) -> EncodedFrame:
         """Does the slow part of writing a frame; any thread may call it."""
