@@ -166,16 +166,21 @@ def test_depth_that_is_registered_stays_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "encoding", "expected"),
+    ("told", "encoding", "is_said"),
     [
-        (0.0002, "16UC1", 0.4),
-        (0.0002, "32FC1", 2.0),  # floats are metres
-        (1.0, "16UC1", 2.0),  # no depth image has whole metres
-        (None, "16UC1", 2.0),
+        (0.0002, "16UC1", True),
+        (0.0002, "32FC1", False),  # floats are metres
+        (0.001, "16UC1", False),
+        (1.0, "16UC1", False),  # of floats
+        (None, "16UC1", False),
     ],
 )
-def test_a_calibration_tells_the_unit_of_whole_numbers(
-    told: float | None, encoding: str, expected: float, tmp_path: Path
+def test_images_of_a_bag_have_the_units_of_ros_whatever_a_calibration_tells(
+    told: float | None,
+    encoding: str,
+    is_said: bool,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     color, depth, *infos = recorded("color_optical")
     if encoding == "16UC1":
@@ -187,4 +192,5 @@ def test_a_calibration_tells_the_unit_of_whole_numbers(
     bag = write_rosbag2(tmp_path / "bag", [color, depth, infos[0]])
     with open_recording(bag, calibration=Calibration(CAMERA, told)) as sequence:
         (frame,) = sequence
-    assert frame.depth[24, 32] == pytest.approx(expected)
+    assert frame.depth[24, 32] == pytest.approx(2.0)
+    assert ("if that is right, give --depth-scale 0.0002" in caplog.text) is is_said

@@ -14,7 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
-from rgbd_glue_ros.messages.fields import camera_info, header
+from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, camera_info, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.images import holds_whole_numbers
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -77,8 +77,8 @@ class BagRecording:
             inputs: how images are understood and paired; None as by default.
             depth_calibration: of the depth camera, where depth is not registered; None takes the
                 bag's.
-            told_scale: metres of a unit of depth in whole numbers, as ``calibration`` tells; None
-                or 1 for those of the bag, which are millimetres where it does not tell.
+            told_scale: metres of a unit of depth as the file of ``calibration`` tells. Images of a
+                bag have the units of REP-118 all the same; where these differ, it is said.
 
         Raises:
             InputError: it is no bag or an empty one, or the topics are missing or ambiguous.
@@ -111,7 +111,7 @@ class BagRecording:
             self.close()
             raise
         self._calibration = calibration
-        self._told_scale = None if told_scale == 1 else told_scale
+        self._told_scale = told_scale
         self._topics = self._depth_camera.topics
 
     @property
@@ -241,15 +241,27 @@ class BagRecording:
         for number, match in enumerate(matches):
             if number == 0:
                 taken_by = self._depth_camera.of(match)
+                self._say_of_unit(match)
             if match.restarted:
                 logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
             yield match, taken_by
 
+    def _say_of_unit(self, match: Match[Any]) -> None:
+        """Says so where the calibration's file tells of other units than the bag's images have."""
+        unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
+        is_other = self._told_scale not in {None, 1 / DEPTH_UNITS_PER_METRE, 1}
+        if unit is None and is_other and holds_whole_numbers(match.depth):
+            logger.warning(
+                "%s: whole numbers are taken as millimetres, as bags have them (REP-118), though "
+                "the calibration tells a unit of %g m; if that is right, give --depth-scale %g",
+                self._topics.depth,
+                self._told_scale,
+                self._told_scale,
+            )
+
     def _frame(self, paired: tuple[Match[Any], DepthCamera | None]) -> RgbdFrame | InputError:
         match, taken_by = paired
         unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
-        if unit is None and holds_whole_numbers(match.depth):
-            unit = self._told_scale
         try:
             return frame_of_match(match, self._topics, taken_by, unit)
         except InputError as error:
