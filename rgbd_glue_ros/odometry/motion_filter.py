@@ -12,6 +12,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
+from rgbd_glue_ros.odometry.gyroscope import Turn
 from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
@@ -80,6 +81,31 @@ class Motion:
         covariance[6:, 6:] += acceleration * (elapsed / 2) ** 2
         # what the camera does after the memory has faded, nobody knows
         twist = self.twist * (moving / elapsed)
+        return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
+
+    def predicted_by(self, turn: Turn, stamp_ns: int, config: MotionConfig) -> Motion:
+        """The motion at a later stamp, at constant linear velocity and turned by a gyroscope.
+
+        Args:
+            turn: between this motion's stamp and the later one.
+            stamp_ns: the later one.
+            config: how the linear velocity changes.
+        """
+        elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
+        moving = min(elapsed, _MEMORY_S)
+        step = se3.exp(np.concatenate([self.twist[:3] * moving, turn.rotation_vector]))
+        # nothing of the angular velocity before is left: it was measured
+        F = np.zeros((12, 12))
+        F[_POSE, _POSE] = se3.adjoint(se3.inverse(step))
+        F[0:3, 6:9] = moving * np.eye(3)
+        F[6:9, 6:9] = np.eye(3)
+        G = np.zeros((12, 3))
+        G[0:3], G[6:9] = np.eye(3) * elapsed**2, np.eye(3) * elapsed
+        covariance = F @ self.covariance @ F.T + config.acceleration**2 * G @ G.T
+        covariance[3:6, 3:6] += turn.covariance
+        covariance[6:9, 6:9] += np.eye(3) * (config.acceleration * elapsed / 2) ** 2
+        covariance[9:, 9:] = turn.angular_velocity_covariance
+        twist = np.concatenate([self.twist[:3] * (moving / elapsed), turn.angular_velocity])
         return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
 
     def reaches(self, T_track_camera: Float64, predicted: Motion) -> bool:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
+from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_edges import tracked_covariance
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
@@ -26,6 +26,7 @@ from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
+    ImuSamples,
     OdometryEstimate,
     PoseGraphEdge,
     RgbdFrame,
@@ -73,6 +74,20 @@ class Odometry:
         self._map = KeyframeMap(self._glue, self._background, self._config)
         self._calibration = SelfCalibration(self._background, self._config)
         self._candidate: KeyframeCandidate | None = None
+        self._inertial = Inertial()
+
+    def add_imu(self, samples: ImuSamples) -> None:
+        """Takes samples of an IMU, in the axes of the camera's optical frame; optional.
+
+        Those around the next frames are of use, before ``track`` or ``process`` is called with the
+        frame. Of frames that they do not cover, the motion is predicted without.
+        """
+        self._inertial = self._inertial.with_samples(samples)
+
+    @property
+    def inertial(self) -> Inertial:
+        """What is known by the IMU: bias, time offset, the samples."""
+        return self._inertial
 
     @property
     def state(self) -> TrackingState:
@@ -112,7 +127,8 @@ class Odometry:
                 that shows nothing gives an estimate without a pose.
         """
         self.update_map()
-        self._take_stamp(frame)
+        self._progress = self._progress.with_frame(frame.stamp_ns)
+        self._inertial = self._inertial.at_frame(frame.stamp_ns)
         last, predicted = self._progress.motion, self._predict(frame.stamp_ns, T_guess_camera)
         view, preparation_ms = timed(self._prepare, frame, predicted)
         if last is None or predicted is None:
@@ -156,22 +172,12 @@ class Odometry:
         """
         return self._map.take_edges()
 
-    def _take_stamp(self, frame: RgbdFrame) -> None:
-        last_stamp_ns = self._progress.last_stamp_ns
-        if last_stamp_ns is not None and frame.stamp_ns <= last_stamp_ns:
-            raise InputError(
-                f"frame at {frame.stamp_ns} ns",
-                f"not later than the frame before, at {last_stamp_ns} ns",
-                "leave it out, or call reset() when time starts again",
-            )
-        self._progress = replace(self._progress, last_stamp_ns=frame.stamp_ns)
-
     def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> Motion | None:
         """The motion at a stamp as far as it is known before the images are; None at the start."""
         motion, T_guess_last = self._progress.motion, self._progress.T_guess_camera
         if motion is None:
             return None
-        predicted = motion.predicted(stamp_ns, self._config.motion)
+        predicted = self._inertial.predicted(motion, stamp_ns, self._config.motion)
         if T_guess_last is None or T_guess_camera is None:
             return predicted
         T_last_camera = se3.inverse(T_guess_last) @ T_guess_camera
@@ -212,6 +218,9 @@ class Odometry:
         """Takes a pose over into the motion, the drift, the calibration and the map."""
         motion = corrected_motion(predicted, fix.estimate, self._config.refine)
         self._progress = self._progress.with_pose(motion)
+        self._inertial = self._inertial.after_pose(
+            motion.stamp_ns, fix.estimate, self._config.refine
+        )
         T_odom_track = self._map.advance_correction(
             fix.reference, last.T_track_camera, motion.T_track_camera
         )

@@ -106,13 +106,18 @@ def refine_to_final_level(
     )
 
 
-def corrected_motion(predicted: Motion, estimate: PoseEstimate, config: RefineConfig) -> Motion:
-    """The predicted motion, corrected by a pose and by the twist where it was measured."""
-    T = estimate.T_track_camera
+def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
+    """The covariance [6, 6] of a refined pose, perturbation on the right: in the camera's frame."""
     information = estimate.refinement.information / config.residuals_per_independent_one
     covariance = np.asarray(np.linalg.inv(information + np.linalg.inv(LOST_SPREAD)), np.float64)
-    to_camera = se3.adjoint(se3.inverse(T))
-    motion = predicted.corrected(T, to_camera @ covariance @ to_camera.T)
+    to_camera = se3.adjoint(se3.inverse(estimate.T_track_camera))
+    in_camera: Float64 = to_camera @ covariance @ to_camera.T
+    return in_camera
+
+
+def corrected_motion(predicted: Motion, estimate: PoseEstimate, config: RefineConfig) -> Motion:
+    """The predicted motion, corrected by a pose and by the twist where it was measured."""
+    motion = predicted.corrected(estimate.T_track_camera, camera_covariance(estimate, config))
     if estimate.twist is None:
         return motion
     return motion.corrected_by_twist(estimate.twist.twist, estimate.twist.covariance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.types import Float64, TrackingState
 
@@ -25,6 +26,20 @@ class Progress:
     T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
     frames_missed: int = 0
+
+    def with_frame(self, stamp_ns: int) -> Progress:
+        """After a frame has come.
+
+        Raises:
+            InputError: it is not later than the one before.
+        """
+        if self.last_stamp_ns is not None and stamp_ns <= self.last_stamp_ns:
+            raise InputError(
+                f"frame at {stamp_ns} ns",
+                f"not later than the frame before, at {self.last_stamp_ns} ns",
+                "leave it out, or call reset() when time starts again",
+            )
+        return replace(self, last_stamp_ns=stamp_ns)
 
     def with_pose(self, motion: Motion) -> Progress:
         """After a frame that has a pose."""

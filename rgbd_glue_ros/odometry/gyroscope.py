@@ -1,0 +1,156 @@
+"""How a camera turned between two images, by a gyroscope whose errors are learnt from the images.
+
+A gyroscope knows better than images how a camera turned from one to the next; but it turns a
+little by itself (bias), and its clock is not the camera's. Both are states of a Kalman filter that
+compares its turns with those of tracked poses, as in visual-inertial odometry (Mourikis and
+Roumeliotis 2007, Li and Mourikis 2014), with nothing coupled but that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.fitting import chi_squared, mahalanobis_squared
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
+
+# What consumer sensors have at worst: noise, rad/s/√Hz, and scale and axes, as a part of the turn.
+_NOISE, _SCALE = 5e-4, 0.01
+# Before anything is known: bias, rad/s, and time offset, seconds.
+_START_BIAS, _START_OFFSET = 0.03, 0.03
+# How the bias wanders with the temperature, rad/s/√s.
+_BIAS_WALK = 1e-4
+# No rotation between two frames is tracked better than this, radians, whatever its residuals say.
+_TRACKED = 0.002
+# Samples farther apart than this leave open what was between them.
+_LONGEST_GAP_S = 0.05
+# How fast a hand changes a rotation, rad/s²: beyond the last sample it is taken to go on.
+_CHANGE = 10.0
+# What a turn and the images disagree by at most, if all is well.
+_SURPRISE = chi_squared(0.999, 3)
+# Of the last so many turns, half may surprise before the gyroscope is not believed.
+_JUDGED, _DOUBTFUL = 20, 0.5
+
+
+@dataclass(frozen=True)
+class Turn:
+    """What a gyroscope says of the time between two images, in the camera's optical frame.
+
+    Attributes:
+        rotation_vector: float64 [3], of the camera's rotation R_first_last, radians.
+        covariance: float64 [3, 3] of it.
+        angular_velocity: float64 [3], at the later image, rad/s.
+        angular_velocity_covariance: float64 [3, 3] of it.
+        jacobian: float64 [3, 4] of the rotation for bias and time offset.
+    """
+
+    rotation_vector: Float64
+    covariance: Float64
+    angular_velocity: Float64
+    angular_velocity_covariance: Float64
+    jacobian: Float64
+
+
+@dataclass(frozen=True)
+class Gyroscope:
+    """What is known of a gyroscope's errors; replaced as a whole, never changed.
+
+    Attributes:
+        bias: float64 [3], what it shows at rest, in the camera's optical frame, rad/s.
+        time_offset: its stamp of a moment less the camera's, seconds.
+        covariance: float64 [4, 4] of both.
+        doubt: part of the latest turns that surprised the images, 0 to 1.
+    """
+
+    bias: Float64
+    time_offset: float
+    covariance: Float64
+    doubt: float = 0.0
+
+    @staticmethod
+    def start() -> Gyroscope:
+        """One that nothing is known of."""
+        covariance = np.diag([_START_BIAS**2] * 3 + [_START_OFFSET**2])
+        return Gyroscope(np.zeros(3), 0.0, covariance)
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether it turns as the images do; if not, its axes or its clock are others."""
+        return self.doubt < _DOUBTFUL
+
+    def turn(self, samples: ImuSamples, first_ns: int, last_ns: int) -> Turn | None:
+        """How the camera turned between two of its stamps.
+
+        Args:
+            samples: in the axes of the camera's optical frame.
+            first_ns: stamp of the earlier image, nanoseconds.
+            last_ns: of the later one.
+
+        Returns:
+            None where the samples do not cover the time in between.
+        """
+        elapsed = (last_ns - first_ns) / NANOSECONDS
+        if elapsed <= 0:
+            return None
+        seconds, velocities = self._covering(samples, first_ns)
+        first, last = np.searchsorted(seconds, [0.0, elapsed])
+        near = seconds[max(first - 1, 0) : last + 1]
+        if not len(near) or np.diff(near, prepend=0.0, append=elapsed).max() > _LONGEST_GAP_S:
+            return None
+        knots = np.concatenate([[0.0], seconds[first:last], [elapsed]])
+        at_knots = np.stack([np.interp(knots, seconds, v) for v in velocities.T], axis=1)
+        R = np.eye(4)
+        for step in np.diff(knots)[:, None] * (at_knots[:-1] + at_knots[1:]) / 2:
+            R = R @ se3.exp(np.concatenate([np.zeros(3), step]))
+        rotation_vector = se3.rotation_vector(R)
+        held = max(elapsed - near[-1], near[0], 0.0)
+        by_offset = at_knots[-1] - at_knots[0]
+        jacobian = np.column_stack([-elapsed * np.eye(3), by_offset])
+        to_velocity = np.column_stack([-np.eye(3), by_offset / elapsed])
+        rate = len(near) / max(near[-1] - near[0], elapsed)
+        turned, speed = np.linalg.norm(rotation_vector), np.linalg.norm(at_knots[-1])
+        variance = _NOISE**2 * elapsed + (_SCALE * turned) ** 2 + (_CHANGE * held**2 / 2) ** 2
+        of_velocity = _NOISE**2 * rate + (_SCALE * speed) ** 2 + (_CHANGE * held) ** 2
+        return Turn(
+            rotation_vector,
+            jacobian @ self.covariance @ jacobian.T + variance * np.eye(3),
+            at_knots[-1],
+            to_velocity @ self.covariance @ to_velocity.T + of_velocity * np.eye(3),
+            jacobian,
+        )
+
+    def _covering(self, samples: ImuSamples, first_ns: int) -> tuple[Float64, Float64]:
+        """Seconds [N] since a stamp of the camera, and what the camera turned with then [N, 3]."""
+        measured = np.isfinite(samples.angular_velocity).all(axis=1)
+        seconds = (samples.stamps_ns[measured] - first_ns) / NANOSECONDS - self.time_offset
+        return seconds, samples.angular_velocity[measured] - self.bias
+
+    def compared(self, turn: Turn, rotation: Float64, covariance: Float64) -> Gyroscope:
+        """What is known after a turn was compared with that of the images.
+
+        Args:
+            turn: by ``turn`` of this.
+            rotation: float64 [4, 4], whose rotation is R_first_last as tracked.
+            covariance: float64 [3, 3] of that rotation, radians².
+        """
+        by_gyroscope = se3.exp(np.concatenate([np.zeros(3), turn.rotation_vector]))
+        innovation = se3.rotation_vector(se3.inverse(by_gyroscope) @ rotation)
+        expected = turn.covariance + covariance + _TRACKED**2 * np.eye(3)
+        surprise = mahalanobis_squared(innovation, expected) / _SURPRISE
+        doubt = self.doubt + (float(surprise > 1) - self.doubt) / _JUDGED
+        # what is all but impossible counts for little: a pose that is wrong, or a push
+        noise = expected * max(1.0, surprise) - turn.jacobian @ self.covariance @ turn.jacobian.T
+        gain = self.covariance @ turn.jacobian.T @ np.linalg.inv(expected * max(1.0, surprise))
+        change = gain @ innovation
+        kept = np.eye(4) - gain @ turn.jacobian
+        elapsed = -turn.jacobian[0, 0]
+        walk = np.diag([_BIAS_WALK**2 * elapsed] * 3 + [0.0])
+        return replace(
+            self,
+            bias=self.bias + change[:3],
+            time_offset=self.time_offset + float(change[3]),
+            covariance=kept @ self.covariance @ kept.T + gain @ noise @ gain.T + walk,
+            doubt=doubt,
+        )

@@ -1,0 +1,90 @@
+"""What an IMU on the camera adds to the images: how it turns, and which way is up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.gravity import up_direction
+from rgbd_glue_ros.odometry.gyroscope import Gyroscope
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, camera_covariance
+from rgbd_glue_ros.parameters import MotionConfig, RefineConfig
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
+
+# A turn over a longer time has gathered more of the bias than it is worth.
+_LONGEST_TURN_NS = 10 * NANOSECONDS
+# Samples are kept for that, and as long again as clocks may be apart.
+_KEPT_NS = _LONGEST_TURN_NS + NANOSECONDS
+# Poses farther apart are not compared with a turn: the camera was lost in between.
+_LONGEST_COMPARED_NS = NANOSECONDS // 2
+
+
+@dataclass(frozen=True)
+class _TrackedRotation:
+    """How a frame is turned by the images alone."""
+
+    stamp_ns: int
+    T_track_camera: Float64
+    covariance: Float64
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """The samples of an IMU and what was learnt from them; replaced as a whole, never changed.
+
+    Attributes:
+        samples: the latest, in the axes of the camera's optical frame.
+        gyroscope: what is known of its errors.
+    """
+
+    samples: ImuSamples = field(default_factory=ImuSamples.empty)
+    gyroscope: Gyroscope = field(default_factory=Gyroscope.start)
+    _last: _TrackedRotation | None = None
+
+    def with_samples(self, samples: ImuSamples) -> Inertial:
+        """After more samples; those that are not later than all before are left out."""
+        return replace(self, samples=self.samples.with_later(samples))
+
+    def at_frame(self, stamp_ns: int) -> Inertial:
+        """Without samples that no frame from this stamp on has any use for."""
+        if not len(self.samples) or self.samples.stamps_ns[0] >= stamp_ns - 2 * _KEPT_NS:
+            return self
+        newest_ns = int(self.samples.stamps_ns[-1])
+        return replace(self, samples=self.samples.between(stamp_ns - _KEPT_NS, newest_ns))
+
+    def predicted(self, motion: Motion, stamp_ns: int, config: MotionConfig) -> Motion:
+        """The motion at a later stamp: turned by the gyroscope, or by itself without."""
+        elapsed_ns = stamp_ns - motion.stamp_ns
+        if elapsed_ns > _LONGEST_TURN_NS or not self.gyroscope.is_trusted:
+            return motion.predicted(stamp_ns, config)
+        turn = self.gyroscope.turn(self.samples, motion.stamp_ns, stamp_ns)
+        if turn is None:
+            return motion.predicted(stamp_ns, config)
+        return motion.predicted_by(turn, stamp_ns, config)
+
+    def up(self, stamp_ns: int) -> Float64 | None:
+        """The direction away from the earth at a stamp, as of ``up_direction``."""
+        return up_direction(self.samples, self.gyroscope, stamp_ns)
+
+    def after_pose(self, stamp_ns: int, pose: PoseEstimate, config: RefineConfig) -> Inertial:
+        """What is known after a frame has its pose.
+
+        Args:
+            stamp_ns: of the frame.
+            pose: by its images.
+            config: how it was refined.
+        """
+        if not len(self.samples):
+            return self
+        covariance = camera_covariance(pose, config)[3:, 3:]
+        now = _TrackedRotation(stamp_ns, pose.T_track_camera, covariance)
+        last = self._last
+        turn = None
+        if last is not None and stamp_ns - last.stamp_ns <= _LONGEST_COMPARED_NS:
+            turn = self.gyroscope.turn(self.samples, last.stamp_ns, stamp_ns)
+        if last is None or turn is None:
+            return replace(self, _last=now)
+        tracked = se3.inverse(last.T_track_camera) @ now.T_track_camera
+        gyroscope = self.gyroscope.compared(turn, tracked, last.covariance + now.covariance)
+        return replace(self, gyroscope=gyroscope, _last=now)

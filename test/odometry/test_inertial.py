@@ -1,0 +1,141 @@
+"""With an IMU the camera is expected where it turned to; without, all is as it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from raycast_room.imu import BMI055, ImuErrors, simulated_imu
+from rigs.room import room_frame, true_pose, true_twist
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.gyroscope import Gyroscope, Turn
+from rgbd_glue_ros.odometry.inertial import Inertial
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import MotionConfig, load_preset
+from rgbd_glue_ros.types import NANOSECONDS, ImuSamples
+
+CONFIG = MotionConfig()
+PERIOD_NS = NANOSECONDS // 10
+PERIOD_S = 0.1
+TWIST = np.array([0.3, -0.2, 0.4, 0.5, -0.3, 0.2])
+MOVING = Motion(0, np.eye(4), TWIST, np.diag([1e-4] * 6 + [1e-2] * 6))
+
+
+def turning(angular_velocity: list[float]) -> ImuSamples:
+    stamps = np.arange(0, PERIOD_NS + 1, 5_000_000, dtype=np.int64)
+    return ImuSamples(
+        stamps, np.tile(angular_velocity, (len(stamps), 1)), np.full((len(stamps), 3), np.nan)
+    )
+
+
+def assert_same_bits(a: Motion, b: Motion) -> None:
+    for name in ("T_track_camera", "twist", "covariance"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+@pytest.mark.parametrize(
+    "inertial",
+    [
+        Inertial(),
+        Inertial(turning([1.0, 2.0, 3.0]).between(0, PERIOD_NS // 3)),
+        Inertial(turning([1.0, 2.0, 3.0]), replace(Gyroscope.start(), doubt=0.6)),
+    ],
+    ids=["no samples", "a gap", "a gyroscope that disagrees with the images"],
+)
+def test_without_a_turn_to_go_by_the_prediction_is_the_same_to_the_bit(inertial: Inertial) -> None:
+    assert_same_bits(
+        inertial.predicted(MOVING, PERIOD_NS, CONFIG), MOVING.predicted(PERIOD_NS, CONFIG)
+    )
+
+
+def test_the_camera_is_expected_where_the_gyroscope_says_that_it_turned_to() -> None:
+    predicted = Inertial(turning([-1.0, 2.0, 0.5])).predicted(MOVING, PERIOD_NS, CONFIG)
+    rotation = se3.rotation_vector(predicted.T_track_camera)
+    np.testing.assert_allclose(rotation, [-0.1, 0.2, 0.05], atol=1e-12)
+    np.testing.assert_allclose(predicted.twist, [0.3, -0.2, 0.4, -1.0, 2.0, 0.5], atol=1e-12)
+
+
+def test_a_gyroscope_that_says_what_was_expected_changes_the_certainty_alone() -> None:
+    plain = MOVING.predicted(PERIOD_NS, CONFIG)
+    predicted = Inertial(turning([0.5, -0.3, 0.2])).predicted(MOVING, PERIOD_NS, CONFIG)
+    np.testing.assert_allclose(predicted.T_track_camera, plain.T_track_camera, atol=1e-12)
+    np.testing.assert_allclose(predicted.twist, plain.twist, atol=1e-12)
+    rotations = predicted.covariance.diagonal()[[3, 4, 5, 9, 10, 11]]
+    assert (rotations < 0.3 * plain.covariance.diagonal()[[3, 4, 5, 9, 10, 11]]).all()
+
+
+def test_the_covariance_of_a_turned_motion_is_that_of_sampled_ones() -> None:
+    rng = np.random.default_rng(0)
+    vector = np.array([0.05, -0.03, 0.02])
+    of_turn, of_velocity = np.diag([1e-4, 2e-4, 3e-4]), np.diag([1e-2, 2e-2, 3e-2])
+    turn = Turn(vector, of_turn, vector / PERIOD_S, of_velocity, np.zeros((3, 4)))
+    expected = MOVING.predicted_by(turn, PERIOD_NS, CONFIG)
+    samples = []
+    for _ in range(4000):
+        error = rng.multivariate_normal(np.zeros(12), MOVING.covariance)
+        push = rng.normal(0, CONFIG.acceleration, 3)
+        linear = TWIST[:3] + error[6:9] + push * PERIOD_S
+        step = se3.exp(np.concatenate([linear * PERIOD_S, vector]))
+        turned = np.concatenate([np.zeros(3), rng.multivariate_normal(np.zeros(3), of_turn)])
+        T = se3.exp(error[:6]) @ step @ se3.exp(turned)
+        pose = se3.log(se3.inverse(expected.T_track_camera) @ T)
+        linear = linear + rng.normal(0, CONFIG.acceleration, 3) * PERIOD_S / 2
+        angular = rng.multivariate_normal(np.zeros(3), of_velocity)
+        samples.append(np.concatenate([pose, linear - TWIST[:3], angular]))
+    sampled = np.cov(np.array(samples).T)
+    scale = np.sqrt(np.diag(expected.covariance))
+    # a correlation of 4000 samples has a standard error of 0.016 at most, and a variance of 0.022
+    assert np.abs((sampled - expected.covariance) / np.outer(scale, scale)).max() < 5 * 0.022
+
+
+def test_samples_that_no_frame_needs_any_more_are_forgotten() -> None:
+    stamps = np.arange(0, 120 * NANOSECONDS, NANOSECONDS // 10, dtype=np.int64)
+    samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.zeros((len(stamps), 3)))
+    later = Inertial(samples).at_frame(100 * NANOSECONDS)
+    assert len(later.samples) < 350
+    assert later.samples.stamps_ns[-1] == stamps[-1]
+
+
+def test_up_is_where_the_accelerometer_says_though_the_camera_turns() -> None:
+    samples = simulated_imu(true_pose, -1.0, 1.0, ImuErrors())
+    up = Inertial(samples).up(NANOSECONDS // 2)
+    assert up is not None
+    true_up = true_pose(0.5)[:3, :3].T @ [0, 0, 1]
+    # what is left is how the hand's velocity changes within half a second
+    assert np.degrees(np.arccos(up @ true_up)) < 6.0
+
+
+@pytest.mark.parametrize(
+    "acceleration", [0.0, 1.0, 30.0], ids=["falling", "in units of g", "being thrown"]
+)
+def test_what_is_no_gravity_says_nothing_of_up(acceleration: float) -> None:
+    still = turning([0.0, 0.0, 0.0])
+    pull = np.full_like(still.linear_acceleration, 0.0)
+    pull[:, 1] = -acceleration
+    samples = ImuSamples(still.stamps_ns, still.angular_velocity, pull)
+    assert Inertial(samples).up(PERIOD_NS) is None
+
+
+def test_the_odometry_turns_with_the_imu_and_learns_its_bias() -> None:
+    samples = simulated_imu(true_pose, -0.5, 2.0, BMI055)
+    off: dict[bool, list[float]] = {True: [], False: []}
+    for has_imu, errors in off.items():
+        with Odometry(load_preset("live")) as odometry:
+            if has_imu:
+                odometry.add_imu(samples)
+            for i in range(9):
+                estimate = odometry.process(room_frame(i / 10))
+                if i > 1 and estimate.twist is not None:
+                    errors.append(
+                        float(np.linalg.norm(estimate.twist[3:] - true_twist(i / 10)[3:]))
+                    )
+            before, after = (
+                np.linalg.norm(np.subtract(BMI055.bias, b))
+                for b in (0.0, odometry.inertial.gyroscope.bias)
+            )
+            assert after < before / 2 if has_imu else after == before
+    assert len(off[True]) == len(off[False]) == 7
+    assert np.mean(off[True]) < np.mean(off[False]) / 3
