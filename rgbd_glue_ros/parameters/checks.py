@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+# Beyond it a double holds no tenth of a millimetre: no camera is mounted there.
+_FARTHEST = 1e9
+
 
 @dataclass(frozen=True)
 class Check:
@@ -27,6 +30,8 @@ def _pose_fault(text: str) -> str | None:
         return f"{text!r} is not a list of numbers"
     if len(numbers) not in {6, 7} or not all(map(math.isfinite, numbers)):
         return f"{text!r} is not six or seven finite numbers"
+    if max(map(abs, numbers)) > _FARTHEST:
+        return f"{text!r} is farther away than {_FARTHEST:.0e} m, or turned more than as many rad"
     length = math.hypot(*numbers[3:])
     if len(numbers) == 7 and abs(length - 1.0) > 0.01:
         return f"the quaternion's length is {length:.3g}, not 1"
@@ -34,7 +39,11 @@ def _pose_fault(text: str) -> str | None:
 
 
 def _frame_fault(text: str) -> str | None:
-    return f"{text!r} is no name of a frame" if len(text.split()) != 1 else None
+    if len(text.split()) != 1 or not text.isprintable() or text.endswith("/") or "//" in text:
+        return f"{text!r} is no name of a frame"
+    if text.startswith("/"):
+        return f"{text!r} begins with a slash, which TF has not taken since ROS 2"
+    return None
 
 
 def or_nothing(check: Check) -> Check:

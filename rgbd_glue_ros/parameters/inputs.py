@@ -24,6 +24,7 @@ class InputConfig:
         "units of a metre, as TUM's 5000. 0 takes what a recording says, and else millimetres of "
         "whole numbers and metres of others (REP-118).",
         minimum=0.0,
+        maximum=1e6,
     )
     depth_is_registered: bool = read_once(
         False,
@@ -43,6 +44,7 @@ class InputConfig:
         "on two cores. 0 leaves them as they are.",
         unit="pixels",
         minimum=0,
+        maximum=100000,
     )
     stamps: str = read_once(
         HEADER,
@@ -59,6 +61,7 @@ class InputConfig:
         "Stamps of colour and depth that are further apart than this do not belong together.",
         unit="s",
         minimum=0.0,
+        maximum=60.0,
     )
 
     @property

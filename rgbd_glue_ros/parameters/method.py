@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.odometry import OdometryConfig
 from rgbd_glue_ros.parameters.parameter import parameter, section
 
@@ -19,11 +20,24 @@ class CameraConfig:
     """How depth is read."""
 
     depth_min: float = parameter(
-        0.1, "Depth below this is taken as unknown.", unit="m", minimum=0.0
+        0.1, "Depth below this is taken as unknown.", unit="m", minimum=0.0, maximum=100.0
     )
     depth_max: float = parameter(
-        8.0, "Depth above this is taken as unknown.", unit="m", minimum=0.1
+        8.0, "Depth above this is taken as unknown.", unit="m", minimum=0.1, maximum=1000.0
     )
+
+    def __post_init__(self) -> None:
+        """Refuses a range that holds nothing.
+
+        Raises:
+            InputError: it does.
+        """
+        if self.depth_min >= self.depth_max:
+            raise InputError(
+                "camera.depth_min",
+                f"{self.depth_min:g} is not below camera.depth_max, {self.depth_max:g}",
+                "leave room between them, as 0.1 and 8",
+            )
 
 
 @dataclass(frozen=True)
@@ -49,19 +63,25 @@ class FeaturesConfig:
         maximum=1.0,
     )
     voxel: float = parameter(
-        0.025, "Edge of the voxels that thin the cloud for fpfh.", unit="m", minimum=0.001
+        0.025,
+        "Edge of the voxels that thin the cloud for fpfh.",
+        unit="m",
+        minimum=0.001,
+        maximum=10.0,
     )
     geometric_matches: int = parameter(
         20000,
         "Geometric matches of fpfh, at most: of a cloud with more points than this, as many are "
         "matched, spread evenly, to all of the other cloud.",
         minimum=100,
+        maximum=1000000,
     )
     geometric_keypoints: int = parameter(
         1500,
         "Points that minispinnet describes, at most, spread evenly over the cloud; its time grows "
         "with them.",
         minimum=10,
+        maximum=100000,
     )
     grid_step: int = parameter(
         12, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
@@ -83,7 +103,11 @@ class GlueConfig:
     """Section 3 of the paper."""
 
     inlier_threshold: float = parameter(
-        0.05, "t_in: RANSAC's inlier threshold on 3D distance.", unit="m", minimum=0.001
+        0.05,
+        "t_in: RANSAC's inlier threshold on 3D distance.",
+        unit="m",
+        minimum=0.001,
+        maximum=10.0,
     )
     k: float = parameter(
         5.0,
@@ -102,11 +126,13 @@ class GlueConfig:
         6,
         "The filter is skipped when equation 4 assumes fewer visual inliers than this.",
         minimum=3,
+        maximum=100000,
     )
     min_credible: int = parameter(
         10,
         "The filter is skipped when fewer geometric matches than this survive it.",
         minimum=3,
+        maximum=100000,
     )
     over_chance: float = parameter(
         0.0,
@@ -114,6 +140,7 @@ class GlueConfig:
         "would had points been matched at random; 0 does not ask. With a fallback, 2 tells most "
         "wrong transforms, but also right ones of small clouds.",
         minimum=0.0,
+        maximum=1000.0,
     )
     filter: bool = parameter(True, "Whether the consistency filter (equation 8) is applied at all.")
     fallback: str = parameter(
@@ -131,7 +158,10 @@ class RansacConfig:
 
     iterations: int = parameter(1000, "Samples drawn, at most.", minimum=1, maximum=1000000)
     min_inliers: int = parameter(
-        6, "A transform that fewer visual matches than this agree with is not believed.", minimum=3
+        6,
+        "A transform that fewer visual matches than this agree with is not believed.",
+        minimum=3,
+        maximum=100000,
     )
 
 
@@ -145,7 +175,9 @@ class FitConfig:
         "of all of them at once, or ransac.",
         choices=FIT_METHODS,
     )
-    subsets: int = parameter(10, "Random subsets of the randomised weighted Procrustes.", minimum=1)
+    subsets: int = parameter(
+        10, "Random subsets of the randomised weighted Procrustes.", minimum=1, maximum=10000
+    )
     fraction: float = parameter(
         0.2, "Part of the matches in each random subset.", minimum=0.01, maximum=1.0
     )
@@ -173,28 +205,33 @@ class RefineConfig:
         2.0,
         "Plane distance, in its standard deviations, at which a plane's weight is halved.",
         minimum=0.01,
+        maximum=1e6,
     )
     pixel_weight: float = parameter(
         10.0,
         "Weight of a photometric residual against a plane's, both by their standard deviations; 0 "
         "refines on planes alone.",
         minimum=0.0,
+        maximum=1e6,
     )
     unregistered_weight: float = parameter(
         1.0,
         "The same where depth turns out not to be registered to colour, if that is less: the depth "
         "of a pixel is then that of another one.",
         minimum=0.0,
+        maximum=1e6,
     )
     pixel_cauchy: float = parameter(
         2.0,
         "Photometric residual, in its standard deviations, at which a pixel's weight is halved.",
         minimum=0.01,
+        maximum=1e6,
     )
     residuals_per_independent_one: float = parameter(
         1000.0,
         "Neighbouring residuals err alike: this many of them count as one in the covariance.",
         minimum=1.0,
+        maximum=1e9,
     )
 
 
@@ -226,14 +263,16 @@ class TimeOffsetsConfig:
         "Standard deviation of these two first guesses; 0 keeps them as they are, for any camera.",
         unit="s",
         minimum=0.0,
+        maximum=1.0,
     )
     drift: float = parameter(
-        0.0001, "How much they may change from frame to frame.", unit="s", minimum=0.0
+        0.0001, "How much they may change from frame to frame.", unit="s", minimum=0.0, maximum=1.0
     )
     residuals_per_independent_one: float = parameter(
         1000.0,
         "Neighbouring residuals err alike: this many of them count as one.",
         minimum=1.0,
+        maximum=1e9,
     )
 
 
@@ -247,12 +286,14 @@ class MotionConfig:
         "images give it.",
         unit="m/s²",
         minimum=0.01,
+        maximum=1e6,
     )
     angular_acceleration: float = parameter(
         6.0,
         "Standard deviation of the camera's angular acceleration.",
         unit="rad/s²",
         minimum=0.01,
+        maximum=1e6,
     )
 
 
@@ -260,7 +301,7 @@ class MotionConfig:
 class Config:
     """Everything the registration and the odometry depend on."""
 
-    seed: int = parameter(0, "Seed of every random choice.", minimum=0)
+    seed: int = parameter(0, "Seed of every random choice.", minimum=0, maximum=2_000_000_000)
     camera: CameraConfig = section(CameraConfig)
     features: FeaturesConfig = section(
         FeaturesConfig, fixed="the keyframes hold features of one kind"

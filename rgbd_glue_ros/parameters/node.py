@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.checks import FRAME, POSE, or_nothing
 from rgbd_glue_ros.parameters.inputs import InputConfig, read_once
 from rgbd_glue_ros.parameters.parameter import parameter
@@ -86,7 +87,11 @@ class NodeConfig(InputConfig):
         "as long as topic_queue_size holds what comes meanwhile.",
     )
     max_update_rate: float = parameter(
-        0.0, "Frames that come faster than this are left out; 0 takes all.", unit="Hz", minimum=0.0
+        0.0,
+        "Frames that come faster than this are left out; 0 takes all.",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1000.0,
     )
     publish_null_when_lost: bool = parameter(
         False,
@@ -105,6 +110,7 @@ class NodeConfig(InputConfig):
         "Time between poses of path, and between its messages, at least.",
         unit="s",
         minimum=0.0,
+        maximum=1e6,
     )
     graph_file: str = parameter(
         "~/.ros/keyframes.g2o",
@@ -117,3 +123,21 @@ class NodeConfig(InputConfig):
         "at; empty for the origin.",
         check=or_nothing(POSE),
     )
+
+    def __post_init__(self) -> None:
+        """Refuses a frame that would be its own parent.
+
+        Raises:
+            InputError: two of the frames have one name.
+        """
+        names = {"odom_frame_id": self.odom_frame_id}
+        for parameter_name in ("frame_id", "guess_frame_id"):
+            name = getattr(self, parameter_name)
+            same = next((other for other, value in names.items() if value == name), None)
+            if name and same:
+                raise InputError(
+                    parameter_name,
+                    f"is {name!r}, as {same} is, and a frame is not its own parent",
+                    "give each its own name, as base_link and odom",
+                )
+            names[parameter_name] = name

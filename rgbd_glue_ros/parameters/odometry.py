@@ -32,6 +32,7 @@ class OdometryConfig:
         "A keyframe that leaves the window is forgotten where it is nearer than this to an anchor, "
         "metres and radians added.",
         minimum=0.0,
+        maximum=1000.0,
         fixed="the keyframes kept were chosen by it",
     )
     drift_radius: float = parameter(
@@ -39,6 +40,7 @@ class OdometryConfig:
         "A new keyframe is compared with the earliest anchor that is nearer than this, metres and "
         "radians added: what they disagree by is drift, and is taken out. 0 compares with none.",
         minimum=0.0,
+        maximum=1000.0,
     )
     drift_rate: float = parameter(
         0.01,
@@ -51,10 +53,18 @@ class OdometryConfig:
         3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
     )
     keyframe_translation: float = parameter(
-        0.25, "A frame this far from its keyframe becomes one.", unit="m", minimum=0.001
+        0.25,
+        "A frame this far from its keyframe becomes one.",
+        unit="m",
+        minimum=0.001,
+        maximum=1000.0,
     )
     keyframe_rotation: float = parameter(
-        0.25, "A frame turned this much from its keyframe becomes one.", unit="rad", minimum=0.001
+        0.25,
+        "A frame turned this much from its keyframe becomes one.",
+        unit="rad",
+        minimum=0.001,
+        maximum=1000.0,
     )
     keyframe_overlap: float = parameter(
         0.35,
@@ -68,24 +78,30 @@ class OdometryConfig:
         "0 registers without a prior.",
         unit="m",
         minimum=0.0,
+        maximum=10.0,
     )
     surprise_translation: float = parameter(
         0.03,
         "A pose this far from the motion prior competes with one refined from the prior.",
         unit="m",
         minimum=0.0,
+        maximum=1000.0,
     )
     surprise_rotation: float = parameter(
         0.03,
         "A pose turned this much from the motion prior competes with one refined from the prior.",
         unit="rad",
         minimum=0.0,
+        maximum=1000.0,
     )
     min_planes: int = parameter(
-        50, "Planes that must be seen for their agreement to count.", minimum=1
+        50, "Planes that must be seen for their agreement to count.", minimum=1, maximum=1000000
     )
     min_pixels: int = parameter(
-        50, "Textured pixels that must be seen for their correlation to count.", minimum=1
+        50,
+        "Textured pixels that must be seen for their correlation to count.",
+        minimum=1,
+        maximum=1000000,
     )
     plane_agreement: float = parameter(
         0.5,
@@ -126,12 +142,14 @@ class OdometryConfig:
         25,
         "Visual inliers that relocalisation needs: a wrong pose is worse than none.",
         minimum=3,
+        maximum=100000,
     )
     reset_countdown: int = parameter(
         3,
         "Frames that show something and have no pose, after which a new keyframe starts at the "
         "last pose, if reset_delay has passed too; 0 waits for ever.",
         minimum=0,
+        maximum=1000000,
     )
     reset_delay: float = parameter(
         1.0,
@@ -139,4 +157,5 @@ class OdometryConfig:
         "out of sight of its keyframes by then; a fast one may yet come back.",
         unit="s",
         minimum=0.0,
+        maximum=1e6,
     )

@@ -30,6 +30,7 @@ from rgbd_glue_ros.parameters import (
 
 ALL = [*parameters(Config), *parameters(NodeConfig)]
 NUMBERS = [p for p in ALL if p.type in {int, float}]
+FRAMES = ("odom_frame_id", "frame_id", "guess_frame_id")
 PRESETS = sorted((share_directory() / "config").glob("*.yaml"))
 
 
@@ -53,7 +54,17 @@ def allowed_values(parameter: Parameter) -> st.SearchStrategy[Value]:
 def allowed_changes(config: Config | NodeConfig) -> st.SearchStrategy[dict[str, Value]]:
     """Allowed values of some parameters."""
     strategies = {p.name: allowed_values(p) for p in parameters(config)}
-    return st.fixed_dictionaries({}, optional=strategies)
+    before = values(config)
+
+    def fit_together(changes: dict[str, Value]) -> bool:
+        after = {**before, **changes}
+        frames = [after[name] for name in FRAMES if after.get(name)]
+        nearest, farthest = after.get("camera.depth_min", 0), after.get("camera.depth_max", 1)
+        assert isinstance(nearest, (int, float))
+        assert isinstance(farthest, (int, float))
+        return len({*frames}) == len(frames) and nearest < farthest
+
+    return st.fixed_dictionaries({}, optional=strategies).filter(fit_together)
 
 
 @pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
@@ -118,12 +129,12 @@ def test_a_section_is_no_parameter() -> None:
 
 @pytest.mark.parametrize("parameter", NUMBERS, ids=lambda p: p.name)
 def test_a_number_out_of_range_is_refused_with_the_range(parameter: Parameter) -> None:
+    assert parameter.minimum is not None
+    assert parameter.maximum is not None
     outside = [
-        *([] if parameter.minimum is None else [parameter.type(parameter.minimum - 1)]),
-        *([] if parameter.maximum is None else [parameter.type(parameter.maximum + 1)]),
-        *([math.nan] if parameter.type is float else []),
+        *map(parameter.type, (parameter.minimum - 1, parameter.maximum + 1)),
+        *([math.nan, math.inf, -math.inf, 1e300] if parameter.type is float else [10**30]),
     ]
-    assert outside
     for value in outside:
         with pytest.raises(InputError, match="out of range; give a") as refused:
             parameter.convert(value)
@@ -267,6 +278,10 @@ def test_a_declaration_says_whether_and_why_it_is_fixed_while_the_node_runs(
         ("camera_pose", "a b c d e f", "is not a list of numbers"),
         ("odom_frame_id", "", "is no name of a frame"),
         ("frame_id", "base link", "is no name of a frame"),
+        ("frame_id", "/", "is no name of a frame"),
+        ("frame_id", "base\x1b[2Jlink", "is no name of a frame"),
+        ("frame_id", "/base_link", "begins with a slash"),
+        ("camera_pose", "1e300 0 0 0 0 0", "is farther away than 1e\\+09 m"),
     ],
 )
 def test_a_text_is_checked_where_it_is_set_and_told_what_it_should_be(
@@ -276,6 +291,23 @@ def test_a_text_is_checked_where_it_is_set_and_told_what_it_should_be(
     with pytest.raises(InputError, match=cause) as refused:
         with_values(NodeConfig(), {name: value})
     assert refused.value.remedy == f"give {declared.allowed}"
+
+
+@pytest.mark.parametrize(
+    ("config", "changes", "fault"),
+    [
+        (Config(), {"camera.depth_min": 9.0}, "camera.depth_min: 9 is not below"),
+        (Config(), {"camera.depth_max": 0.1}, "camera.depth_min: 0.1 is not below"),
+        (NodeConfig(), {"frame_id": "odom"}, "frame_id: is 'odom', as odom_frame_id is"),
+        (NodeConfig(), {"guess_frame_id": "odom"}, "guess_frame_id: is 'odom', as odom_frame_id"),
+        (NodeConfig(), {"frame_id": "a", "guess_frame_id": "a"}, "guess_frame_id: is 'a', as fram"),
+    ],
+)
+def test_values_that_do_not_fit_together_are_refused(
+    config: Config | NodeConfig, changes: dict[str, Value], fault: str
+) -> None:
+    with pytest.raises(InputError, match=fault):
+        with_values(config, changes)
 
 
 def test_an_alias_stands_for_a_parameter_and_is_none_itself() -> None:
