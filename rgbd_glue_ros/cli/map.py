@@ -25,6 +25,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_output(parser, None, f"{OUTPUT}/NAME")
     arguments.add_ground_truth(parser)
     arguments.add_limit(parser)
+    parser.add_argument(
+        "--map",
+        metavar="FILE",
+        type=arguments.path,
+        help="map to go on with, as --save-map wrote it; poses are in its frame then",
+    )
+    parser.add_argument(
+        "--save-map",
+        metavar="FILE",
+        type=arguments.path,
+        help="file to write the map to, for --map and the map_file of the mapping node",
+    )
 
 
 def run(args: argparse.Namespace) -> str:
@@ -33,8 +45,10 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, map_recording
     from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
+    from rgbd_glue_ros.slam.map_file import read_map
 
     config = arguments.config(args)
+    before = read_map(args.map) if args.map else None
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
     with arguments.opener(args)(args.recording) as recording:
@@ -53,6 +67,8 @@ def run(args: argparse.Namespace) -> str:
                 limit=args.limit,
                 on_frame=show,
                 command=arguments.command(args),
+                before=before,
+                save_map=args.save_map,
                 inputs=arguments.inputs(args),
             )
     figures = mapped.figures

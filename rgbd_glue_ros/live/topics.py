@@ -25,9 +25,9 @@ RESET_SERVICE = "~/reset_odom"
 PAUSE_SERVICE = "~/pause_odom"
 RESUME_SERVICE = "~/resume_odom"
 SAVE_GRAPH_SERVICE = "~/save_graph"
+SAVE_MAP_SERVICE = "~/save_map"
 
 MAP_PATH = "map/path"
-MAP_FRAME = "map"
 
 KEYFRAME_FRAME = "keyframe_{}"
 """The frame of a keyframe in ``KEYFRAME_EDGES``, by its number."""

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 from collections import OrderedDict, deque
 from collections.abc import Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
-from nav_msgs.msg import Path
+from nav_msgs.msg import Path as PathMessage
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
@@ -38,6 +41,7 @@ from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
 from rgbd_glue_ros.types import NANOSECONDS, Float64, PoseGraphEdge, RgbdFrame
 
 logger = logging.getLogger(f"{cfg.PACKAGE}.mapping")
@@ -65,7 +69,8 @@ class MappingNode(Node):  # type: ignore[misc]
         self._config, config = declare_parameters(self)
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
-        self._map = LiveMap(config)
+        self._map = LiveMap(config, _map_before(self._config))
+        self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
         self._news: set[str] = set()
         self._frames: OrderedDict[int, Match[Any]] = OrderedDict()
@@ -74,20 +79,20 @@ class MappingNode(Node):  # type: ignore[misc]
             approximate_ns if self._config.approx_sync else 0, self._config.sync_queue_size
         )
         self._depth_camera = DepthCameraInput(self, self._config, transforms)
-        self._path = self.create_publisher(Path, topics.MAP_PATH, 10)
+        self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
         self._worker: QueueWorker[tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge] = QueueWorker(
             self._process, KEYFRAMES_WAITING
         )
         self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
-        self._stamps: dict[int, int] = {}
         self._inputs = node_inputs(self, self._config, self._receive)
         self.create_subscription(PoseStamped, topics.KEYFRAME_POSE, self._take_pose, 100)
         self.create_subscription(OdometryMessage, topics.KEYFRAME_EDGES, self._take_edge, 100)
         self.create_subscription(PoseStamped, topics.POSE, self._broadcast, 10)
-        self.get_logger().info(
-            f"Subscribed; publishing {topics.MAP_FRAME} -> {self._config.odom_frame_id}"
-        )
+        self.create_service(Trigger, topics.SAVE_MAP_SERVICE, self._serve_save_map)
+        frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
+        when = "" if self._map.is_placed else " once a place of the map is recognised"
+        self.get_logger().info(f"Subscribed; publishing {frames}{when}")
 
     def __enter__(self) -> MappingNode:
         return self
@@ -109,6 +114,19 @@ class MappingNode(Node):  # type: ignore[misc]
         is_new = f"{where}: {cause}" not in self._news
         self._news.add(f"{where}: {cause}")
         return is_new
+
+    def _serve_save_map(self, _request: object, response: Trigger.Response) -> Trigger.Response:
+        path = Path(self._config.save_map_file).expanduser()
+        try:
+            with self._map_lock:
+                saved = self._map.saved()
+            write_map(path, saved)
+            response.message = f"{path}: {len(saved)} keyframes"
+            response.success = True
+        except InputError as fault:
+            response.message = str(fault)
+        self.get_logger().info(f"Told to save the map: {response.message}")
+        return response
 
     # Input
 
@@ -170,10 +188,11 @@ class MappingNode(Node):  # type: ignore[misc]
 
     def _process(self, item: tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge) -> None:
         try:
-            if isinstance(item, PoseGraphEdge):
-                self._add_edge(item)
-            else:
-                self._add(*item)
+            with self._map_lock:
+                if isinstance(item, PoseGraphEdge):
+                    self._add_edge(item)
+                else:
+                    self._add(*item)
         except Exception as error:
             if self.is_news("a keyframe", repr(error)):
                 logger.exception("A keyframe could not be mapped; going on")
@@ -191,11 +210,15 @@ class MappingNode(Node):  # type: ignore[misc]
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
         if keyframe.is_anew:
             self._map.clear()
-            self._stamps.clear()
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
-        before = self._map.loops
-        self._map.add(keyframe.number, Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges))
-        self._stamps[len(self._stamps)] = keyframe.stamp_ns
+        before, was_placed = self._map.loops, self._map.is_placed
+        keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)
+        if self._config.localize_only:
+            self._map.locate(keyed)
+        else:
+            self._map.add(keyframe.number, keyed)
+        if self._map.is_placed and not was_placed:
+            self.get_logger().info(f"Keyframe {keyframe.number} shows a place of the map")
         if self._map.loops > before:
             self.get_logger().info(
                 f"Keyframe {keyframe.number}: {self._map.loops - before} loops closed, "
@@ -207,13 +230,12 @@ class MappingNode(Node):  # type: ignore[misc]
         """Publishes all keyframes where the optimum has them."""
         if not self._path.get_subscription_count():
             return
-        path = Path()
-        fields.copy_fields(fields.header(at_ns, topics.MAP_FRAME), path.header)
+        path, frame = PathMessage(), self._config.map_frame_id
+        stamps = self._map.stamps_ns()
+        fields.copy_fields(fields.header(at_ns, frame), path.header)
         path.poses = [
             fields.copy_fields(
-                fields.pose_stamped(
-                    T @ T_camera_child, fields.header(self._stamps[row], topics.MAP_FRAME)
-                ),
+                fields.pose_stamped(T @ T_camera_child, fields.header(stamps[row], frame)),
                 PoseStamped(),
             )
             for row, T in sorted(self._map.poses.items())
@@ -221,10 +243,26 @@ class MappingNode(Node):  # type: ignore[misc]
         self._path.publish(path)
 
     def _broadcast(self, pose: PoseStamped) -> None:
-        """Publishes map -> odom at the stamp of every pose."""
-        if self._broadcaster is not None:
-            odom, at_ns = self._config.odom_frame_id, stamp_ns(pose.header.stamp)
-            self._broadcaster.publish(topics.MAP_FRAME, odom, self._map.T_map_odom, at_ns)
+        """Publishes map -> odom at the stamp of every pose, once it is known."""
+        T_map_odom = self._map.T_map_odom
+        if self._broadcaster is not None and T_map_odom is not None:
+            at_ns = stamp_ns(pose.header.stamp)
+            self._broadcaster.publish(
+                self._config.map_frame_id, self._config.odom_frame_id, T_map_odom, at_ns
+            )
+
+
+def _map_before(config: cfg.NodeConfig) -> SavedMap | None:
+    """The map to begin with, if one is given.
+
+    Raises:
+        InputError: it cannot be read, or there is none where one is needed.
+    """
+    if config.map_file:
+        return read_map(Path(config.map_file).expanduser())
+    if config.localize_only:
+        raise InputError("localize_only", "there is no map", "set map_file")
+    return None
 
 
 def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:

@@ -117,6 +117,21 @@ class NodeConfig(InputConfig):
         "File that ~/save_graph writes for g2o. That for GTSAM is beside it, with _gtsam in its "
         "name.",
     )
+    map_frame_id: str = read_once("map", "Frame of the map, which the mapping node publishes.")
+    map_file: str = read_once(
+        "",
+        "Map that the mapping node begins with, as rgbd-glue map --save-map or ~/save_map wrote "
+        "it; empty begins one. map_frame_id -> odom_frame_id is published once a place is "
+        "recognised.",
+    )
+    localize_only: bool = read_once(
+        False,
+        "Whether the mapping node leaves the map of map_file as it is, and only finds "
+        "odom_frame_id in it.",
+    )
+    save_map_file: str = parameter(
+        "~/.ros/map.rgbdmap", "File that ~/save_map of the mapping node writes."
+    )
     initial_pose: str = parameter(
         "",
         "Pose in odom_frame_id that the odometry starts at, and from the next reset on starts anew "

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import grey, rectified
 from rgbd_glue_ros.geometry.depth import limit_depth
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
+from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame, View
+from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame, Trajectory, View
 
 
 @dataclass(frozen=True)
@@ -37,29 +39,45 @@ class Keyed:
 class LiveMap:
     """Closes loops as keyframes come.
 
+    With a map made before, keyframes wait until one of them shows a place of it.
+
     Attributes:
         poses: T_map_camera [4, 4] of every keyframe, by its row.
         loops: how many were closed.
+        T_map_odom: float64 [4, 4]; None as long as no place of the map was recognised.
     """
 
-    def __init__(self, config: Config) -> None:
-        """An empty map.
+    def __init__(self, config: Config, before: SavedMap | None = None) -> None:
+        """A map to begin with.
+
+        Args:
+            config: how keyframes are compared.
+            before: a map made before; None begins an empty one.
 
         Raises:
             MissingExtraError: the libraries of the extra slam are not installed.
         """
         self._config = config
+        self._before = before
         self._glue = Glue(config)
         self.clear()
 
     def clear(self) -> None:
-        """Begins anew."""
+        """Begins anew, from the map made before if there is one."""
         self._mapper = Mapper(self._config, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
+        self._waiting: list[tuple[int, Keyed]] = []
         self.poses: dict[int, Float64] = {}
         self.loops = 0
-        self.T_map_odom: Float64 = np.eye(4)
+        self.T_map_odom: Float64 | None = np.eye(4)
+        if self._before is not None:
+            self._restore(self._before)
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it is known where ``odom`` lies in the map."""
+        return self.T_map_odom is not None
 
     def add(self, number: int, keyed: Keyed) -> None:
         """Takes a keyframe with its edges.
@@ -71,23 +89,75 @@ class LiveMap:
             number: the odometry's.
             keyed: the keyframe.
         """
-        row = self._rows[number] = len(self._mapper.keyframes)
-        T = self.T_map_odom @ keyed.T_odom_camera
-        known = tuple(
-            replace(edge, parent=self._rows[edge.parent], child=row)
-            for edge in keyed.edges
-            if edge.parent in self._rows
-        )
-        self._optimiser.add(row, T)
-        self._mapper.add_edges(known)
-        loops = self._mapper.add(self._keyframe(row, keyed), self._config.refine)
-        self._update((*known, *loops))
+        if self.T_map_odom is None:
+            self._waiting.append((number, keyed))
+            if self._is_recognised(keyed):
+                waiting, self._waiting = self._waiting, []
+                self._add(waiting)
+        else:
+            self._add([(number, keyed)])
+
+    def locate(self, keyed: Keyed) -> bool:
+        """Looks for a keyframe in the map made before, which stays as it is.
+
+        Returns:
+            Whether it was found; ``T_map_odom`` is that of the keyframe then.
+        """
+        return self._is_recognised(keyed)
+
+    def stamps_ns(self) -> dict[int, int]:
+        """Stamps of the keyframes by their rows."""
+        return {keyframe.number: keyframe.stamp_ns for keyframe in self._mapper.keyframes}
+
+    def saved(self) -> SavedMap:
+        """The map as it is now, for a file."""
+        keyframes = self._mapper.keyframes
+        stamps = np.array([keyframe.stamp_ns for keyframe in keyframes], np.int64)
+        poses = np.array([self.poses[row] for row in range(len(keyframes))]).reshape(-1, 4, 4)
+        graph = PoseGraph(Trajectory(stamps, poses), tuple(self._mapper.edges))
+        return self._mapper.saved(graph)
+
+    def _restore(self, before: SavedMap) -> None:
+        self._mapper.restore(before)
+        for keyframe in self._mapper.keyframes:
+            self._optimiser.add(keyframe.number, keyframe.T_odom_camera)
+        self._update(before.graph.edges)
+        self.T_map_odom = None
+
+    def _is_recognised(self, keyed: Keyed) -> bool:
+        """Whether a keyframe shows a place of the map, which tells where ``odom`` is."""
+        keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
+        loops = self._mapper.recognised(keyframe)
+        if not loops:
+            return False
+        T_map_camera = self.poses[loops[0].parent] @ loops[0].T_parent_child
+        self.T_map_odom = T_map_camera @ se3.inverse(keyed.T_odom_camera)
+        return True
+
+    def _add(self, keyframes: Sequence[tuple[int, Keyed]]) -> None:
+        """Takes keyframes that are linked to one another or to the map."""
+        T_map_odom = self.T_map_odom
+        assert T_map_odom is not None  # noqa: S101 - for the type checker
+        edges: list[PoseGraphEdge] = []
+        for number, keyed in keyframes:
+            row = self._rows[number] = len(self._mapper.keyframes)
+            self._optimiser.add(row, T_map_odom @ keyed.T_odom_camera)
+            known = tuple(
+                replace(edge, parent=self._rows[edge.parent], child=row)
+                for edge in keyed.edges
+                if edge.parent in self._rows
+            )
+            self._mapper.add_edges(known)
+            loops = self._mapper.add(self._keyframe(row, keyed), self._config.refine)
+            self.loops += len(loops)
+            edges += (*known, *loops)
+        self._update(edges)
         newest = self._mapper.keyframes[-1]
         near = self._mapper.compare_near(newest, self.poses)
         if near:
             self._update(near)
-        self.loops += len(loops) + len(near)
-        self.T_map_odom = self.poses[row] @ se3.inverse(keyed.T_odom_camera)
+        self.loops += len(near)
+        self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
 
     def add_edge(self, edge: PoseGraphEdge) -> None:
         """Takes an edge that came later, between keyframes that are known."""
@@ -97,7 +167,7 @@ class LiveMap:
             self._mapper.add_edges((moved,))
             self._update((moved,))
 
-    def _update(self, edges: tuple[PoseGraphEdge, ...]) -> None:
+    def _update(self, edges: Iterable[PoseGraphEdge]) -> None:
         for edge in edges:
             self._optimiser.add_edge(edge)
         self.poses = self._optimiser.update()
@@ -106,6 +176,5 @@ class LiveMap:
         frame = rectified(keyed.frame)
         depth = limit_depth(frame.depth, self._config.camera)
         view = View(grey(frame.color), depth, frame.intrinsics)
-        model = model_of(view, self._config.refine.grid_step)
-        features = self._glue.extract(view)
-        return MapKeyframe(row, frame.stamp_ns, keyed.T_odom_camera, features, model)
+        T = keyed.T_odom_camera
+        return MapKeyframe.seen(row, frame.stamp_ns, T, view, self._glue, self._config)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.registration.glue import FrameFeatures
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.model import Model, model_of
+from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+from rgbd_glue_ros.types import Float64, View
 
 
 @dataclass(frozen=True)
@@ -36,3 +37,11 @@ class MapKeyframe:
         return MapKeyframe(
             keyframe.number, keyframe.stamp_ns, T_odom_camera, keyframe.features, model
         )
+
+    @staticmethod
+    def seen(
+        number: int, stamp_ns: int, T_odom_camera: Float64, view: View, glue: Glue, config: Config
+    ) -> MapKeyframe:
+        """A keyframe that is known by its view and its pose [4, 4] alone."""
+        model = model_of(view, config.refine.grid_step)
+        return MapKeyframe(number, stamp_ns, T_odom_camera, glue.extract(view), model)

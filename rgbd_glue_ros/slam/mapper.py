@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.features.visual import orb
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config, RefineConfig
 from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam.appearance import Appearance
+from rgbd_glue_ros.slam.appearance import Appearance, Likeness
 from rgbd_glue_ros.slam.loop_closure import loop_edge
+from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import Optimum, optimise
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory, UInt8
@@ -31,6 +33,7 @@ class Mapper:
     """Collects keyframes and edges, and closes loops.
 
     Attributes:
+        session_start: number of the first keyframe that is not of a map made before.
         keyframes: all so far, by number.
         edges: of the odometry and of loops.
     """
@@ -40,8 +43,25 @@ class Mapper:
         self._glue = Glue(config)
         self._appearance = appearance
         self._orb = orb(config.features)
+        self.session_start = 0
         self.keyframes: list[MapKeyframe] = []
         self.edges: list[PoseGraphEdge] = []
+
+    def restore(self, saved: SavedMap) -> None:
+        """Takes a map made before, as the first; what comes next is another session's.
+
+        Until a loop links them, nothing is known of how the two lie to one another.
+        """
+        keyframes = saved.graph.keyframes
+        for stamp_ns, T, view in zip(
+            keyframes.stamps_ns.tolist(), keyframes.poses, saved.views, strict=True
+        ):
+            number = len(self.keyframes)
+            keyframe = MapKeyframe.seen(number, stamp_ns, T, view, self._glue, self._config)
+            self._appearance.add(number, self._descriptors(keyframe))
+            self.keyframes.append(keyframe)
+        self.edges += saved.graph.edges
+        self.session_start = len(self.keyframes)
 
     def add_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
         """Takes what the odometry measured."""
@@ -62,23 +82,65 @@ class Mapper:
         alike = self._appearance.like(descriptors)
         self._appearance.add(keyframe.number, descriptors)
         self.keyframes.append(keyframe)
-        last = keyframe.number - self._config.odometry.window
-        candidates = [a.number for a in alike if a.number < last and a.matches >= _MIN_MATCHES]
+        loops = self._loops(keyframe, alike)
+        self.edges += loops
+        return loops
+
+    def recognised(self, keyframe: MapKeyframe) -> tuple[PoseGraphEdge, ...]:
+        """The loops of a keyframe, which is not added, with those that it looks like."""
+        return self._loops(keyframe, self._appearance.like(self._descriptors(keyframe)))
+
+    def _loops(self, keyframe: MapKeyframe, alike: Sequence[Likeness]) -> tuple[PoseGraphEdge, ...]:
+        candidates = [
+            likeness.number
+            for likeness in alike
+            if self._is_earlier(likeness.number, keyframe.number)
+            and likeness.matches >= _MIN_MATCHES
+        ]
         edges = [
             loop_edge(self.keyframes[number], keyframe, self._glue, self._config)
             for number in candidates[:_MOST_ALIKE]
             if not self._is_linked(number, keyframe.number)
         ]
-        loops = tuple(edge for edge in edges if edge is not None)
-        self.edges += loops
-        return loops
+        return tuple(edge for edge in edges if edge is not None)
+
+    def T_map_odom(self) -> Float64 | None:
+        """Where this session's odom frame lies in a map made before, float64 [4, 4].
+
+        The identity without such a map; None as long as no loop links the two.
+        """
+        start = self.session_start
+        if start == 0:
+            return np.eye(4)
+        links = (e for e in self.edges if e.parent < start <= e.child)
+        return next((self.placed_by(link, self.keyframes[link.child]) for link in links), None)
+
+    def placed_by(self, link: PoseGraphEdge, keyframe: MapKeyframe) -> Float64:
+        """T_map_odom [4, 4] by a loop from a keyframe of the map to one of this session."""
+        T_map_camera = self.keyframes[link.parent].T_odom_camera @ link.T_parent_child
+        return np.asarray(T_map_camera @ se3.inverse(keyframe.T_odom_camera), np.float64)
 
     @property
     def graph(self) -> PoseGraph:
-        """The pose graph, with poses as the odometry published them."""
+        """The pose graph, with poses as the odometry published them, placed in the map.
+
+        Raises:
+            InputError: no loop links this session to the map made before.
+        """
+        T_map_odom = self.T_map_odom()
+        if T_map_odom is None:
+            raise InputError(
+                "the map", "shows none of the places of this recording", "leave it out"
+            )
         stamps = np.array([keyframe.stamp_ns for keyframe in self.keyframes], np.int64)
         poses = np.array([keyframe.T_odom_camera for keyframe in self.keyframes])
-        return PoseGraph(Trajectory(stamps, poses.reshape(-1, 4, 4)), tuple(self.edges))
+        poses = poses.reshape(-1, 4, 4)
+        poses[self.session_start :] = T_map_odom @ poses[self.session_start :]
+        return PoseGraph(Trajectory(stamps, poses), tuple(self.edges))
+
+    def saved(self, graph: PoseGraph) -> SavedMap:
+        """The map for a file, with the poses of ``graph``, which is of all keyframes."""
+        return SavedMap(graph, tuple(keyframe.features.view for keyframe in self.keyframes))
 
     def finish(self) -> Optimum:
         """The optimum, after keyframes that it takes near each other were compared, too.
@@ -119,6 +181,10 @@ class Mapper:
         loops = tuple(edge for edge in edges if edge is not None)
         self.edges += loops
         return loops
+
+    def _is_earlier(self, parent: int, child: int) -> bool:
+        """Whether the odometry has not compared the two anyway."""
+        return parent < max(self.session_start, child - self._config.odometry.window)
 
     def _is_linked(self, parent: int, child: int) -> bool:
         return any(edge.parent == parent and edge.child == child for edge in self.edges)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
-from rigs.drifted import CHANGED, drifted, rmse
+from rigs.drifted import CHANGED, Drifted, drifted, rmse
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
@@ -16,7 +16,6 @@ from rgbd_glue_ros.live.topics import (
     KEYFRAME_EDGES,
     KEYFRAME_FRAME,
     KEYFRAME_POSE,
-    MAP_FRAME,
     MAP_PATH,
     POSE,
 )
@@ -37,7 +36,9 @@ from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
 from rigs.ros import START_S
 from rigs.tf import Robot
+from std_srvs.srv import Trigger
 
+NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
 MAPPED_S = 60.0
 
@@ -56,6 +57,67 @@ def edge_message(edge: PoseGraphEdge, at_ns: int) -> OdometryMessage:
     return message
 
 
+class Session:
+    """A robot whose odometry is known, beside a mapping node."""
+
+    def __init__(self, robot: Robot, node: NodeProcess) -> None:
+        self._robot = robot
+        self._node = node
+        self.paths: list[Path] = []
+        robot.node.create_subscription(Path, MAP_PATH, self.paths.append, 10)
+        self._poses = robot.publisher(PoseStamped, KEYFRAME_POSE)
+        self._edges = robot.publisher(OdometryMessage, KEYFRAME_EDGES)
+        self._tracked = robot.publisher(PoseStamped, POSE)
+        node.wait_for_line("Subscribed", START_S)
+        robot.wait(self._is_matched, "the node's subscriptions", START_S)
+
+    def _is_matched(self) -> bool:
+        images = (self._robot.color, self._robot.depth, self._robot.info)
+        for publisher in images:
+            listeners = self._robot.node.get_subscriptions_info_by_topic(publisher.topic_name)
+            if {i.qos_profile.reliability for i in listeners} != {ReliabilityPolicy.RELIABLE}:
+                return False
+        publishers = (*images, self._poses, self._edges, self._tracked)
+        taken = [publisher.get_subscription_count() for publisher in publishers]
+        return min(taken) > 0 and bool(self._robot.node.count_publishers(MAP_PATH))
+
+    def publish(self, keyframe: Drifted, T_odom_camera: Float64) -> None:
+        """A keyframe with its edges: its images come last."""
+        frame = recorded_frames()[keyframe.row]
+        self._poses.publish(pose_message(T_odom_camera, frame.stamp_ns))
+        for edge in keyframe.edges:
+            self._edges.publish(edge_message(edge, frame.stamp_ns))
+        self._robot.publish(frame)
+
+    def wait_for_path_of(self, count: int) -> None:
+        """Waits until the map has so many keyframes."""
+        self._robot.wait(
+            lambda: self.paths and len(self.paths[-1].poses) == count,
+            f"the path with {count} keyframes",
+            MAPPED_S,
+        )
+
+    def wait_for_map_odom(self, T_odom_camera: Float64, at_ns: int) -> Float64:
+        """T_map_odom [4, 4] as it is published at a pose."""
+        self._tracked.publish(pose_message(T_odom_camera, at_ns))
+        self._robot.wait(lambda: self._robot.heard, "map -> odom")
+        heard = self._robot.heard[-1]
+        assert (heard.header.frame_id, heard.child_frame_id) == ("map", "odom")
+        assert stamp_ns(heard.header.stamp) == at_ns
+        return pose_from_message(heard, "/tf")
+
+    def save(self) -> str:
+        """Calls ~/save_map and returns what it says."""
+        client = self._robot.node.create_client(Trigger, f"/{NODE_NAME}/save_map")
+        self._robot.wait(client.service_is_ready, "the service")
+        answer = client.call_async(Trigger.Request())
+        self._robot.wait(answer.done, "the answer")
+        response = answer.result()
+        assert response is not None
+        assert response.success, response.message
+        return str(response.message)
+
+
 def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int) -> None:
     keyframes = drifted()
     frames = recorded_frames()
@@ -63,45 +125,18 @@ def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int
         NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
         Robot(ros_domain) as robot,
     ):
-        paths: list[Path] = []
-        robot.node.create_subscription(Path, MAP_PATH, paths.append, 10)
-        poses = robot.publisher(PoseStamped, KEYFRAME_POSE)
-        edges = robot.publisher(OdometryMessage, KEYFRAME_EDGES)
-        tracked = robot.publisher(PoseStamped, POSE)
-        node.wait_for_line("Subscribed", START_S)
-        publishers = (robot.color, robot.depth, robot.info, poses, edges, tracked)
-
-        def is_matched() -> bool:
-            for images in publishers[:3]:
-                listeners = robot.node.get_subscriptions_info_by_topic(images.topic_name)
-                if {i.qos_profile.reliability for i in listeners} != {ReliabilityPolicy.RELIABLE}:
-                    return False
-            taken = [p.get_subscription_count() for p in publishers]
-            return min(taken) > 0 and bool(robot.node.count_publishers(MAP_PATH))
-
-        def has_path_of(count: int) -> bool:
-            return bool(paths) and len(paths[-1].poses) == count
-
-        robot.wait(is_matched, "the node's subscriptions", START_S)
+        session = Session(robot, node)
         for number, keyframe in enumerate(keyframes):
-            frame = frames[keyframe.row]
-            # keyframes are known by their edges, and come before their images as well as after
-            poses.publish(pose_message(keyframe.T_odom_camera, frame.stamp_ns))
-            for edge in keyframe.edges:
-                edges.publish(edge_message(edge, frame.stamp_ns))
-            robot.publish(frame)
+            session.publish(keyframe, keyframe.T_odom_camera)
             if number:
-                robot.wait(
-                    partial(has_path_of, number + 1), f"the path with keyframe {number}", MAPPED_S
-                )
+                session.wait_for_path_of(number + 1)
         last = keyframes[-1]
         at_ns = frames[last.row].stamp_ns
-        tracked.publish(pose_message(last.T_odom_camera, at_ns))
-        robot.wait(lambda: robot.heard, "map -> odom")
+        T_map_odom = session.wait_for_map_odom(last.T_odom_camera, at_ns)
         sys.stdout.write("\n".join(node.lines))
 
-    path = paths[-1]
-    assert path.header.frame_id == MAP_FRAME
+    path = session.paths[-1]
+    assert path.header.frame_id == "map"
     assert [stamp_ns(p.header.stamp) for p in path.poses] == [
         frames[keyframe.row].stamp_ns for keyframe in keyframes
     ]
@@ -109,9 +144,44 @@ def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int
     before = rmse(np.array([keyframe.T_odom_camera for keyframe in keyframes]), truth)
     found = np.array([pose_from_message(p, MAP_PATH) for p in path.poses])
     assert rmse(found, truth) < 0.25 * before
-    heard = robot.heard[-1]
-    assert (heard.header.frame_id, heard.child_frame_id) == (MAP_FRAME, "odom")
-    assert stamp_ns(heard.header.stamp) == at_ns
-    T_map_odom = pose_from_message(heard, "/tf")
     assert se3.difference(T_map_odom, np.eye(4)) > 0.02
     np.testing.assert_allclose(T_map_odom @ last.T_odom_camera, found[-1], atol=1e-6)
+
+
+def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes, room = drifted()[:4], tmp_path / "room.rgbdmap"
+    saving = {**CHANGED, "save_map_file": str(room)}
+    with (
+        NodeProcess(saving, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        session.wait_for_path_of(len(keyframes))
+        assert session.save() == f"{room}: {len(keyframes)} keyframes"
+
+    # odometry starts elsewhere the next time
+    T_start = se3.exp(np.array([0.4, 0.2, -0.1, 0.1, 0.2, -0.3]))
+    given = {**CHANGED, "map_file": str(room), "localize_only": True}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes[:2]:
+            T_odom_camera = se3.inverse(T_start) @ keyframe.keyframe.T_odom_camera
+            session.publish(keyframe, T_odom_camera)
+        node.wait_for_line("shows a place of the map", MAPPED_S)
+        at_ns = recorded_frames()[keyframes[1].row].stamp_ns
+        T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
+    assert se3.difference(T_map_odom, T_start) < 0.03
+
+
+def test_localising_without_a_map_is_refused(ros_domain: int) -> None:
+    environment = ros_environment(ros_domain)
+    with NodeProcess({"localize_only": True}, environment, module=MODULE) as node:
+        node.wait_for_line("localize_only: there is no map; set map_file", START_S)
+        assert node.wait_for_end(START_S) == 2

@@ -73,6 +73,7 @@ def test_injected_drift_is_taken_out_while_the_camera_moves() -> None:
     assert before > 0.04
     assert live.loops >= 3
     assert after < 0.25 * before
+    assert live.T_map_odom is not None
     np.testing.assert_allclose(
         live.T_map_odom @ keyframes[-1].T_odom_camera, live.poses[len(keyframes) - 1], atol=1e-9
     )

@@ -26,6 +26,7 @@ from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.slam.appearance import SearchTree
 from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused, write_ply
 from rgbd_glue_ros.slam.correction import corrected
+from rgbd_glue_ros.slam.map_file import SavedMap, write_map
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.optimiser import Optimum, load_gtsam
@@ -57,12 +58,19 @@ class MappingSink:
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Takes a frame."""
-        self._mapper.add_edges(estimate.edges)
+        start_row = self._mapper.session_start
+        self._mapper.add_edges(
+            tuple(
+                replace(edge, parent=start_row + edge.parent, child=start_row + edge.child)
+                for edge in estimate.edges
+            )
+        )
         keyframe = self._odometry.newest_keyframe
         if not estimate.is_keyframe or keyframe is None or estimate.T_odom_camera is None:
             return
         start = perf_counter()
         kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
+        kept = replace(kept, number=start_row + kept.number)
         self._mapper.add(kept, self._odometry.refine_config())
         self.ms.append(1000 * (perf_counter() - start))
         self.clouds.append(cloud_of(frame))
@@ -96,6 +104,8 @@ def map_recording(
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     inputs: InputConfig | None = None,
     command: str = "",
+    before: SavedMap | None = None,
+    save_map: Path | None = None,
 ) -> MappedRun:
     """Runs the odometry, closes loops, and writes what is corrected by them.
 
@@ -111,13 +121,18 @@ def map_recording(
         on_frame: called after each frame.
         inputs: how ``sequence`` was opened, for the record; None as by default.
         command: that asks for it, to be quoted in the report.
+        before: a map to go on with; None begins one.
+        save_map: file to write the map to, for other sessions; None writes none.
 
     Raises:
-        InputError: the folder cannot be written, or a frame cannot be read.
+        InputError: the folder cannot be written, a frame cannot be read, or the recording shows
+            no place of the map before it.
         MissingExtraError: the libraries of the extra slam are not installed.
     """
     load_gtsam()
     odometry, mapper = Odometry(config), Mapper(config, SearchTree())
+    if before is not None:
+        mapper.restore(before)
     sink = MappingSink(odometry, mapper)
     inputs, further = inputs or InputConfig(), (ODOMETRY, CLOUD)
     with results_of(sequence.name, config, folder, inputs, further) as results:
@@ -138,7 +153,9 @@ def map_recording(
         finish_ms = 1000 * (perf_counter() - start)
         mapped = _mapped(run, mapper, optimum)
         write_tum(folder / TRAJECTORY, mapped.trajectory)
-        cloud = fused(sink.clouds, optimum.graph.keyframes.poses)
+        if save_map is not None:
+            write_map(save_map, mapper.saved(optimum.graph))
+        cloud = fused(sink.clouds, optimum.graph.keyframes.poses[mapper.session_start :])
         write_ply(folder / CLOUD, cloud)
         figures = write_results(
             mapped,
@@ -154,11 +171,21 @@ def map_recording(
 
 
 def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
-    """The run with every pose where the optimum puts it, and with the loops."""
-    moved = corrected(run.trajectory, mapper.graph.keyframes, optimum.graph.keyframes)
+    """The run with every pose where the optimum puts it, and with the loops of its own."""
+    start = mapper.session_start
+    keyframes = mapper.keyframes[start:]
+    stamps = optimum.graph.keyframes.stamps_ns[start:]
+    before = Trajectory(stamps, np.array([keyframe.T_odom_camera for keyframe in keyframes]))
+    after = Trajectory(stamps, optimum.graph.keyframes.poses[start:])
+    moved = corrected(run.trajectory, before, after)
     poses = dict(zip(moved.stamps_ns.tolist(), moved.poses, strict=True))
     frames = [replace(f, T_odom_camera=poses.get(f.stamp_ns)) for f in run.frames]
-    frames[-1] = replace(frames[-1], edges=(*frames[-1].edges, *believed_loops(optimum)))
+    loops = (
+        replace(edge, parent=edge.parent - start, child=edge.child - start)
+        for edge in believed_loops(optimum)
+        if edge.parent >= start
+    )
+    frames[-1] = replace(frames[-1], edges=(*frames[-1].edges, *loops))
     return replace(run, frames=frames)
 
 

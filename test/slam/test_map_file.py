@@ -1,0 +1,164 @@
+"""A map in a file is the same map, and another session finds itself in it."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import make_bag
+import numpy as np
+import pytest
+from rigs.bag_frames import recorded_frames
+from rigs.drifted import CHANGED, config, drifted
+from rigs.pan import Pan
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
+from rgbd_glue_ros.types import Float64
+
+pytest.importorskip("gtsam", reason="GTSAM is not installed")
+pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+
+# where the odometry of another session starts, in the frame of the first one
+T_MAP_ODOM = se3.exp(np.array([0.8, -0.3, 0.2, 0.1, -0.2, 0.4]))
+
+
+@lru_cache(maxsize=1)
+def first_session() -> SavedMap:
+    """The keyframes of the bundled recording where they were tracked."""
+    live = LiveMap(config())
+    for number, keyed in enumerate(keyframes(np.eye(4))):
+        live.add(number, keyed)
+    return live.saved()
+
+
+def keyframes(T_map_odom: Float64) -> list[Keyed]:
+    """The same, by an odometry that starts elsewhere; edges do not know of it."""
+    kept = [keyframe.keyframe for keyframe in drifted()]
+    found = []
+    for keyframe, drifting in zip(kept, drifted(), strict=True):
+        edges = tuple(
+            replace(
+                edge,
+                T_parent_child=se3.inverse(kept[edge.parent].T_odom_camera)
+                @ keyframe.T_odom_camera,
+            )
+            for edge in drifting.edges
+        )
+        T = se3.inverse(T_map_odom) @ keyframe.T_odom_camera
+        found.append(Keyed(recorded_frames()[drifting.row], T, edges))
+    return found
+
+
+def test_a_map_comes_back_from_its_file(tmp_path: Path) -> None:
+    saved = first_session()
+    write_map(tmp_path / "room.rgbdmap", saved)
+    read = read_map(tmp_path / "room.rgbdmap")
+    for name in ("stamps_ns", "poses"):
+        before, after = (getattr(m.graph.keyframes, name) for m in (saved, read))
+        np.testing.assert_array_equal(after, before)
+    assert [(e.parent, e.child, e.origin) for e in read.graph.edges] == [
+        (e.parent, e.child, e.origin) for e in saved.graph.edges
+    ]
+    for ours, theirs in zip(saved.views, read.views, strict=True):
+        np.testing.assert_array_equal(theirs.grey, ours.grey)
+        # half of the unit
+        np.testing.assert_allclose(theirs.depth, ours.depth, rtol=0, atol=0.000126)
+        assert theirs.intrinsics == ours.intrinsics
+        np.testing.assert_array_equal(theirs.twist, ours.twist)
+
+
+def test_another_session_is_placed_where_it_is_once_it_shows_a_place_of_the_map(
+    tmp_path: Path,
+) -> None:
+    write_map(tmp_path / "room.rgbdmap", first_session())
+    live = LiveMap(config(), read_map(tmp_path / "room.rgbdmap"))
+    assert not live.is_placed
+    session = keyframes(T_MAP_ODOM)
+    for number, keyed in enumerate(session):
+        live.add(number, keyed)
+    assert live.T_map_odom is not None
+    assert se3.difference(live.T_map_odom, T_MAP_ODOM) < 0.005
+    count = len(first_session())
+    assert len(live.saved()) == count + len(session)
+    expected = [T_MAP_ODOM @ keyed.T_odom_camera for keyed in session]
+    apart = [se3.difference(live.poses[count + row], T) for row, T in enumerate(expected)]
+    assert max(apart) < 0.01
+
+
+def test_who_only_locates_leaves_the_map_as_it_is() -> None:
+    live = LiveMap(config(), first_session())
+    located = [live.locate(keyed) for keyed in keyframes(T_MAP_ODOM)]
+    assert all(located)
+    assert live.T_map_odom is not None
+    assert se3.difference(live.T_map_odom, T_MAP_ODOM) < 0.005
+    assert len(live.saved()) == len(first_session())
+
+
+def test_a_place_that_is_not_in_the_map_has_no_pose_in_it() -> None:
+    live = LiveMap(config(), first_session())
+    for number, frame in enumerate(Pan(3)):
+        live.add(number, Keyed(frame, np.eye(4)))
+    assert not live.is_placed
+    assert live.loops == 0
+
+
+def test_a_recording_goes_on_with_a_map_in_its_frame(tmp_path: Path) -> None:
+    from rgbd_glue_ros.cli.main import main
+
+    near = [word for name, value in CHANGED.items() for word in ("--set", f"{name}={value}")]
+    first, second = tmp_path / "first", tmp_path / "second"
+    room = tmp_path / "room.rgbdmap"
+    command = ["map", str(make_bag.FOLDER), *near]
+    assert main([*command, "--limit", "60", "-o", str(first), "--save-map", str(room)]) == 0
+    moved = read_map(room)
+    poses = T_MAP_ODOM @ moved.graph.keyframes.poses
+    graph = replace(moved.graph, keyframes=replace(moved.graph.keyframes, poses=poses))
+    write_map(room, replace(moved, graph=graph))
+    assert main([*command, "-o", str(second), "--map", str(room), "--save-map", str(room)]) == 0
+    before, after = (read_tum(folder / "trajectory.txt") for folder in (first, second))
+    np.testing.assert_array_equal(after.stamps_ns[: len(before.stamps_ns)], before.stamps_ns)
+    for T_first, T_second in zip(before.poses, after.poses, strict=False):
+        assert se3.difference(T_MAP_ODOM @ T_first, T_second) < 0.005
+    assert len(read_map(room)) > len(moved)
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-500])
+
+
+def _compress(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in entries.items():
+            archive.writestr(name, data)
+
+
+def _without_an_image(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in entries.items():
+            if name != "grey_1.npy":
+                archive.writestr(name, data)
+
+
+def _text(path: Path) -> None:
+    path.write_text("no map")
+
+
+@pytest.mark.parametrize("damage", [_cut, _compress, _without_an_image, _text])
+def test_a_file_that_holds_no_map_is_refused_in_one_line(damage: object, tmp_path: Path) -> None:
+    path = tmp_path / "room.rgbdmap"
+    write_map(path, first_session())
+    assert callable(damage)
+    damage(path)
+    with pytest.raises(InputError, match="holds no map") as refused:
+        read_map(path)
+    assert "\n" not in str(refused.value)
