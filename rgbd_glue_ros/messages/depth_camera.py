@@ -30,7 +30,7 @@ REGISTER_IN_DRIVER = (
     "depth_registration; depthai_ros_driver: stereo.i_align_depth; azure_kinect_ros_driver: topic "
     "depth_to_rgb/image_raw), or run depth_image_proc's register node"
 )
-_IF_REGISTERED = "if it is registered in spite of that, set depth_is_registered"
+_IF_REGISTERED = "if it is registered all the same, set depth_is_registered"
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ def find_depth_camera(
             topics.depth,
             f"is not registered to colour: its frame is {depth_frame}, that of {topics.color} "
             f"{color_frame}",
-            f"{REGISTER_IN_DRIVER}; or set depth_info_topic to the topic of the depth camera's "
-            f"info (now {topics.depth_info}), to have it registered here; {_IF_REGISTERED}",
+            f"{REGISTER_IN_DRIVER}; or name the depth camera's info (depth_info_topic, now "
+            f"{topics.depth_info}); {_IF_REGISTERED}",
         )
     intrinsics = intrinsics_of(depth_info, topics.depth, topics.depth_info)
     T_color_depth = given.T_color_depth

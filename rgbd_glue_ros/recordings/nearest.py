@@ -91,6 +91,14 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
             f"give a bag, or a folder of colour images (rgb) beside one of depth (depth); {SEE}",
         )
     layout, missing = found
+    if not missing:
+        return InputError(
+            path,
+            f"comes nearest to {layout.name}, but its images bear no numbers that tell which "
+            "belong together",
+            "name both images of a frame by one number, or list them in associations.txt (stamp "
+            f"color stamp depth); {SEE}",
+        )
     remedy = f"restore {missing[0]}"
     if missing[0].endswith("/*"):
         remedy += ", or name the images (--color-topic NAME --depth-topic NAME)"
@@ -124,7 +132,7 @@ def _nearest(folder: Path) -> tuple[Layout, list[str]] | None:
     for layout in LAYOUTS:
         missing = [said for pattern, said in layout.parts if not _is_there(folder, pattern)]
         share = 1 - len(missing) / len(layout.parts)
-        if missing and share > most:
+        if share > most:
             best, most = (layout, missing), share
     return best
 

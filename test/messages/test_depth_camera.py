@@ -98,7 +98,7 @@ def test_unregistered_depth_without_an_info_is_refused_with_what_to_switch_on() 
         "/depth: is not registered to colour: its frame is depth_optical, that of /color "
         "color_optical; switch registration on in the driver (realsense2_camera: align_depth.enable"
     )
-    assert "set depth_info_topic to the topic of the depth camera's info (now /depth/info)" in said
+    assert "name the depth camera's info (depth_info_topic, now /depth/info)" in said
     assert "\n" not in said
 
 

@@ -153,7 +153,7 @@ def test_depth_in_a_frame_that_nothing_places_is_refused_with_the_word_that_take
     color = color_image(np.zeros((48, 64), np.uint8), header(1, ONE))
     depth = depth_image(np.full((48, 64), WALL_M, np.float32), header(1, OTHER))
     if T_color_depth is None:
-        with pytest.raises(InputError, match="if it is registered in spite of that, set depth_is"):
+        with pytest.raises(InputError, match="if it is registered all the same, set depth_is"):
             find_depth_camera(color, depth, info, depth_info, lambda *_: None, topics)
     else:
         found = find_depth_camera(color, depth, info, depth_info, lambda *_: T_color_depth, topics)

@@ -466,6 +466,12 @@ def only_a_colour_list(folder: Path) -> None:
     text(folder / "rgb.txt", "1.0 rgb/1.png")
 
 
+def unnumbered(folder: Path) -> None:
+    for name in ("door", "table"):
+        write(folder / f"rgb/{name}.png", color(0))
+        write(folder / f"depth/{name}.png", depth(0, 1000))
+
+
 def without_its_video(folder: Path) -> None:
     stray_scanner(folder)
     (folder / "rgb.mp4").unlink()
@@ -501,6 +507,7 @@ def nested(folder: Path) -> None:
 UNKNOWN: dict[str, tuple[Callable[[Path], None], str]] = {
     "colour alone": (only_colour, "a folder of images, but depth/* is missing; restore depth/*"),
     "one list": (only_a_colour_list, "nearest to TUM RGB-D, but depth.txt is missing"),
+    "no numbers": (unnumbered, "its images bear no numbers that tell which belong together"),
     "a scan without its video": (without_its_video, "Stray Scanner, but rgb.mp4 is missing"),
     "something else": (without_its_storage, "it holds metadata.yml, notes.txt; give a bag, or"),
     "nothing": (Path.mkdir, "known format: it is empty; give the folder of one"),
