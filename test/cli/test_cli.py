@@ -73,7 +73,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["params", "--set", "glue.k"], "name=value"),
         (["params", "--set", "glue.k=0.5"], "from 1 to 100"),
         (["replay", "absent", "-o", "out"], "absent: does not exist"),
-        (["replay", "test", "-o", "out"], "rgb.txt and depth.txt"),
+        (["replay", "test", "-o", "out"], "a folder of colour images (rgb) beside one of depth"),
         (["params", "glue.q"], "did you mean glue.k?"),
         (["params", "node"], "node: no such parameter"),
         (["replay", "test", "-o", "out", "--limit", "0"], "'0'"),
