@@ -16,7 +16,6 @@ from rgbd_glue_ros.input_checks import (
     check_distortion,
     check_frame,
     check_frame_id,
-    check_imu,
     check_intrinsics,
     check_stamps,
 )
@@ -140,57 +139,6 @@ class RgbdFrame:
             height, width = self.depth.shape
             sized = replace(camera, width=width, height=height)
             object.__setattr__(self, "intrinsics", sized)
-
-
-@dataclass(frozen=True)
-class ImuSamples:
-    """What an inertial sensor (IMU) measured, in one frame's axes and in order of time.
-
-    Attributes:
-        stamps_ns: int64 [N], increasing, nanoseconds.
-        angular_velocity: float64 [N, 3], rad/s; NaN where not measured.
-        linear_acceleration: float64 [N, 3], m/s², at rest 9.8 upward; NaN where not measured.
-    """
-
-    stamps_ns: Int64
-    angular_velocity: Float64
-    linear_acceleration: Float64
-
-    def __post_init__(self) -> None:
-        """Checks the arrays.
-
-        Raises:
-            InputError: they are of another type or shape, or the stamps do not increase.
-        """
-        check_imu(self.stamps_ns, self.angular_velocity, self.linear_acceleration)
-
-    def __len__(self) -> int:
-        return len(self.stamps_ns)
-
-    def rotated(self, R: Float64) -> ImuSamples:
-        """The same in the axes of another frame, to which R [3, 3] turns vectors."""
-        return replace(
-            self,
-            angular_velocity=self.angular_velocity @ R.T,
-            linear_acceleration=self.linear_acceleration @ R.T,
-        )
-
-    def between(self, first_ns: int, last_ns: int) -> ImuSamples:
-        """Those with stamps from ``first_ns`` to ``last_ns``, both included."""
-        ends = np.searchsorted(self.stamps_ns, [first_ns, last_ns + 1])
-        return ImuSamples(*(values[slice(*ends)] for values in vars(self).values()))
-
-    def with_later(self, later: ImuSamples) -> ImuSamples:
-        """These, and those of others that are later than all of them."""
-        if len(self) and len(later):
-            later = later.between(int(self.stamps_ns[-1]) + 1, int(later.stamps_ns[-1]))
-        both = zip(vars(self).values(), vars(later).values(), strict=True)
-        return ImuSamples(*map(np.concatenate, both))
-
-    @staticmethod
-    def empty() -> ImuSamples:
-        """No samples."""
-        return ImuSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)))
 
 
 @dataclass(frozen=True)

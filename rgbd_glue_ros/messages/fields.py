@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.messages.image_codecs import encode_jpeg, encode_png, quantised
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
     Float32,
     Float64,
-    ImuSamples,
     LensModel,
     UInt8,
 )

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
@@ -26,7 +27,6 @@ from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
-    ImuSamples,
     OdometryEstimate,
     PoseGraphEdge,
     RgbdFrame,

@@ -36,6 +36,7 @@ ROOT_MODULES = {
     "code_cache",
     "compiled",
     "errors",
+    "imu",
     "input_checks",
     "input_files",
     "input_yaml",
