@@ -102,6 +102,7 @@ setup(
         "learned": ["torch>=2.3"],
         # pairs and replays on many processes or machines
         "scale": [
+            "cryptography>=42.0.0",
             "dask>=2024.8",
             "distributed>=2024.8",
         ],

@@ -34,6 +34,7 @@ _NAMES = {
 }
 
 # A stamp of so many units is one of these; of today, each is a thousand times the one before
+_END_OF_TIME_NS = 2**63
 _SECONDS_BELOW, _MILLISECONDS_BELOW, _MICROSECONDS_BELOW = Decimal("9.2e9"), Decimal(10**14), 10**17
 
 MATRIX_SHAPES = {12: (3, 4), 16: (4, 4)}
@@ -86,13 +87,17 @@ def stamps_ns(texts: Sequence[str]) -> list[int]:
         texts: decimal numbers of seconds, or of the thousandth parts that their size tells.
 
     Raises:
-        ValueError: one is no finite number.
+        ValueError: one is no finite number, or more than 64 bits hold.
         ArithmeticError: one is no number at all.
     """
     numbers = [Decimal(text) for text in texts]
     if any(not number.is_finite() for number in numbers):
         raise ValueError("a stamp that is not finite")
-    unit = _nanoseconds_of_unit(max(map(abs, numbers), default=Decimal(0)))
+    largest = max(map(abs, numbers), default=Decimal(0))
+    # an exponent of a million would make a whole number of a million digits
+    if largest >= _END_OF_TIME_NS:
+        raise ValueError("a stamp beyond all time")
+    unit = _nanoseconds_of_unit(largest)
     return [int((number * unit).to_integral_value()) for number in numbers]
 
 

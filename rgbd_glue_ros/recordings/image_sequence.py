@@ -355,6 +355,22 @@ def matrix(path: Path, size: int) -> Float64:
     return numbers.reshape(size, size)
 
 
+def camera_of_matrix(where: object, K: Float64, width: int, height: int) -> CameraIntrinsics:
+    """The camera of a matrix [3, 3], or of the upper left of a larger one.
+
+    Raises:
+        InputError: it is none: not finite, a focal length not above zero, or askew.
+    """
+    K = K[:3, :3]
+    rest = [K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1]
+    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and not np.any(rest)):
+        raise InputError(
+            where, "is no camera matrix", "restore it, or give the calibration (--calibration)"
+        )
+    fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+    return CameraIntrinsics(width, height, fx, fy, cx, cy)
+
+
 def ground_truth(files: Iterable[tuple[int, Path]]) -> Trajectory | None:
     """The poses in files of one matrix [4, 4] each, by the stamps of their frames.
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.input_files import MAX_IMAGE, read_bytes
 from rgbd_glue_ros.messages.image_codecs import decode
@@ -13,6 +11,7 @@ from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
     ImagePair,
     ImageSequence,
+    camera_of_matrix,
     ground_truth,
     matrix,
 )
@@ -84,10 +83,8 @@ def _number(path: Path) -> int:
 
 
 def _camera(folder: Path, depth: Path) -> CameraIntrinsics:
-    K = matrix(folder / _INTRINSICS, 4)
-    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
-        raise InputError(folder / _INTRINSICS, "is no camera matrix", "restore the file")
-    return CameraIntrinsics(*_size(depth), K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+    path = folder / _INTRINSICS
+    return camera_of_matrix(path, matrix(path, 4), *_size(depth))
 
 
 def _size(path: Path) -> tuple[int, int]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
     ImagePair,
     ImageSequence,
+    camera_of_matrix,
     ground_truth,
     matrix,
 )
@@ -75,11 +74,7 @@ def _camera(folder: Path) -> CameraIntrinsics:
     folder = folder.resolve()
     for path in (folder / _INTRINSICS, folder.parent / _INTRINSICS):
         if path.is_file():
-            K = matrix(path, 3)
-            if not np.isfinite(K).all():
-                raise InputError(path, "is no camera matrix", "restore the file")
-            fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
-            return CameraIntrinsics(_WIDTH, _HEIGHT, fx, fy, cx, cy)
+            return camera_of_matrix(path, matrix(path, 3), _WIDTH, _HEIGHT)
     if folder.parent.name in _SCENES:
         return _SEVEN_SCENES
     raise InputError(

@@ -127,3 +127,11 @@ def test_stamps_that_lost_their_digits_are_refused(tmp_path: Path) -> None:
     path.write_text(lines(" ", words))
     with pytest.raises(InputError, match=r"6 poses have 1 stamps .* all their digits"):
         read_tum(path)
+
+
+@pytest.mark.parametrize("stamp", ["1e30", "1e999990", "-1e999990", "9223372036854775808", "inf"])
+def test_a_stamp_beyond_all_time_is_no_stamp(stamp: str, tmp_path: Path) -> None:
+    path = tmp_path / "trajectory.txt"
+    path.write_text(f"{stamp} 0 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match="a stamp"):
+        read_tum(path)

@@ -19,7 +19,7 @@ from rigs.tasks import digits, threads
 
 from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial, pool
+from rgbd_glue_ros.experiments.batch.workers import DaskPool, Failure, Pool, Serial, pool
 from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.jobs import Results, from_json
 from rgbd_glue_ros.experiments.pairs.report import JOURNAL
@@ -92,6 +92,43 @@ def test_workers_that_do_not_have_this_package_are_refused_by_their_address(
         finally:
             worker.kill()
             worker.wait()
+
+
+def test_nobody_without_the_certificates_of_the_run_can_send_work_to_its_workers() -> None:
+    distributed = pytest.importorskip("distributed")
+    with pool(workers=1) as workers:
+        assert isinstance(workers, DaskPool)
+        address = workers.address
+        assert address.startswith("tls://127.0.0.1:")
+        strange = distributed.Security.temporary()
+        for other, security in (
+            (address, strange),
+            (address.replace("tls", "tcp"), distributed.Security()),
+        ):
+            with pytest.raises(OSError, match=r"."):
+                distributed.Client(other, security=security, timeout=2)
+        assert list(workers.run(digits, [4])) == [(4, "4")]
+
+
+def test_certificates_for_a_scheduler_are_those_of_dasks_configuration(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    import dask
+
+    security = distributed.Security.temporary()
+    with distributed.LocalCluster(
+        n_workers=1, processes=False, security=security, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        names = ("ca_file", "client_key", "client_cert")
+        ca, key, cert = (getattr(security, f"tls_{name}") for name in names)
+        settings = {
+            "distributed.comm.tls.ca-file": ca,
+            "distributed.comm.tls.client.key": key,
+            "distributed.comm.tls.client.cert": cert,
+        }
+        with dask.config.set(settings), pool(None, cluster.scheduler_address) as workers:
+            assert list(workers.run(digits, [4])) == [(4, "4")]
+        with pytest.raises(InputError, match="certificates"), pool(None, cluster.scheduler_address):
+            pass
 
 
 # pairs

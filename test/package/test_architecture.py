@@ -50,6 +50,7 @@ CORE = {"geometry", "features", "registration", "refinement", "odometry"}
 MOST_LINES, MOST_LINES_OF_THE_CORE = 400, 300
 OPTIONAL_LIBRARIES = {
     "argcomplete",
+    "cryptography",
     "dask",
     "distributed",
     "open3d",

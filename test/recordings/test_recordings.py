@@ -292,3 +292,22 @@ def test_real_sequences_are_read(
     assert frame.intrinsics.fx == fx
     assert frame.color.shape == (480, 640, 3)
     assert 0.3 < np.nanmedian(frame.depth) < 4.0
+
+
+@pytest.mark.parametrize(
+    "K",
+    [
+        "0 0 320 0 585 240 0 0 1",
+        "-585 0 320 0 585 240 0 0 1",
+        "nan 0 320 0 585 240 0 0 1",
+        "585 0 320 0 1e999 240 0 0 1",
+        "585 0 0 0 585 0 320 240 1",
+        "585 9 320 0 585 240 0 0 1",
+    ],
+)
+def test_a_camera_matrix_that_is_none_is_named_by_its_file(K: str, tmp_path: Path) -> None:
+    for kind in ("color", "depth"):
+        (tmp_path / f"frame-000000.{kind}.png").write_bytes(b"")
+    (tmp_path / "camera-intrinsics.txt").write_text(K)
+    with pytest.raises(InputError, match=r"camera-intrinsics\.txt: is no camera matrix"):
+        open_recording(tmp_path)

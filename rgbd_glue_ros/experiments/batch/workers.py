@@ -21,6 +21,9 @@ Item = TypeVar("Item")
 
 _PACKAGE = "rgbd_glue_ros"
 _CONNECT_S = 20
+_NO_PAGES: dict[str, list[str]] = {
+    f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker", "nanny")
+}
 _LARGEST_BATCH = 20
 _BATCHES_PER_WORKER = 4
 # read by BLAS, OpenMP and numba when a worker starts, and by ``_within_threads``
@@ -71,6 +74,11 @@ class DaskPool:
     def __init__(self, client: Any) -> None:
         self._client = client
 
+    @property
+    def address(self) -> str:
+        """Of the scheduler."""
+        return str(self._client.scheduler.address)
+
     def batch_size(self, count: int) -> int:
         """Enough to hide what a task costs, and so few that all workers have some to the end."""
         workers: int = max(1, sum(self._client.nthreads().values()))
@@ -117,6 +125,7 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
         yield Serial()
         return
     try:
+        import cryptography  # noqa: F401, PLC0415 - for the certificates of local workers
         import dask  # noqa: PLC0415
         from distributed import Client, LocalCluster  # noqa: PLC0415
     except ImportError as error:
@@ -126,9 +135,12 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=_CONNECT_S)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
+            # Dask's own settings say with which certificates (distributed.comm.tls)
             raise InputError(
-                scheduler, "no Dask scheduler answers", "start one: dask scheduler"
+                scheduler,
+                f"no Dask scheduler answers ({error})",
+                "start one (dask scheduler); for tls:// give its certificates in Dask's configuration",
             ) from error
         with client:
             if not client.nthreads():
@@ -141,12 +153,16 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
     assert workers is not None  # noqa: S101 - for the type checker
     threads = str(max(1, (os.cpu_count() or 1) // workers))
     environment = dict.fromkeys(_THREADS, threads)
+    # on this machine alone, for who has the certificates of this run alone, and with no pages
+    settings = {"distributed.nanny.pre-spawn-environ": environment, **_NO_PAGES}
     with (
-        dask.config.set({"distributed.nanny.pre-spawn-environ": environment}),
+        dask.config.set(settings),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
-            dashboard_address=None,
+            host="127.0.0.1",
+            security=True,
+            dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,
