@@ -140,7 +140,7 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
             raise InputError(
                 scheduler,
                 f"no Dask scheduler answers ({error})",
-                "start one (dask scheduler); for tls:// give its certificates in Dask's configuration",
+                "start one (dask scheduler), or set distributed.comm.tls for tls://",
             ) from error
         with client:
             if not client.nthreads():
