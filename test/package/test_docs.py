@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 
 from rigs.paths import ROOT
 
@@ -14,6 +15,12 @@ DOCS = ROOT / "docs"
 def test_the_nodes_parameters_are_documented_as_they_are_declared() -> None:
     text = (DOCS / "node.md").read_text(encoding="utf-8")
     assert to_markdown(NodeConfig()) in text
+
+
+def test_the_public_names_are_documented_as_their_docstrings_say() -> None:
+    """``python scripts/api.py`` writes the page."""
+    markdown = runpy.run_path(str(ROOT / "scripts" / "api.py"))["markdown"]
+    assert (DOCS / "api.md").read_text(encoding="utf-8") == markdown()
 
 
 def test_every_fault_in_the_documentation_names_tests_that_exist() -> None:
