@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> str:
     """Measures and returns the tables."""
     from rgbd_glue_ros.cli.progress import bar
-    from rgbd_glue_ros.experiments.bench import ODOMETRIES, TABLES, Plan, run_bench
+    from rgbd_glue_ros.experiments.bench import ODOMETRIES, REPORT, TABLES, Plan, run_bench
     from rgbd_glue_ros.experiments.demo.demo import bundled_bag
     from rgbd_glue_ros.recordings import recordings
 
@@ -100,4 +100,5 @@ def run(args: argparse.Namespace) -> str:
             logger.warning("interrupted; what was measured is in %s", args.output)
             raise
     tables = args.output / TABLES
-    return f"{tables.read_text(encoding='utf-8')}\ntables   {tables}\n"
+    text = tables.read_text(encoding="utf-8")
+    return f"{text}\ntables   {tables}\nreport   {args.output / REPORT}\n"

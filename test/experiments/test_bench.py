@@ -14,11 +14,12 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from rigs.pages import Page
 from rigs.room import room_frame, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments import bench
-from rgbd_glue_ros.experiments.bench import FIGURES, TABLES, Plan, run_bench
+from rgbd_glue_ros.experiments.bench import FIGURES, REPORT, TABLES, Plan, run_bench
 from rgbd_glue_ros.experiments.bench.contest import OURS, Contest, FrameToFrame
 from rgbd_glue_ros.experiments.bench.degraded import DEGRADATIONS
 from rgbd_glue_ros.experiments.bench.figures import losses, times
@@ -292,6 +293,9 @@ def test_a_benchmark_leaves_figures_tables_and_a_picture(tmp_path: Path) -> None
     assert "| extra | not installed: pip install " in page
     assert "| oracle | 12 |" in page
     ET.fromstring((tmp_path / "out" / PICTURE).read_text())  # noqa: S314 - our own file
+    report = Page((tmp_path / "out" / REPORT).read_text())
+    assert (report.open, report.fetched) == ([], [])
+    assert {"Error and time", "oracle", "bench room"} <= {text.strip() for text in report.text}
 
 
 @pytest.mark.usefixtures("_peers")
@@ -344,19 +348,27 @@ def test_recordings_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
     assert list(figures["sequences"]) == ["room, first 3 frames", "room, first 3 frames (2)"]
 
 
-def test_labels_of_a_picture_do_not_lie_upon_each_other() -> None:
+@pytest.mark.parametrize("spread", [0.0, 1e-5, 1e-3])
+def test_labels_of_a_picture_lie_on_no_dot_and_on_no_other_label(spread: float) -> None:
     def result(ms: float, m: float) -> dict[str, Any]:
         return {"wall_ms": {"p50": ms}, "rpe": {"trans_rmse_m": m}}
 
-    contestants = {f"peer {i}": result(100 + i, 0.02 + 1e-5 * i) for i in range(6)}
+    contestants = {f"peer {i}": result(100 + i, 0.02 + spread * i) for i in range(6)}
     drawn = picture({"room": {"contest": {OURS: result(20, 0.01), **contestants}}}, OURS)
     assert drawn is not None
     root = ET.fromstring(drawn)  # noqa: S314 - our own file
-    heights = sorted(
-        float(text.get("y", "nan")) for text in root.iter() if (text.text or "").startswith("peer")
-    )
-    assert len(heights) == 6
-    assert np.diff(heights).min() >= 12
+    places = [
+        (float(text.get("x", "nan")), float(text.get("y", "nan")) - 3.5)
+        for text in root.iter()
+        if (text.text or "").startswith("peer")
+    ]
+    assert len(places) == 6
+    for i, (x, y) in enumerate(places):
+        for a, b in places[:i]:
+            assert abs(x - a) >= 38 or abs(y - b) >= 10
+        for dot in root.iter("{http://www.w3.org/2000/svg}circle"):
+            a, b = (float(dot.get(name, "nan")) for name in ("cx", "cy"))
+            assert abs(x - a) >= 19 or abs(y - b) >= 10
 
 
 def test_without_times_or_errors_there_is_no_picture() -> None:

@@ -16,6 +16,7 @@ from rgbd_glue_ros.experiments.bench.degraded import DegradedSequence, first
 from rgbd_glue_ros.experiments.bench.floors import Floors
 from rgbd_glue_ros.experiments.bench.live import Live
 from rgbd_glue_ros.experiments.bench.memory import Memory
+from rgbd_glue_ros.experiments.bench.page import render
 from rgbd_glue_ros.experiments.bench.part import Part
 from rgbd_glue_ros.experiments.bench.picture import PICTURE, picture
 from rgbd_glue_ros.experiments.bench.report import to_markdown
@@ -27,7 +28,7 @@ from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
-FIGURES, TABLES = "bench.json", "bench.md"
+FIGURES, TABLES, REPORT = "bench.json", "bench.md", "bench.html"
 
 ODOMETRIES = (
     "open3d_odometry",
@@ -147,8 +148,10 @@ class _Bench:
         """Leaves everything measured so far."""
         figures = self.figures()
         write_whole(self.folder / FIGURES, json_text(figures))
-        write_whole(self.folder / TABLES, to_markdown(figures))
+        tables = to_markdown(figures)
+        write_whole(self.folder / TABLES, tables)
         drawn = picture(self.sequences, OURS)
+        write_whole(self.folder / REPORT, render(tables, drawn))
         if drawn is not None:
             write_whole(self.folder / PICTURE, drawn)
 
@@ -184,7 +187,7 @@ def run_bench(
     if unknown:
         known = ", ".join(PEERS)
         raise InputError("--peer", f"there is no {', '.join(unknown)}", f"there are {known}")
-    with ResultFolder(folder, (FIGURES, TABLES, PICTURE)):
+    with ResultFolder(folder, (FIGURES, TABLES, REPORT, PICTURE)):
         return _measured(sources, open_source, plan, _Bench(plan, folder, on_part, on_frame))
 
 

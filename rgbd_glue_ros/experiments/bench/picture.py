@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.experiments.report.escaping import escape
+from rgbd_glue_ros.experiments.report.labels import Box, placed
 
 PICTURE = "bench.svg"
 
@@ -15,7 +16,7 @@ _WIDTH, _HEIGHT = 420, 320
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 16, 34, 44
 _COLUMNS = 2
 _TEXT, _QUIET, _LINE, _OURS, _PEER = "#16202c", "#5d6b7b", "#e3e7ec", "#1d5fd1", "#c2620a"
-_LABEL_PX = 13
+_RADIUS, _FONT_PX = 5, 11
 
 
 def picture(sequences: Mapping[str, Any], ours: str) -> str | None:
@@ -48,7 +49,8 @@ def picture(sequences: Mapping[str, Any], ours: str) -> str | None:
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-        f'viewBox="0 0 {width} {height}" font-family="system-ui, sans-serif" font-size="11">'
+        f'viewBox="0 0 {width} {height}" font-family="system-ui, sans-serif" '
+        f'font-size="{_FONT_PX}">'
         f'<rect width="{width}" height="{height}" fill="#fff"/>{body}</svg>\n'
     )
 
@@ -75,31 +77,18 @@ def _panel(name: str, points: Mapping[str, tuple[float, float]], ours: str) -> s
         f'<text transform="translate(14 {(_TOP + bottom) / 2:.1f}) rotate(-90)" fill="{_QUIET}" '
         'text-anchor="middle">RPE, cm/s</text>'
     )
-    placed = {
+    dots = {
         who: (place(ms, x_ticks, _LEFT, right), place(cm, y_ticks, bottom, _TOP))
         for who, (ms, cm) in points.items()
     }
-    for who, (x, y, label_y) in _labelled(placed).items():
-        color, radius = (_OURS, 6) if who == ours else (_PEER, 4.5)
-        drawn.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" fill="{color}"/>')
-        beyond = x > (_LEFT + right) / 2
-        side, anchor = (-9, "end") if beyond else (9, "start")
-        drawn.append(
-            _word(x + side, label_y + 4, who, color, anchor, weight=600 if who == ours else 400)
-        )
+    boxes = placed(dots, _RADIUS, _FONT_PX, Box(_LEFT, _TOP, right, bottom))
+    for who, (x, y) in dots.items():
+        color, weight = (_OURS, 600) if who == ours else (_PEER, 400)
+        drawn.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{_RADIUS}" fill="{color}"/>')
+        box = boxes[who]
+        middle = (box.left + box.right) / 2, box.bottom - 2
+        drawn.append(_word(*middle, who, color, "middle", weight=weight))
     return "".join(drawn)
-
-
-def _labelled(
-    placed: Mapping[str, tuple[float, float]],
-) -> dict[str, tuple[float, float, float]]:
-    """Points with a height for each label, so that no two labels lie upon each other."""
-    found: dict[str, tuple[float, float, float]] = {}
-    lowest = 0.0
-    for who, (x, y) in sorted(placed.items(), key=lambda item: item[1][1]):
-        lowest = max(y, lowest + _LABEL_PX)
-        found[who] = (x, y, lowest)
-    return found
 
 
 def _decades(values: list[float]) -> list[float]:

@@ -38,9 +38,10 @@ CORRECT_M = 0.1
 
 _WIDTH = 480
 _QUALITY = 78
-_BRIGHTNESS = 0.7
+# how much of an image's contrast is left above white
+_CONTRAST = 0.5
 _SPACE = 6
-_SHOWN = {"visual": 25, "geometric": 40}
+_SHOWN = {"visual": 12, "geometric": 16}
 
 CSS = """
 .pairs { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 17rem), 1fr));
@@ -48,9 +49,9 @@ CSS = """
 .pair { margin: 0; }
 .pair svg { display: block; width: 100%; height: auto; border-radius: 8px;
   background: var(--card); }
-.pair line { stroke-width: 1.3; stroke-linecap: round; }
-.pair .visual { stroke: #4c9bff; } .pair .geometric { stroke: #ffb02e; }
-.pair .wrong { stroke: #ff3b4e; }
+.pair line { stroke-width: 2.6; stroke-linecap: round; }
+.pair .visual { stroke: #1559d6; } .pair .geometric { stroke: #d07a00; }
+.pair .wrong { stroke: #d4142a; }
 .pair figcaption { font-size: .85rem; margin-top: .5rem; line-height: 1.4; }
 .pair figcaption b { font-variant-numeric: tabular-nums; }
 .pair figcaption span { color: var(--quiet); display: block; }
@@ -136,9 +137,9 @@ def gallery(shown: Sequence[Example]) -> str:
 
 LEGEND = (
     '<div class="legend">'
-    '<span class="key" style="--c:#4c9bff"><i></i>visual match</span>'
-    '<span class="key" style="--c:#ffb02e"><i></i>geometric match that the filter kept</span>'
-    f'<span class="key" style="--c:#ff3b4e"><i></i>wrong by more than {100 * CORRECT_M:g} cm</span>'
+    '<span class="key" style="--c:#1559d6"><i></i>visual match</span>'
+    '<span class="key" style="--c:#d07a00"><i></i>geometric match that the filter kept</span>'
+    f'<span class="key" style="--c:#d4142a"><i></i>wrong by more than {100 * CORRECT_M:g} cm</span>'
     "</div>"
 )
 
@@ -174,11 +175,12 @@ def _errors(figures: PairResult) -> str:
 
 def _matches(figures: PairResult) -> str:
     column = INLIER_THRESHOLDS_CM.index(10)
-    visual = f"visual {figures.visual.amounts[column]} of {figures.visual.matches} right"
+    visual = f"visual: {figures.visual.amounts[column]} right of {figures.visual.matches}"
     if not figures.before.matches:
         return visual
-    kept = "kept" if figures.filtered else "(filter skipped)"
-    return f"{visual}, geometric {figures.after.amounts[column]} of {figures.after.matches} {kept}"
+    kept = " kept" if figures.filtered else ", filter skipped"
+    right = figures.after.amounts[column]
+    return f"{visual}; geometric: {right} right of {figures.after.matches}{kept}"
 
 
 def _lines(matches: Correspondences, kind: str, example: Example, height: int) -> list[str]:
@@ -204,7 +206,7 @@ def _pixels(points: Float64, camera: CameraIntrinsics) -> Float64:
 
 
 def _jpeg(image: UInt8, height: int) -> str:
-    """Grey and dim, so that the lines are what is seen first."""
+    """Grey and light, so that the lines are what is seen first."""
     small = cv2.resize(grey(image), (_WIDTH, height), interpolation=cv2.INTER_AREA)
-    dim: UInt8 = np.asarray(small * _BRIGHTNESS, np.uint8)
-    return base64.b64encode(encode_jpeg(dim, _QUALITY)).decode()
+    light: UInt8 = np.asarray(255 - _CONTRAST * (255 - small.astype(np.float32)), np.uint8)
+    return base64.b64encode(encode_jpeg(light, _QUALITY)).decode()
