@@ -242,6 +242,8 @@ def test_of_two_cameras_the_depth_of_the_given_colour_is_taken() -> None:
         ("/rgb/ffmpeg", "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "colour", "republish"),
         ("/rgb/theora", "theora_image_transport/msg/Packet", "colour", "republish"),
         ("/rgbd", "rtabmap_msgs/msg/RGBDImage", "depth", "rgbd_split"),
+        # rtabmap_ros#1302
+        ("/camera/rgbd", "realsense2_camera_msgs/msg/RGBD", "depth", "record the images"),
     ],
 )
 def test_images_in_another_form_are_told_with_what_makes_images_of_them(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import struct
 from contextlib import suppress
 from pathlib import Path
@@ -81,6 +82,22 @@ def test_of_a_bag_cut_off_in_the_middle_the_frames_before_are_given_and_then_it_
     assert error.where == str(path)
     assert "what could be read before that was used" in str(error)
     assert "\n" not in str(error)
+
+
+def test_behind_a_chunk_that_is_damaged_the_others_are_read_and_it_is_said(tmp_path: Path) -> None:
+    path = write_rosbag1(tmp_path / "holed.bag", recorded(FRAMES), "LZ4")
+    content = bytearray(path.read_bytes())
+    chunks = [match.start() for match in re.finditer(rb"op=\x05", content)]
+    assert len(chunks) > 3
+    inside = chunks[1] + 500
+    content[inside : inside + 64] = bytes(64)
+    path.write_bytes(content)
+    frames, error = read(path)
+    assert len(FRAMES) // 3 < len(frames) < len(FRAMES)
+    assert_same_frame(frames[0], FRAMES[0])
+    assert_same_frame(frames[-1], FRAMES[-1])
+    assert error is not None
+    assert "1 of its chunks are damaged" in str(error)
 
 
 @given(fraction=st.floats(0, 1))

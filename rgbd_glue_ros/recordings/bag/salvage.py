@@ -34,6 +34,39 @@ from rgbd_glue_ros.recordings.bag.unpacking import (
 )
 from rgbd_glue_ros.types import NANOSECONDS
 
+# What a parser may stumble over where bytes make no sense
+_NONSENSE = (
+    *(ValueError, KeyError, EOFError, OSError, RuntimeError, MemoryError, OverflowError),
+    *(struct.error, sqlite3.Error, zstd.ZstdError),
+)
+
+
+class _DamagedChunks:
+    """Counts the chunks that are damaged for themselves, so that what follows can be read."""
+
+    def __init__(self) -> None:
+        self._first: BaseException | None = None
+        self._count = 0
+
+    def passed_over(self, messages: Iterator[RecordedMessage]) -> Iterator[RecordedMessage]:
+        """The messages of a chunk up to where it is damaged."""
+        try:
+            yield from messages
+        except (DamagedError, *_NONSENSE) as error:
+            self._first = self._first or error
+            self._count += 1
+
+    def say(self) -> None:
+        """Says that some were damaged.
+
+        Raises:
+            DamagedError: they were.
+        """
+        if self._count:
+            raise DamagedError(
+                f"{self._count} of its chunks are damaged ({self._first!r}), the others are not"
+            )
+
 
 def salvage(path: Path) -> Iterator[RecordedMessage]:
     """The messages of a bag file, in the order in which they were written.
@@ -80,6 +113,7 @@ class _Mcap:
     """Schemas and channels met so far."""
 
     def __init__(self) -> None:
+        self.damaged = _DamagedChunks()
         self._types: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}
 
@@ -114,13 +148,18 @@ class _Mcap:
     def _chunk(self, file: IO[bytes], size: int) -> Iterator[RecordedMessage]:
         # not all of a chunk need be there: an uncompressed one can be read as far as it goes
         chunk = file.read(size)
+        messages = self._of_chunk(chunk)
+        if len(chunk) < size:
+            yield from messages
+            raise DamagedError("it is cut off")
+        yield from self.damaged.passed_over(messages)
+
+    def _of_chunk(self, chunk: bytes) -> Iterator[RecordedMessage]:
         compression = _text(chunk, _MCAP_CHUNK.size)
         start = _MCAP_CHUNK.size + 4 + len(compression) + 8
         (declared,) = _MCAP_SIZE.unpack_from(chunk)
         plain = unpacked(chunk[start:], compression, declared)
         yield from self.messages(BytesIO(plain), is_chunk=True)
-        if len(chunk) < size:
-            raise DamagedError("it is cut off")
 
 
 def _text(record: bytes, position: int) -> str:
@@ -137,10 +176,12 @@ def _ros2_name(message_type: str) -> str:
 def _salvage_mcap(path: Path) -> Iterator[RecordedMessage]:
     with path.open("rb") as file:
         file.seek(len(MCAP_MAGIC))
-        yield from _Mcap().messages(file)
+        reader = _Mcap()
+        yield from reader.messages(file)
         # the data end with a record of their own; after it come index and footer
         if not file.read(1):
             raise DamagedError("it is cut off")
+        reader.damaged.say()
 
 
 # ROS 1: records of a length and header (name=value), and a length and data
@@ -152,6 +193,7 @@ class _Ros1:
 
     def __init__(self) -> None:
         self.is_indexed = False
+        self.damaged = _DamagedChunks()
         self._connections: dict[bytes, tuple[str, str]] = {}
 
     def messages(self, file: IO[bytes], *, is_chunk: bool = False) -> Iterator[RecordedMessage]:
@@ -166,9 +208,7 @@ class _Ros1:
             elif kind == _ROS1_CHUNK:
                 if is_chunk:
                     raise DamagedError("a chunk is inside of another")
-                (declared,) = struct.unpack("<I", header[b"size"])
-                plain = unpacked(data, header[b"compression"].decode(), declared)
-                yield from self.messages(BytesIO(plain), is_chunk=True)
+                yield from self.damaged.passed_over(self._of_chunk(header, data))
             elif kind == _ROS1_CONNECTION:
                 topic, kind_name = header[b"topic"].decode(), _fields(data)[b"type"].decode()
                 self._connections[header[b"conn"]] = topic, _ros2_name(kind_name)
@@ -177,6 +217,11 @@ class _Ros1:
                 yield RecordedMessage(
                     *self._connections[header[b"conn"]], seconds * NANOSECONDS + nanoseconds, data
                 )
+
+    def _of_chunk(self, header: dict[bytes, bytes], data: bytes) -> Iterator[RecordedMessage]:
+        (declared,) = struct.unpack("<I", header[b"size"])
+        plain = unpacked(data, header[b"compression"].decode(), declared)
+        yield from self.messages(BytesIO(plain), is_chunk=True)
 
 
 def _sized(file: IO[bytes]) -> bytes:
@@ -200,16 +245,14 @@ def _salvage_ros1(path: Path) -> Iterator[RecordedMessage]:
         yield from reader.messages(file)
         if not reader.is_indexed:
             raise DamagedError("its recorder did not finish it")
+        reader.damaged.say()
 
 
 def _noticing_damage(messages: Iterator[RecordedMessage]) -> Iterator[RecordedMessage]:
     """The messages; whatever nonsense makes a parser stumble becomes a ``DamagedError``."""
     try:
         yield from messages
-    except (
-        *(ValueError, KeyError, EOFError, OSError, RuntimeError, MemoryError, OverflowError),
-        *(struct.error, sqlite3.Error, zstd.ZstdError),
-    ) as error:
+    except _NONSENSE as error:
         raise DamagedError(f"it makes no sense from some place on ({error!r})") from error
 
 

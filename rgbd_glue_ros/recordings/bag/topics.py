@@ -35,6 +35,7 @@ _OTHER_FORMS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "FFMPEGPacket": (("colour", "depth"), _VIDEO),
     "Packet": (("colour",), _VIDEO),  # of theora_image_transport
     "CompressedVideo": (("colour",), _VIDEO),
+    "RGBD": (("colour", "depth"), "record the images and camera infos beside it"),  # RealSense
     "RGBDImage": (("colour", "depth"), "split it (rtabmap_util's rgbd_split), and record that"),
 }
 
