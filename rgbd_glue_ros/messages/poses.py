@@ -13,7 +13,11 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.fields import PoseStamped
 from rgbd_glue_ros.messages.reading import reader_of
 from rgbd_glue_ros.parameters import POSE
+from rgbd_glue_ros.parameters.checks import FARTHEST_M
 from rgbd_glue_ros.types import Float64
+
+# A quaternion is of unit length; one that a computation has left so short has no direction.
+_SHORTEST = 1e-3
 
 _READERS: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
     "PoseStamped": lambda m: (m.pose.position, m.pose.orientation),
@@ -38,8 +42,13 @@ def pose_from_message(msg: PoseStamped, where: str) -> Float64:
     position, orientation = reader_of(_READERS, msg, where)(msg)
     t = np.array([position.x, position.y, position.z])
     q = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
-    if not (np.isfinite(t).all() and np.isfinite(q).all() and q.any()):
-        raise InputError(where, "a pose is not finite, or without direction", "correct its source")
+    is_far = not np.abs(t).max() < FARTHEST_M  # the comparison with NaN is false, too
+    if is_far or not _SHORTEST < np.abs(q).max() < 1 / _SHORTEST:
+        raise InputError(
+            where,
+            f"a pose is not finite, without direction, or {FARTHEST_M:.0e} m away",
+            "correct its source",
+        )
     return se3.from_translation_quaternion(t, q)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from bisect import bisect_left
@@ -14,6 +15,11 @@ from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 HISTORY_NS = 10 * NANOSECONDS
+# No robot has more, and whoever publishes ever new names must not fill the memory.
+MOST_FRAMES = 10_000
+MOST_POSES = 10_000
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass
@@ -36,6 +42,7 @@ class _Edge:
         self.stamps_ns.insert(at, stamp_ns)
         self.poses.insert(at, T_parent_child)
         old = bisect_left(self.stamps_ns, self.stamps_ns[-1] - HISTORY_NS)
+        old = max(old, len(self.stamps_ns) - MOST_POSES)
         del self.stamps_ns[:old], self.poses[:old]
 
     def at(self, stamp_ns: int | None) -> Float64 | None:
@@ -59,12 +66,16 @@ class TransformTree:
 
     def __init__(self) -> None:
         self._edges: dict[str, _Edge] = {}
+        self._is_full = False
         self._changed = threading.Condition()
 
     def add(self, parent: str, child: str, T_parent_child: Float64, stamp_ns: int | None) -> None:
         """Takes in the pose [4, 4] of a frame in another, at a stamp or, without one, for ever."""
         with self._changed:
             edge = self._edges.get(child)
+            if edge is None and len(self._edges) >= MOST_FRAMES:
+                self._say_full(child)
+                return
             is_static = stamp_ns is None
             if edge is None or edge.parent != parent or edge.is_static != is_static:
                 edge = self._edges[child] = _Edge(parent, is_static=is_static)
@@ -73,6 +84,15 @@ class TransformTree:
             else:
                 edge.add(stamp_ns, T_parent_child)
             self._changed.notify_all()
+
+    def _say_full(self, child: str) -> None:
+        if not self._is_full:
+            self._is_full = True
+            logger.warning(
+                "TF names more than %d frames; %s and all further ones are left out",
+                MOST_FRAMES,
+                child,
+            )
 
     def lookup(
         self, target: str, source: str, stamp_ns: int | None, timeout_s: float

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import time
+
 from rclpy.node import Node
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.live.camera_frame import explain_moved_camera
 from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics, robot_extrinsics
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
+
+# How often TF is asked whether the camera is where it was.
+LOOK_S = 1.0
 
 
 class NodeExtrinsics:
@@ -25,8 +31,11 @@ class NodeExtrinsics:
         self._config = config
         self._transforms = transforms
         self._at_origin = self._given()
+        self._looked_up: Float64 | None = None
+        self._looked_s = 0.0
         self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
         self._said: set[str] = set()
+        self._moved: set[str] = set()
         if config.guess_frame_id and not (config.frame_id and transforms):
             raise InputError(
                 "guess_frame_id",
@@ -63,9 +72,27 @@ class NodeExtrinsics:
         if self._at_origin is None:
             T_robot_camera = self._lookup(self._config.frame_id, camera_frame, None)
             if T_robot_camera is not None:
+                self._looked_up, self._looked_s = T_robot_camera, time.monotonic()
                 self._at_origin = robot_extrinsics(T_robot_camera, planar=self._config.planar)
                 self._node.get_logger().info(f"TF: found {camera_frame}. {self.description}")
+        elif self._looked_up is not None and time.monotonic() - self._looked_s > LOOK_S:
+            self._watch_mount(self._looked_up, camera_frame)
         return self.known
+
+    def forget(self) -> None:
+        """Looks the camera up anew, as where it is another one."""
+        self._at_origin, self._looked_up = self._given(), None
+
+    def _watch_mount(self, T_robot_camera: Float64, camera_frame: str) -> None:
+        """Says so, once, where TF has the camera elsewhere on the robot than it was looked up."""
+        self._looked_s = time.monotonic()
+        if self._transforms is None:
+            return
+        T_now = self._transforms.lookup(self._config.frame_id, camera_frame, None, 0.0)
+        moved = None if T_now is None else explain_moved_camera(T_robot_camera, T_now)
+        if moved is not None and camera_frame not in self._moved:
+            self._moved.add(camera_frame)
+            self._node.get_logger().warning(moved)
 
     def guess(self, stamp_ns: int) -> Float64 | None:
         """Pose [4, 4] of the robot by another odometry; None if there is none, or not in time."""

@@ -105,6 +105,7 @@ class NodeWatch:
         self._say_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
+        self._say_if_new("name", explain_namesakes(self._node))
         if now.matches > before.matches:
             self.silence = ""
             self._silences.clear()
@@ -134,3 +135,15 @@ class NodeWatch:
         elif what not in self._said:
             self._said.add(what)
             self._node.get_logger().warning(line)
+
+
+def explain_namesakes(node: Node) -> str | None:
+    """That other nodes have a node's name; None while none has."""
+    own = node.get_fully_qualified_name()
+    namesakes = node.get_fully_qualified_node_names().count(own) - 1
+    if namesakes < 1:
+        return None
+    return (
+        f"{own} is the name of {namesakes} more: services and parameters reach one of these nodes, "
+        "and their topics mix; end the others, or start them with -r __node:=NAME"
+    )

@@ -29,6 +29,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.camera_frame import CameraFrame
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
@@ -96,6 +97,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
         self._odometry = Odometry(self._config)
         self.monitor = Monitor()
+        self._camera_frame = CameraFrame()
         self._last_stamp_ns: int | None = None
         self._last_taken_ns: int | None = None
         self._stamps = StampSource(self._node_config.stamps)
@@ -233,6 +235,7 @@ class OdometryNode(Node):  # type: ignore[misc]
             frame = self._frame(arrival.match)
             if state_before is TrackingState.INITIALIZING:
                 self._say_once("depth", doubt_of_scale(frame.depth))
+            self._reset_if_other_camera(frame)
             self._reset_if_earlier(frame)
             extrinsics = self._extrinsics.of(frame.frame_id)
             if extrinsics is None:
@@ -296,6 +299,18 @@ class OdometryNode(Node):  # type: ignore[misc]
         frame = reduced(frame, self._node_config.max_width)
         self.monitor.width = frame.intrinsics.width
         return frame
+
+    def _reset_if_other_camera(self, frame: RgbdFrame) -> None:
+        """Starts anew, with a place of its own, when the images are of another camera."""
+        before = self._camera_frame.changes_to(frame.frame_id)
+        if before is None:
+            return
+        self.get_logger().warning(
+            f"The images are of the camera {frame.frame_id!r} now, and were of {before!r}: "
+            f"starting anew, publishing {self._node_config.frame_id or frame.frame_id}"
+        )
+        self._extrinsics.forget()
+        self._reset()
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
         """Starts anew when time went back; ``Match.restarted`` may have been superseded."""

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Image
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
@@ -101,6 +102,7 @@ class NodeOutputs:
             return None
         head = fields.header(estimate.stamp_ns, self._config.odom_frame_id)
         T_fixed_child = extrinsics.pose(estimate.T_odom_camera)
+        _check(T_fixed_child, estimate.covariance, estimate.twist, estimate.twist_covariance)
         pose = fields.copy_fields(fields.pose_stamped(T_fixed_child, head), PoseStamped())
         self._broadcast(T_fixed_child, T_guess_child, estimate.stamp_ns)
         self._pose.publish(pose)
@@ -195,6 +197,16 @@ class NodeOutputs:
         odom.pose.pose.orientation.w = 0.0
         odom.pose.covariance = odom.twist.covariance = np.diag([NULL_VARIANCE] * 6).ravel()
         return odom
+
+
+def _check(*values: Float64 | None) -> None:
+    """Refuses to publish what is no number, whatever made it.
+
+    Raises:
+        InputError: a value is not finite.
+    """
+    if not all(value is None or np.isfinite(value).all() for value in values):
+        raise InputError("the pose", "is not finite", "see whether TF has the camera in its place")
 
 
 def _twist_message(velocity: Float64) -> Twist:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-# Beyond it a double holds no tenth of a millimetre: no camera is mounted there.
-_FARTHEST = 1e9
+FARTHEST_M = 1e9
+"""Beyond it a double holds no tenth of a millimetre: nothing of a robot is there."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ def _pose_fault(text: str) -> str | None:
         return f"{text!r} is not a list of numbers"
     if len(numbers) not in {6, 7} or not all(map(math.isfinite, numbers)):
         return f"{text!r} is not six or seven finite numbers"
-    if max(map(abs, numbers)) > _FARTHEST:
-        return f"{text!r} is farther away than {_FARTHEST:.0e} m, or turned more than as many rad"
+    if max(map(abs, numbers)) > FARTHEST_M:
+        return f"{text!r} is farther away than {FARTHEST_M:.0e} m, or turned more than as many rad"
     length = math.hypot(*numbers[3:])
     if len(numbers) == 7 and abs(length - 1.0) > 0.01:
         return f"the quaternion's length is {length:.3g}, not 1"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rigs.messages import HEAD
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.fields import pose_stamped
+from rgbd_glue_ros.messages.fields import Quaternion, pose_stamped
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 
 
@@ -33,9 +35,17 @@ def test_a_pose_message_holds_the_transform() -> None:
     assert pose_from_message(message, "/pose") == pytest.approx(T, abs=1e-12)
 
 
-@pytest.mark.parametrize("position", [np.nan, np.inf])
+@pytest.mark.parametrize("position", [np.nan, np.inf, -1e300, 1e10])
 def test_a_pose_that_is_not_finite_is_refused(position: float) -> None:
     T = np.eye(4)
     T[0, 3] = position
     with pytest.raises(InputError, match=r"^/pose: a pose is not finite"):
         pose_from_message(pose_stamped(T, HEAD), "/pose")
+
+
+@pytest.mark.parametrize("w", [0.0, 1e-320, 1e-20, 1e200, np.nan])
+def test_a_quaternion_without_direction_is_refused(w: float) -> None:
+    whole = pose_stamped(np.eye(4), HEAD)
+    message = replace(whole, pose=replace(whole.pose, orientation=Quaternion(0, 0, 0, w)))
+    with pytest.raises(InputError, match="without direction"):
+        pose_from_message(message, "/tf")

@@ -10,7 +10,7 @@ from hypothesis import given
 from rigs.geometry import SEEDS, random_transform
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TransformTree
+from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, MOST_FRAMES, TransformTree
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 SECOND = NANOSECONDS
@@ -96,3 +96,13 @@ def test_the_history_is_bounded() -> None:
         tree.add("odom", "base", moved(i), i * period)
     assert tree.lookup("odom", "base", 140 * period, 0) is None
     assert tree.lookup("odom", "base", 150 * period, 0) is not None
+
+
+def test_ever_new_names_of_frames_do_not_fill_the_memory_and_those_known_stay() -> None:
+    tree = TransformTree()
+    tree.add("base", "camera", moved(1.0), None)
+    for i in range(MOST_FRAMES + 10):
+        tree.add("base", f"frame_{i}", np.eye(4), None)
+    assert tree.lookup("base", f"frame_{MOST_FRAMES}", None, 0) is None
+    tree.add("base", "camera", moved(2.0), None)
+    np.testing.assert_allclose(found(tree, "base", "camera", None), moved(2.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -13,6 +14,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 import rclpy
 from rclpy.node import Node
 
+from rgbd_glue_ros.node.input_watch import explain_namesakes
 from rgbd_glue_ros.node.runtime import NodeExecutor
 
 PATIENCE_S = 10.0
@@ -74,3 +76,13 @@ def test_the_executor_goes_on_after_a_callback_that_fails(node: Node) -> None:
     run(node, faults, lambda: len(calls) > 3)
     assert set(faults) == {"ValueError('as a callback may')"}
     assert len(faults) == len(calls) > 3
+
+
+def test_a_second_node_of_one_name_is_told(node: Node) -> None:
+    assert explain_namesakes(node) is None
+    namesake = Node("worked")
+    deadline = time.monotonic() + PATIENCE_S
+    while (line := explain_namesakes(node)) is None:
+        assert time.monotonic() < deadline
+    assert line.startswith("/worked is the name of 1 more")
+    namesake.destroy_node()

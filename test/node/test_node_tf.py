@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
@@ -19,7 +22,7 @@ pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-m
 
 from geometry_msgs.msg import TransformStamped
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, corner_frame
-from rigs.tf import Robot, transform
+from rigs.tf import T_BASE_LINK, Robot, transform
 from tf2_msgs.msg import TFMessage
 
 from rgbd_glue_ros.node.tf import TF
@@ -108,3 +111,53 @@ def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
             pose_from_message(pose, "pose"),
             atol=1e-9,
         )
+
+
+def test_images_of_another_camera_start_anew_with_a_place_of_its_own(ros_domain: int) -> None:
+    with node_in(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
+        robot.tell_where_the_camera_is()
+        robot.tell(transform("base_link", "rear_camera", parse_pose("", "-0.3 0 0.4 0 0 3")))
+        robot.wait_until_matched()
+        stamps = itertools.count(0, PERIOD_NS)
+        robot.publish_until_posed(map(corner_frame, stamps))
+        before = len(robot.poses)
+        rear = (replace(corner_frame(at_ns), frame_id="rear_camera") for at_ns in stamps)
+        robot.publish(next(rear))
+        while len(robot.poses) == before:
+            robot.publish(next(rear))
+            robot.spin_for(0.1)
+        line = node.wait_for_line("were of", PATIENCE_S)
+        assert f"of the camera 'rear_camera' now, and were of '{OPTICAL_FRAME}'" in line
+        node.wait_for_line("the camera is at (-0.300 0.000 0.400) in odom", PATIENCE_S)
+        T = pose_from_message(robot.poses[-1], "pose")
+        np.testing.assert_allclose(T, np.eye(4), atol=1e-9)
+
+
+def test_a_camera_that_moves_on_the_robot_is_told_while_frames_come(ros_domain: int) -> None:
+    with node_in(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
+        robot.tell_where_the_camera_is()
+        robot.wait_until_matched()
+        stamps = itertools.count(0, PERIOD_NS)
+        robot.publish_until_posed(map(corner_frame, stamps))
+        moved = T_BASE_LINK @ parse_pose("", "0.1 0 0 0 0 0")
+        robot.tell(transform("base_link", "camera_link", moved))
+        while not any("The camera moves on the robot" in line for line in node.lines):
+            robot.pose_of(corner_frame(next(stamps)))
+        assert "by 0.100 m" in node.wait_for_line("The camera moves on the robot", PATIENCE_S)
+
+
+def test_one_transform_that_is_none_costs_no_other_of_its_message(ros_domain: int) -> None:
+    with node_in(ros_domain, frame_id="base_link"), Robot(ros_domain) as robot:
+        broken = []
+        for name, number in (("short", 1e-320), ("far", 1e300), ("none", float("nan"))):
+            wrong = transform("base_link", name, np.eye(4))
+            rotation, to = wrong.transform.rotation, wrong.transform.translation
+            rotation.w, to.x = (number, 0.0) if name != "far" else (1.0, number)
+            broken.append(wrong)
+        robot.tell(
+            *broken,
+            transform("base_link", "camera_link", T_BASE_LINK),
+            transform("camera_link", OPTICAL_FRAME, T_BODY_OPTICAL),
+        )
+        robot.wait_until_matched()
+        robot.publish_until_posed(map(corner_frame, itertools.count(0, PERIOD_NS)))

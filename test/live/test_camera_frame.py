@@ -1,0 +1,47 @@
+"""Images of another camera are noticed, and one image that is mislabelled changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live.camera_frame import CameraFrame, explain_moved_camera
+
+
+def test_one_frame_of_another_camera_is_refused_and_the_second_in_turn_believed() -> None:
+    camera = CameraFrame()
+    assert camera.changes_to("left") is None
+    with pytest.raises(InputError, match="names the camera frame 'right', and those before 'left'"):
+        camera.changes_to("right")
+    assert camera.changes_to("left") is None
+    with pytest.raises(InputError):
+        camera.changes_to("right")
+    assert camera.changes_to("right") == "left"
+    assert camera.changes_to("right") is None
+
+
+def test_two_cameras_in_turn_are_one_camera_and_one_that_is_refused() -> None:
+    camera = CameraFrame()
+    assert camera.changes_to("left") is None
+    for _ in range(5):
+        with pytest.raises(InputError):
+            camera.changes_to("right")
+        assert camera.changes_to("left") is None
+
+
+@pytest.mark.parametrize(
+    ("twist", "said"),
+    [
+        ((0.001, 0, 0, 0, 0, 0.002), None),
+        ((0.03, 0, 0, 0, 0, 0), "by 0.030 m and 0.0 degrees"),
+        ((0, 0, 0, 0, 0.1, 0), "by 0.000 m and 5.7 degrees"),
+    ],
+)
+def test_a_camera_that_moves_on_its_robot_is_told_and_how_far(
+    twist: tuple[float, ...], said: str | None
+) -> None:
+    T = se3.exp(np.array([0.2, 0, 0.5, 0, 0.3, 0]))
+    explained = explain_moved_camera(T, T @ se3.exp(np.array(twist, np.float64)))
+    assert explained is None if said is None else explained and said in explained
