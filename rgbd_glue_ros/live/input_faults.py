@@ -44,7 +44,11 @@ class Input:
 
 
 def explain_silence(
-    inputs: Sequence[Input], closest_miss_ns: int | None, max_interval_ns: int
+    inputs: Sequence[Input],
+    closest_miss_ns: int | None,
+    max_interval_ns: int,
+    queue_needed: int = 0,
+    backward: Sequence[Channel] = (),
 ) -> str:
     """Why no frame was complete, as far as can be told, and what to do.
 
@@ -53,6 +57,8 @@ def explain_silence(
         closest_miss_ns: least distance of colour and depth stamps that did not pair, nanoseconds;
             None if there was none.
         max_interval_ns: distance up to which they pair, nanoseconds.
+        queue_needed: messages that would have to wait for images to meet; 0 where enough do.
+        backward: channels whose stamps go back from message to message.
     """
     seen = "; ".join(map(str, inputs))
     unpublished = _names([i.channel for i in inputs if not i.publishers])
@@ -66,11 +72,31 @@ def explain_silence(
             f"{missing} missing: see whether the camera runs, and whether type and QoS of its "
             "topics fit"
         )
+    elif backward:
+        remedy = (
+            f"the stamps of {' and '.join(c.value for c in backward)} go back from message to "
+            "message: play recordings forward, and let one publisher with one clock fill a topic"
+        )
+    elif queue_needed:
+        remedy = explain_queue(queue_needed)
     elif closest_miss_ns is not None:
         remedy = explain_miss(closest_miss_ns, max_interval_ns)
     else:
         remedy = "the stamps of colour, depth and camera info do not meet"
     return f"{seen}; {remedy}"
+
+
+def explain_queue(queue_needed: int) -> str:
+    """That images of one time come so far apart that the first gives way; and what to do.
+
+    Args:
+        queue_needed: messages that would have to wait.
+    """
+    return (
+        "Images of colour and depth with the same stamps come so long after one another that the "
+        f"first gives way before: set sync_queue_size:={queue_needed}, or have the driver send "
+        "both at once"
+    )
 
 
 def explain_interval(interval_ns: int, period_ns: int) -> str | None:

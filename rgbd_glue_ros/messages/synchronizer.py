@@ -12,6 +12,7 @@ from enum import Enum
 from statistics import median
 from typing import Generic, TypeVar
 
+from rgbd_glue_ros.messages.late_partners import LatePartners
 from rgbd_glue_ros.types import NANOSECONDS
 
 Item = TypeVar("Item")
@@ -43,6 +44,9 @@ class Channel(Enum):
     COLOR = "color"
     DEPTH = "depth"
     INFO = "camera_info"
+
+
+_PARTNERS = {Channel.COLOR: Channel.DEPTH, Channel.DEPTH: Channel.COLOR}
 
 
 @dataclass(frozen=True)
@@ -226,6 +230,12 @@ class Synchronizer(Generic[Item]):
         self._last_match_ns: int | None = None
         self.matches = 0
         self.closest_miss_ns: int | None = None
+        self._late = LatePartners(max_interval_ns, queue_size)
+
+    @property
+    def queue_needed(self) -> int:
+        """Messages that would have to wait for no image to miss its partner; 0 where enough do."""
+        return self._late.queue_needed
 
     @property
     def counts(self) -> dict[Channel, ChannelCounts]:
@@ -245,6 +255,8 @@ class Synchronizer(Generic[Item]):
     def add(self, channel: Channel, stamp_ns: int, item: Item) -> list[Match[Item]]:
         """Takes in a message; returns the matches that it completes, in order of time."""
         self._queues[channel].add(stamp_ns, item)
+        if channel in _PARTNERS:
+            self._late.came(channel, _PARTNERS[channel], stamp_ns)
         self._pair(is_last=False)
         return self._complete(is_last=False)
 

@@ -15,6 +15,7 @@ from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_interval,
     explain_losses,
+    explain_queue,
     explain_silence,
     explain_slowness,
 )
@@ -34,6 +35,7 @@ class _Counts:
         matches: complete frames.
         received: messages of each channel that came.
         missing: messages of each channel that did not, by gaps in the stamps.
+        backward: messages of each channel with stamps before those of the one before.
         processed: frames with an estimate.
         left_out: frames that gave way to a newer one.
     """
@@ -41,6 +43,7 @@ class _Counts:
     matches: int
     received: dict[Channel, int]
     missing: dict[Channel, int]
+    backward: dict[Channel, int]
     processed: int
     left_out: int
 
@@ -82,6 +85,7 @@ class NodeWatch:
             self._synchronizer.matches,
             {c: counts[c].received for c in Channel},
             {c: counts[c].missing for c in Channel},
+            {c: counts[c].late + counts[c].strays for c in Channel},
             summary.frames,
             summary.drops[Drop.SUPERSEDED],
         )
@@ -105,27 +109,41 @@ class NodeWatch:
         self._say_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
+        queue_needed = synchronizer.queue_needed
+        if now.matches > before.matches:  # else it is why there is silence
+            self._say_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
         self._say_if_new("name", explain_namesakes(self._node))
         if now.matches > before.matches:
             self.silence = ""
             self._silences.clear()
             return
-        self.silence = self._explain_silence(inputs, received)
+        backward = [c for c in Channel if 2 * (now.backward[c] - before.backward[c]) > received[c]]
+        self.silence = self._explain_silence(inputs, received, backward)
         # counts differ from look to look, and are no news; nor is a cause that comes again
         kind = without_numbers(self.silence)
         if kind not in self._silences:
             self._silences.add(kind)
             self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {self.silence}")
 
-    def _explain_silence(self, inputs: Sequence[NodeInput], received: dict[Channel, int]) -> str:
+    def _explain_silence(
+        self,
+        inputs: Sequence[NodeInput],
+        received: dict[Channel, int],
+        backward: Sequence[Channel],
+    ) -> str:
         seen = [
             Input(
                 i.channel, i.topic, i.publishers, received[i.channel], received[i.channel] / LOOK_S
             )
             for i in inputs
         ]
+        synchronizer = self._synchronizer
         return explain_silence(
-            seen, self._synchronizer.closest_miss_ns, self._synchronizer.max_interval_ns
+            seen,
+            synchronizer.closest_miss_ns,
+            synchronizer.max_interval_ns,
+            synchronizer.queue_needed,
+            backward,
         )
 
     def _say_if_new(self, what: str, line: str | None) -> None:

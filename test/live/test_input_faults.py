@@ -49,6 +49,19 @@ def test_stamps_too_far_apart_are_said_with_both_times() -> None:
     assert "up to 20.0 ms" in line
 
 
+def test_images_that_miss_one_another_for_a_short_queue_ask_for_a_longer_one() -> None:
+    inputs = [Input(c, f"/{c.value}", ("/camera",), 150, 30.0) for c in Channel]
+    line = explain_silence(inputs, 160 * MS, 20 * MS, queue_needed=21)
+    assert "set sync_queue_size:=21" in line
+    assert "approx_sync_max_interval" not in line
+
+
+def test_stamps_that_go_back_from_message_to_message_are_told_as_that() -> None:
+    inputs = [Input(c, f"/{c.value}", ("/camera",), 150, 30.0) for c in Channel]
+    line = explain_silence(inputs, 160 * MS, 20 * MS, 0, [Channel.COLOR, Channel.DEPTH])
+    assert "the stamps of color and depth go back from message to message" in line
+
+
 def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
     line = explain_interval(18 * MS, 33 * MS)
     assert line is not None

@@ -290,3 +290,24 @@ def test_a_message_out_of_order_is_not_missing_and_a_pause_of_the_camera_is_no_l
 def test_the_usual_interval_and_period_are_those_of_the_stamps() -> None:
     _, sync = synchronized(triples([i * PERIOD for i in range(20)], depth_offset=7 * MS))
     assert (sync.interval_ns, sync.period_ns) == (7 * MS, PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("frames_late", "offset_ns", "needed"),
+    [(0, 0, 0), (5, 0, 0), (15, 0, 21), (15, 3 * MS, 21), (15, 10**13, 0), (0, -50 * MS, 0)],
+)
+def test_depth_that_comes_late_with_the_right_stamps_needs_a_longer_queue(
+    frames_late: int, offset_ns: int, needed: int
+) -> None:
+    """Late by more frames than wait; clocks that differ, or stamps that do, need no queue."""
+    events: list[Event] = []
+    for i in range(60):
+        events.append((Channel.COLOR, i * PERIOD))
+        events.append((Channel.INFO, i * PERIOD))
+        if i >= frames_late:
+            events.append((Channel.DEPTH, (i - frames_late) * PERIOD + offset_ns))
+    matches, sync = synchronized(events, queue_size=10)
+    assert sync.queue_needed == needed
+    assert len(matches) < 25 or not needed
+    if needed:
+        assert len(synchronized(events, queue_size=needed)[0]) == 60 - frames_late
