@@ -76,7 +76,7 @@ def associate(
     return rows, np.array([pairs[int(i)] for i in rows], np.int64)
 
 
-def read_tum(path: Path) -> Trajectory:
+def read_tum(path: str | Path) -> Trajectory:
     """The trajectory in a text file of a stamp and a pose on each line.
 
     That of TUM (``stamp tx ty tz qx qy qz qw``; # starts a comment), and its relatives: EuRoC's,
@@ -86,11 +86,11 @@ def read_tum(path: Path) -> Trajectory:
         InputError: the file cannot be read, or none of its lines holds a stamp and a pose. Single
             lines that hold none are skipped, with a warning.
     """
-    stamps, poses = stamped_poses(path)
+    stamps, poses = stamped_poses(Path(path))
     return Trajectory(np.array(stamps, np.int64), np.stack(poses))
 
 
-def write_tum(path: Path, trajectory: Trajectory) -> None:
+def write_tum(path: str | Path, trajectory: Trajectory) -> None:
     """Writes a TUM file, which ``read_tum`` reads back to the nanosecond.
 
     Raises:
@@ -98,7 +98,7 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
     """
     rows = zip(trajectory.stamps_ns, trajectory.poses, strict=True)
     lines = [TUM_HEADER, *(_tum_line(int(stamp), T) for stamp, T in rows)]
-    write_whole(path, "".join(f"{line}\n" for line in lines))
+    write_whole(Path(path), "".join(f"{line}\n" for line in lines))
 
 
 def _tum_line(stamp_ns: int, T_world_body: Float64) -> str:

@@ -57,7 +57,7 @@ def share_directory() -> Path:
     raise InputError(here.parent, "the package's data files are missing", "install it again")
 
 
-def load_yaml(path: Path, base: C) -> C:
+def load_yaml(path: str | Path, base: C) -> C:
     """``base`` with the values of a ROS parameter file (``/**: ros__parameters: …``) set.
 
     A file may hold the parameters of method and node: those of the other are left out.
@@ -66,7 +66,7 @@ def load_yaml(path: Path, base: C) -> C:
         InputError: the file cannot be read, is not such a file, or holds a bad value.
     """
     try:
-        content = document(read_text(path))
+        content = document(read_text(Path(path)))
     except yaml.YAMLError as error:
         reason = str(error).splitlines()[0]
         raise InputError(path, f"cannot be read ({reason})", "give a YAML file") from error

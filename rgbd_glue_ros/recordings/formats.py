@@ -157,7 +157,7 @@ def format_of(path: Path) -> Format | None:
 
 
 def open_recording(
-    path: Path,
+    path: str | Path,
     topics: Topics | None = None,
     calibration: CameraIntrinsics | Calibration | None = None,
     inputs: InputConfig | None = None,
@@ -176,6 +176,7 @@ def open_recording(
     Raises:
         InputError: there is nothing there, it is of no known format, or it cannot be used.
     """
+    path = Path(path)
     if not path.exists():
         raise InputError(path, "does not exist", "give a bag or the folder of a data set")
     kind = format_of(path)

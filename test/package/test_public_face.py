@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from rigs.bags import make_frames, recorded, write_rosbag2
 from rigs.paths import ROOT
 
 import rgbd_glue_ros
@@ -88,6 +91,20 @@ def test_depth_that_is_known_nowhere_is_depth() -> None:
 def test_a_camera_that_sees_nothing_is_refused(name: str, value: float) -> None:
     with pytest.raises(InputError, match=rf"^CameraIntrinsics\.{name}: is "):
         replace(CAMERA, **{name: value})  # type: ignore[arg-type]
+
+
+def test_the_example_in_the_readme_runs_as_it_stands(tmp_path: Path) -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    write_rosbag2(tmp_path / "recording", recorded(make_frames(3)))
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)

@@ -58,8 +58,8 @@ def error_charts(run: Run, evaluation: Evaluation, span: tuple[float, float]) ->
     sigmas = sigmas_of(run, evaluation.stamps_ns)
     drawn.append(
         "<p>Since the first pose that has a true one, in the axes of the first camera. The band "
-        "should hold 95 % of the errors: it is 1.96 σ of the covariance that comes with a pose, "
-        "and for the angle of a rotation as much.</p>"
+        "holds 95 % of the errors where the covariance that comes with each pose is right: "
+        "1.96 σ of an axis.</p>"
         if np.isfinite(sigmas).any()
         else "<p>Since the first pose that has a true one, in the axes of the first camera.</p>"
     )
