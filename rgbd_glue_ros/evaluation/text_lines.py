@@ -15,6 +15,10 @@ from rgbd_glue_ros.types import Float64
 
 Row = TypeVar("Row")
 
+_FARTHEST_M = 1e9
+# the squares of other numbers are zero, or infinite
+_SQUARED = (1e-100, 1e100)
+
 
 def parsed_lines(
     path: Path, parse: Callable[[list[str]], Row], remedy: str, comment: str = "#"
@@ -48,9 +52,24 @@ def parse_pose(words: list[str]) -> Float64:
         ValueError: it is none.
     """
     numbers = finite_numbers(words, 7)
-    if not np.any(numbers[3:]):
+    position, turn = numbers[:3], numbers[3:]
+    check_position(position)
+    length = np.abs(turn).max()
+    if length == 0:
         raise ValueError("a quaternion of zeros")
-    return se3.from_translation_quaternion(numbers[:3], numbers[3:])
+    if not _SQUARED[0] < length < _SQUARED[1]:
+        turn = turn / length
+    return se3.from_translation_quaternion(position, turn)
+
+
+def check_position(position: Float64) -> None:
+    """Refuses what is farther than the moon, and would overflow in an alignment.
+
+    Raises:
+        ValueError: it is.
+    """
+    if np.abs(position).max() > _FARTHEST_M:
+        raise ValueError(f"a position more than {_FARTHEST_M:g} m away")
 
 
 def finite_numbers(words: list[str], count: int) -> Float64:

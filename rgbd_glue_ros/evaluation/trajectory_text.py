@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.text_lines import finite_numbers, parse_pose
+from rgbd_glue_ros.evaluation.text_lines import check_position, finite_numbers, parse_pose
 from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
@@ -249,6 +249,7 @@ def parse_matrix(words: Sequence[str]) -> Float64:
     T[:rows] = finite_numbers(list(words), rows * columns).reshape(rows, columns)
     if abs(np.linalg.det(T[:3, :3]) - 1) > 0.1:
         raise ValueError("a matrix that is no rotation")
+    check_position(T[:3, 3])
     return T
 
 

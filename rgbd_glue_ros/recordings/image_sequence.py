@@ -299,7 +299,7 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
             raise ValueError(f"{dtype} {shape}")  # noqa: TRY301 - as what NumPy refuses
         numbers = np.frombuffer(data, dtype, math.prod(shape), file.tell())
         array: NDArray[Any] = numbers.reshape(shape, order="F" if is_by_columns else "C").copy()
-    except (ValueError, KeyError, EOFError, OverflowError) as error:
+    except Exception as error:
         raise InputError(path, f"holds no array ({error})", "restore the file") from error
     return array
 

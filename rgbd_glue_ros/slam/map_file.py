@@ -95,7 +95,9 @@ def read_map(path: Path) -> SavedMap:
             file.seek(0)
             with np.load(file, allow_pickle=False) as arrays:
                 return _map(arrays, path)
-        except (ValueError, KeyError, IndexError, OSError, zipfile.BadZipFile) as error:
+        except InputError:
+            raise
+        except Exception as error:
             raise InputError(path, f"holds no map ({error})", "give one of --save-map") from error
 
 

@@ -135,3 +135,16 @@ def test_a_stamp_beyond_all_time_is_no_stamp(stamp: str, tmp_path: Path) -> None
     path.write_text(f"{stamp} 0 0 0 0 0 0 1\n")
     with pytest.raises(InputError, match="a stamp"):
         read_tum(path)
+
+
+def test_a_pose_of_absurd_numbers_is_skipped_or_has_a_direction(tmp_path: Path) -> None:
+    path = tmp_path / "trajectory.txt"
+    path.write_text(
+        "1 0 0 1e308 0 0 0 1\n2 0 0 0 0 1e-320 0 0\n3 0 0 0 0 0 1e300 1e300\n4 0 0 0 0 0 0 1\n"
+    )
+    trajectory = read_tum(path)
+    assert trajectory.stamps_ns.tolist() == [2_000_000_000, 3_000_000_000, 4_000_000_000]
+    np.testing.assert_allclose(trajectory.poses[0, :3, :3], np.diag([-1.0, 1, -1]), atol=1e-12)
+    np.testing.assert_allclose(
+        trajectory.poses[1, :3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12
+    )

@@ -30,6 +30,9 @@ _BLOCK = 2**20
 _MAX_HEADERS = 2**20
 _REMEDY = "do not trust it, or download it again"
 
+# A name that is too long, a place before the beginning
+_NONSENSE = {errno.ENAMETOOLONG, errno.EINVAL}
+
 # What readers raise on nonsense; InputError is a ValueError, but raised on purpose.
 _DAMAGE = (
     *(tarfile.TarError, gzip.BadGzipFile, zipfile.BadZipFile, zlib.error, lzma.LZMAError),
@@ -113,9 +116,9 @@ def _unpack(archive: Path, folder: Path, budget: _Budget, on_bytes: Callable[[in
     except _DAMAGE as error:
         raise InputError(archive, f"is damaged ({error})", _REMEDY) from error
     except OSError as error:
-        if error.errno != errno.ENAMETOOLONG:
+        if error.errno not in _NONSENSE:
             raise
-        raise InputError(archive, "holds a name that is too long", _REMEDY) from error
+        raise InputError(archive, f"is damaged ({error.strerror})", _REMEDY) from error
 
 
 def _inside(archive: Path, name: str) -> PurePosixPath:
