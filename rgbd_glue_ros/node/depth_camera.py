@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.depth_camera import GivenDepthCamera, find_depth_camera
@@ -89,6 +90,12 @@ class DepthCameraInput:
         if not self._has_waited and self._node.count_publishers(self.topic) > 0:
             self._came.wait(FIRST_INFO_S)
             self._has_waited = True
+        if self._given.is_info_chosen and self._info is None:
+            raise InputError(
+                self.topic,
+                "no camera info came, so the depth camera is not known",
+                "see that the driver publishes it, or leave depth_info_topic empty",
+            )
         found = find_depth_camera(
             *(match.color, match.depth, match.info, self._info),
             self._find_transform,

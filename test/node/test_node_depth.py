@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -81,15 +82,23 @@ def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_kno
         "depth_info_topic": "/elsewhere/camera_info",
         "camera_axes": "optical",
     }
-    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+    with node_in(ros_domain, **given) as node, Rig(ros_domain) as rig:
         info = rig.publisher(CameraInfo, "/elsewhere/camera_info")
         rig.wait_until_matched()
         rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
-        publish(rig, 0, info)
-        rig.pose_at(0)
+        publish(rig, 0)
+        node.wait_for_line("/elsewhere/camera_info: no camera info came", PATIENCE_S)
+        stamps = itertools.count(PERIOD_NS, PERIOD_NS)
+
+        def has_pose() -> bool:
+            publish(rig, next(stamps), info)
+            rig.spin_for(0.2)
+            return bool(rig.poses)
+
+        rig.wait(has_pose, "a pose")
         # the next comes registered, from where the camera was: it fits only what is in its place
 
-        pose = rig.pose_of(corner_frame(PERIOD_NS))
+        pose = rig.pose_of(corner_frame(next(stamps)))
         np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
 
 

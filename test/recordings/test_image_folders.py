@@ -447,13 +447,17 @@ def test_a_calibration_tells_the_unit_of_depth_wherever_it_lies(
     assert ("if it is another, give --depth-scale" in caplog.text) is is_said
 
 
-def test_a_comment_of_the_list_tells_the_unit_of_depth(tmp_path: Path) -> None:
+@pytest.mark.parametrize("names", [("rgb", "depth"), ("color", "aligned_depth")])
+def test_a_comment_of_the_list_tells_the_unit_of_depth(
+    names: tuple[str, str], tmp_path: Path
+) -> None:
     folder = tmp_path / "mine"
-    lists(folder, "rgb.txt", "depth.txt", 1000)
+    lists(folder, f"{names[0]}.txt", f"{names[1]}.txt", 2000)
     text(folder / "K.txt", K)
-    listed = (folder / "depth.txt").read_text()
-    for comment in ("# depth maps, scale: 1000", "# depth_scale = 0.001", "#depth factor 1000.0"):
-        text(folder / "depth.txt", comment, listed)
+    depth_list = folder / f"{names[1]}.txt"
+    listed = depth_list.read_text()
+    for comment in ("# depth maps, scale: 2000", "# depth_scale = 0.0005", "#depth factor 2000.0"):
+        text(depth_list, comment, listed)
         frame = next(iter(open_recording(folder)))
         assert frame.depth[0, 0] == pytest.approx(metres(0), abs=1e-5)
 

@@ -98,7 +98,8 @@ def _frames(
         both = lists.lists_in(folder)
         if both is not None:
             is_tum = both[0].name == "rgb.txt" and both[1].name == "depth.txt"
-            return lists.paired(*both), _TUM if is_tum else _MILLIMETRES
+            encoding = _TUM if is_tum else _MILLIMETRES
+            return lists.paired(*both), encoding.with_told_scale(lists.scale_in_comments(both[1]))
         association = lists.association_in(folder)
         if association is not None:
             return lists.read_association(association), _TUM
