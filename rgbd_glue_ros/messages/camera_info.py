@@ -155,7 +155,7 @@ def _believed(camera: CameraIntrinsics, where: str, image_topic: str) -> CameraI
     """The camera, whose size is that of its image alone, if the centre of both agrees."""
     width, height = camera.width, camera.height
     off_centre = max(abs(camera.cx / width - 0.5), abs(camera.cy / height - 0.5))
-    if off_centre > _MAX_OFF_CENTRE or not _is_plausible(camera):
+    if off_centre > _MAX_OFF_CENTRE or not is_plausible(camera):
         raise InputError(
             where,
             f"tells no size, and its centre ({camera.cx:g}, {camera.cy:g}) is not that of the "
@@ -222,12 +222,13 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
     camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy)
     if _is_without_size(msg):
         return camera
-    if not _is_plausible(camera):
+    if not is_plausible(camera):
         raise _no_camera(name, matrix, msg, where)
     return _binned(_cropped(camera, msg, where), msg, where)
 
 
-def _is_plausible(camera: CameraIntrinsics) -> bool:
+def is_plausible(camera: CameraIntrinsics) -> bool:
+    """Whether a camera with these numbers can have taken images of this size."""
     side = max(camera.width, camera.height)
     return side / MAX_SIDES < min(camera.fx, camera.fy) and (
         max(camera.fx, camera.fy, abs(camera.cx), abs(camera.cy)) < side * MAX_SIDES

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -17,9 +19,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import EndSignals
+from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memory
 
 # DDS tells of a node's topics before it tells its name.
 NAMES_S = 1.0
+# The last whose ports there are (RTPS 2.2, 9.6.1.1).
+LAST_DOMAIN = 232
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 logger = logging.getLogger(__name__)
 
@@ -30,14 +36,49 @@ def init(args: list[str] | None) -> None:
     rclpy's handlers would take the context away from a frame that is still in work.
 
     Raises:
-        InputError: the ROS arguments make no sense.
+        InputError: the ROS arguments, or variables of the environment, make no sense.
     """
+    check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RCLError, UnknownROSArgsError) as error:
-        # what follows are places in rcl's source
-        cause = str(error).partition(", at /")[0]
-        raise InputError("ROS arguments", cause, "give --ros-args -p name:=value") from error
+        raise _init_fault(error) from error
+
+
+def check_domain(domain: str) -> None:
+    """Refuses a ROS domain that has no ports, of which DDS would say that they are too high.
+
+    Args:
+        domain: the variable ``ROS_DOMAIN_ID``; "" where it is not set.
+
+    Raises:
+        InputError: it is no number from 0 to 232.
+    """
+    if domain and not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        remedy = f"set it to a whole number from 0 to {LAST_DOMAIN}, or unset it"
+        raise InputError("ROS_DOMAIN_ID", f"is {domain!r}", remedy)
+
+
+def _init_fault(error: Exception) -> InputError:
+    """What kept ROS from starting, with the place that it is to be mended at."""
+    # what follows are places in rcl's source
+    cause = str(error).partition(", at /")[0]
+    if "log" in cause:
+        remedy = "set ROS_LOG_DIR, or HOME, to a folder that can be written to"
+        return InputError("ROS_LOG_DIR or HOME", cause, remedy)
+    return InputError("ROS arguments", cause, "give --ros-args -p name:=value")
+
+
+def _warn_of_shared_memory(name: str) -> None:
+    """Says so where images between processes will be lost for want of memory."""
+    try:
+        profiles = Path(os.environ.get(PROFILES, "")).read_text(encoding="utf-8")
+        memory = os.statvfs(SHARED_MEMORY)
+    except (OSError, UnicodeDecodeError):
+        return
+    doubt = explain_shared_memory(profiles, memory.f_blocks * memory.f_frsize)
+    if doubt:
+        rclpy.logging.get_logger(name).warning(doubt)
 
 
 class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
@@ -117,6 +158,7 @@ def run_node(
 
     try:
         init(args)
+        _warn_of_shared_memory(name)
         with create(give_up) as node:
             executor = NodeExecutor(node, node.is_news)
             spinning = threading.Thread(
@@ -130,6 +172,11 @@ def run_node(
             executor.shutdown()
     except (InputError, MissingExtraError) as error:
         rclpy.logging.get_logger(name).fatal(str(error))
+        return 2
+    except RCLError as error:
+        cause = str(error).partition(", at /")[0]
+        remedy = "see the lines above, which the middleware wrote"
+        rclpy.logging.get_logger(name).fatal(f"ROS does not start: {cause}; {remedy}")
         return 2
     finally:
         rclpy.try_shutdown()

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import pytest
 from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.demo import demo as module
 from rgbd_glue_ros.experiments.demo.demo import Progress, bundled_bag, demo
+from rgbd_glue_ros.experiments.demo.node_process import private_domain
 from rgbd_glue_ros.experiments.demo.played import PlayedBag
 
 
@@ -130,3 +132,21 @@ sys.exit(main(["demo", "-o", {str(tmp_path)!r}]))
     assert done.returncode == 2
     assert "pip install 'ros-jazzy" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_what_lies_in_place_of_a_domains_lock_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with private_domain() as domain:
+        pass
+    lock = tmp_path / f"rgbd_glue_ros_domain_{domain}.lock"
+    lock.unlink()
+    lock.symlink_to(tmp_path / "not mine")
+    with private_domain() as other:
+        assert other != domain
+    assert not (tmp_path / "not mine").exists()
+    (tmp_path / f"rgbd_glue_ros_domain_{other}.lock").unlink()
+    os.mkfifo(tmp_path / f"rgbd_glue_ros_domain_{other}.lock")
+    with private_domain() as third:
+        assert third not in {domain, other}

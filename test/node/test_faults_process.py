@@ -68,3 +68,20 @@ def test_a_damaged_cache_of_compiled_code_costs_no_pose(
         with Rig(ros_domain) as rig:
             rig.wait_until_matched()
             rig.pose_of(corner_frame(0))
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "where"),
+    [
+        ("ROS_LOG_DIR", f"{__file__}/log", "ROS_LOG_DIR or HOME: failed to initialize logging"),
+        ("ROS_DOMAIN_ID", "500", "ROS_DOMAIN_ID: is '500'; set it to a whole number from 0 to 232"),
+        ("ROS_DOMAIN_ID", "abc", "ROS_DOMAIN_ID: is 'abc'; set it to a whole number from 0 to 232"),
+    ],
+)
+def test_a_variable_that_keeps_ros_from_starting_is_named_with_what_to_set(
+    ros_domain: int, variable: str, value: str, where: str
+) -> None:
+    with running_node(ros_domain, {variable: value}) as node:
+        node.wait_for_line(where, PATIENCE_S)
+        assert node.wait_for_end(PATIENCE_S) == 2
+        assert not [line for line in node.lines if "Traceback" in line]

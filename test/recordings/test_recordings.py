@@ -303,6 +303,8 @@ def test_real_sequences_are_read(
         "585 0 320 0 1e999 240 0 0 1",
         "585 0 0 0 585 0 320 240 1",
         "585 9 320 0 585 240 0 0 1",
+        "585 0 1e9 0 585 240 0 0 1",
+        "1e9 0 320 0 1e9 240 0 0 1",
     ],
 )
 def test_a_camera_matrix_that_is_none_is_named_by_its_file(K: str, tmp_path: Path) -> None:

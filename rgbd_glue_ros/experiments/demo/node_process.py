@@ -22,6 +22,8 @@ from rgbd_glue_ros.parameters import profiles_file
 # Those above are not usable on every platform, 0 is everybody's.
 DOMAINS = range(1, 102)
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+# Everybody can write to the folder of the locks: what lies there in place of a file is left alone.
+_LOCK_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 # How long the node may take to end after it was told to: it finishes the frame in work.
 STOP_S = 10.0
 
@@ -37,8 +39,8 @@ def private_domain() -> Iterator[int]:
     for domain in (*DOMAINS[start:], *DOMAINS[:start]):
         path = Path(tempfile.gettempdir()) / f"rgbd_glue_ros_domain_{domain}.lock"
         try:
-            lock = path.open("a")
-        except PermissionError:  # another user's
+            lock = os.fdopen(os.open(path, _LOCK_FLAGS, 0o600), "a")
+        except OSError:  # another user's, or something in its place
             continue
         with lock:
             try:
