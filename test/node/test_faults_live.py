@@ -169,7 +169,7 @@ def small_bag() -> PlayedBag:
             types[channel] = f"sensor_msgs/msg/{type(message).__name__}"
             time_ns = frame.stamp_ns
             messages.append(PlayedMessage(channel, time_ns, time_ns, serialize_message(message)))
-    return PlayedBag("small", types, tuple(messages), None)
+    return PlayedBag("small", types, tuple(messages), None, Path("small"))
 
 
 @contextmanager

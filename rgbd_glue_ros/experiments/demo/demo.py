@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rgbd_glue_ros.errors import MissingExtraError
+from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.experiments.demo.played import Played, transport
 from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, results_of, write_results
+from rgbd_glue_ros.experiments.replay.thumbnails import thumbnail
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, share_directory
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 PRESET = "live"
 LOG = "node.log"
+THUMBNAILS = 60
 # Compiling for the first time takes this long on a slow machine.
 READY_S = 300.0
 # From the last frame to the node's last word on it, which comes once a second.
@@ -130,6 +132,7 @@ def _played_to_the_node(
                 if player.poses:
                     run = _run(recording, config, player)
                     run.command = command
+                    run.thumbnails = _thumbnails(recording)
                     write_tum(folder / TRAJECTORY, run.trajectory)
                     figures = write_results(run, folder, measured)
     if code != 0:
@@ -197,6 +200,14 @@ def _run(recording: Played, config: Config, player: Player) -> Run:
     start, end = min(player.published_ns.values()), max(player.arrived_ns.values())
     run.wall_s = (end - start) / NANOSECONDS
     return run
+
+
+def _thumbnails(recording: Played) -> dict[int, bytes]:
+    """Pictures of what was played; none of a recording that ends in damage."""
+    try:
+        return {f.stamp_ns: thumbnail(f.color) for f in recording.sample(THUMBNAILS)}
+    except InputError:
+        return {}
 
 
 def _measured(player: Player, node: NodeProcess) -> dict[str, Any]:

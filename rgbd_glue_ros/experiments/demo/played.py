@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -60,6 +62,9 @@ class Played(Protocol):
     def messages(self) -> Iterable[PlayedMessage]:
         """In the order of recording; they can be had more than once."""
 
+    def sample(self, count: int) -> list[RgbdFrame]:
+        """At most ``count`` frames spread over the recording, to be looked at."""
+
 
 def transport(played: Played, channel: Channel) -> str:
     """The value of ``image_transport`` or ``depth_transport`` to receive a channel with."""
@@ -76,6 +81,7 @@ class PlayedBag:
     types: dict[Channel, str]
     messages: tuple[PlayedMessage, ...]
     ground_truth: Trajectory | None
+    path: Path
 
     @staticmethod
     def load(path: Path) -> PlayedBag:
@@ -104,12 +110,17 @@ class PlayedBag:
                 )
                 for message in bag.messages([str(topic) for topic in channels])
             )
-        return PlayedBag(name, types, messages, truth)
+        return PlayedBag(name, types, messages, truth, path)
 
     @property
     def frame_count(self) -> int:
         """How many colour images it holds."""
         return sum(message.channel is Channel.COLOR for message in self.messages)
+
+    def sample(self, count: int) -> list[RgbdFrame]:
+        """At most ``count`` frames spread over the bag."""
+        with BagRecording(self.path) as recording:
+            return _sample(recording, count)
 
 
 @dataclass(frozen=True)
@@ -169,6 +180,10 @@ class PlayedRecording:
         if is_empty:
             raise InputError(self.name, "has no frame to play", "start earlier, or play for longer")
 
+    def sample(self, count: int) -> list[RgbdFrame]:
+        """At most ``count`` frames spread over the recording."""
+        return _sample(self.recording, count)
+
     def _part(self) -> Iterator[RgbdFrame]:
         first_ns: int | None = None
         for frame in self.recording:
@@ -178,3 +193,8 @@ class PlayedRecording:
                 return
             if since_s >= 0:
                 yield frame
+
+
+def _sample(recording: Recording, count: int) -> list[RgbdFrame]:
+    rows = np.linspace(0, recording.frame_count - 1, min(count, recording.frame_count))
+    return list(recording.select(rows.astype(int).tolist()))

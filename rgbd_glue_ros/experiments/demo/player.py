@@ -26,6 +26,8 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 MESSAGE_TYPES = {f"sensor_msgs/msg/{t.__name__}": t for t in (Image, CompressedImage, CameraInfo)}
 QUEUE = 10
+# Poses wait while messages are published; none may be lost, since they are counted.
+ANSWERS = 1000
 C = TypeVar("C", bound="Camera")
 
 
@@ -114,8 +116,12 @@ class Camera:
             if start_ns is None or first_ns is None:
                 start_ns, first_ns = time.monotonic_ns(), message.recorded_ns
             due_ns = start_ns + (message.recorded_ns - first_ns) / rate
-            while (left_ns := due_ns - time.monotonic_ns()) > 0:
-                self._executor.spin_once(timeout_sec=left_ns / NANOSECONDS)
+            is_due = False
+            while not is_due:
+                left_ns = due_ns - time.monotonic_ns()
+                is_due = left_ns <= 0
+                # also where it is late: else answers would wait, and then be lost
+                self._executor.spin_once(timeout_sec=max(0.0, left_ns / NANOSECONDS))
             self.publish(message)
             yield message
 
@@ -147,7 +153,7 @@ class Player(Camera):
             (PoseStamped, topics.KEYFRAME_POSE, self._receive_keyframe),
             (DiagnosticArray, topics.DIAGNOSTICS, self._receive_diagnostics),
         ):
-            self._node.create_subscription(kind, name, receive, 10)
+            self._node.create_subscription(kind, name, receive, ANSWERS)
 
     def is_matched(self) -> bool:
         """Whether the node listens to all topics, reliably, and publishes."""
