@@ -17,6 +17,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.input_files import open_file
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
@@ -35,6 +36,7 @@ VIDEOS = ("rgb.mp4", "rgb.mov", "color.mp4", "video.mp4")
 ODOMETRY = "odometry.csv"
 
 _MILLIMETRES = DepthEncoding(1000.0, (0,))
+_MP4 = b"ftyp"
 
 
 def matches(folder: Path) -> bool:
@@ -171,6 +173,11 @@ def _frames(video: Path) -> Iterator[UInt8]:
     Raises:
         InputError: OpenCV cannot decode it.
     """
+    with open_file(video) as file:
+        head = file.read(len(_MP4) + 4)
+    # else OpenCV would take a list of videos for one, and fetch what it names
+    if head[4:] != _MP4:
+        raise InputError(video, "is no MP4 video", "restore the file")
     capture = cv2.VideoCapture(str(video))
     # phones say how they were held, and depth does not follow
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)

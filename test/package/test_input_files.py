@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import yaml
+from rigs.paths import ROOT
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
@@ -161,3 +165,32 @@ def test_a_file_that_is_read_is_closed(tmp_path: Path) -> None:
             open_file(tmp_path)
         read_bytes(tmp_path / "file", 1)
     assert len(os.listdir("/proc/self/fd")) == before  # noqa: PTH208
+
+
+@pytest.mark.parametrize(
+    "content", ["#EXTM3U\n#EXTINF:1,\n/etc/passwd\n", "ffconcat version 1.0\n"]
+)
+def test_a_list_of_videos_is_no_video(content: str, tmp_path: Path) -> None:
+    """FFmpeg would open what it names, also on the network."""
+    (tmp_path / "depth").mkdir()
+    assert cv2.imwrite(str(tmp_path / "depth/000000.png"), np.ones((48, 64), np.uint16))
+    (tmp_path / "camera_matrix.csv").write_text("60, 0, 31.5\n0, 61, 23.5\n0, 0, 1\n")
+    (tmp_path / "rgb.mp4").write_text(content)
+    with pytest.raises(InputError, match=r"rgb\.mp4: is no MP4 video"):
+        open_recording(tmp_path)
+
+
+# What reads files of its own, or of the system, and none that input names
+_OWN = {"code_cache.py", "download.py", "fetch.py", "weights.py", "writer.py", "map_file.py"}
+_READS = re.compile(r"\.read_text\(|\.read_bytes\(|safe_load|loadtxt|imread\(|np\.load\(")
+
+
+def test_what_input_names_is_read_by_the_one_reader() -> None:
+    package = ROOT / "rgbd_glue_ros"
+    found = {
+        path.name
+        for part in ("parameters", "messages", "evaluation", "recordings", "slam", "features")
+        for path in (package / part).rglob("*.py")
+        if path.name not in _OWN and _READS.search(path.read_text())
+    }
+    assert not found

@@ -110,7 +110,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         found[name] = Kind(file, _convert)
     found["sens"] = Kind(Scan(frames=3).write(place("sens", "scan.sens")), _convert)
     found["ScanNet"] = Kind(Scan(frames=3).export(place("ScanNet")), _convert)
-    for name, make in (("7-Scenes", _seven_scenes), ("ICL", _icl), ("arrays", _arrays)):
+    for name, make in _FOLDERS.items():
         found[name] = Kind(make(place(name)), _convert)
     tum = place("TUM")
     calibration = write_data_set(tum, 3)
@@ -219,6 +219,46 @@ def _arrays(folder: Path) -> Path:
         np.save(folder / f"depth/{i}.npy", depth.astype(np.float32) / 1000)
     (folder / "K.txt").write_text("60 0 31.5\n0 61 23.5\n0 0 1\n")
     return folder
+
+
+def _stray_scanner(folder: Path) -> Path:
+    (folder / "depth").mkdir(parents=True)
+    video = cv2.VideoWriter(str(folder / "rgb.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 60, (64, 48))
+    rows = "timestamp, frame, x, y, z, qx, qy, qz, qw\n"
+    for i in range(3):
+        color, depth = _image(i)
+        video.write(color)
+        cv2.imwrite(str(folder / f"depth/{i:06d}.png"), depth)
+        rows += f"{i / 60 + 100}, {i:06d}, 0, 0, {i}, 0, 0, 0, 1\n"
+    video.release()
+    (folder / "camera_matrix.csv").write_text("60, 0, 31.5\n0, 61, 23.5\n0, 0, 1\n")
+    (folder / "odometry.csv").write_text(rows)
+    return folder
+
+
+def _association(folder: Path) -> Path:
+    """With images and truth in other forms than those of data sets."""
+    for part in ("rgb", "depth"):
+        (folder / part).mkdir(parents=True)
+    lines = ""
+    for i in range(3):
+        color, depth = _image(i)
+        cv2.imwrite(str(folder / f"rgb/{i}.ppm"), color)
+        cv2.imwrite(str(folder / f"depth/{i}.tiff"), depth)
+        lines += f"{i + 1}.5 rgb/{i}.ppm {i + 1}.51 depth/{i}.tiff\n"
+    (folder / "associations.txt").write_text(lines)
+    (folder / "poses.txt").write_text(3 * "1 0 0 0 0 1 0 0 0 0 1 0\n")
+    (folder / "K.txt").write_text("60 0 31.5\n0 61 23.5\n0 0 1\n")
+    return folder
+
+
+_FOLDERS = {
+    "7-Scenes": _seven_scenes,
+    "ICL": _icl,
+    "arrays": _arrays,
+    "Stray Scanner": _stray_scanner,
+    "association": _association,
+}
 
 
 def _main(*words: object) -> int:
