@@ -19,7 +19,7 @@ from rigs.bag_frames import recorded_frames
 
 from rgbd_glue_ros.experiments.demo.demo import bundled_bag
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
-from rgbd_glue_ros.live.monitor import Drop, Summary
+from rgbd_glue_ros.live.monitor import NO_POSE_S, Drop, Summary
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
@@ -27,8 +27,10 @@ from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 from rigs.faults import BREATH_MB, cpu_ms, node_in, rss_mb
+from rigs.malformed import INFOS
 from rigs.paths import ROOT
 from rigs.ros import PATIENCE_S, Rig, corner_frame, frame_messages
 
@@ -125,6 +127,29 @@ def test_a_camera_that_is_unplugged_for_ten_seconds_is_missed_and_taken_up_again
             rig.wait_until_matched()
             rig.publish(corner_frame(START_NS + 10 * NANOSECONDS))
             rig.pose_of(corner_frame(START_NS + 10 * NANOSECONDS + PERIOD_NS))
+
+
+def test_a_camera_whose_frames_are_all_refused_is_an_error_on_diagnostics(ros_domain: int) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.pose_of(corner_frame(START_NS))
+        stamps = itertools.count(START_NS + PERIOD_NS, PERIOD_NS)
+
+        def refused_status() -> DiagnosticStatus | None:
+            broken = frame_messages(corner_frame(next(stamps)), is_compressed=False)
+            INFOS["K and P of zeros"](broken, np.random.default_rng(0))
+            rig.send(broken)
+            rig.spin_for(0.05)
+            statuses = (d.status[0] for d in rig.diagnostics[-1:])
+            return next((s for s in statuses if s.level == DiagnosticStatus.ERROR), None)
+
+        rig.wait(refused_status, "the error")
+        status = refused_status()
+        assert status is not None
+        assert "the camera is not calibrated" in status.message
+        values = {item.key: item.value for item in status.values}
+        assert float(values["without_pose_s"]) > NO_POSE_S
+        assert node.is_running
 
 
 def test_without_a_clock_simulated_time_stops_neither_poses_nor_diagnostics(
