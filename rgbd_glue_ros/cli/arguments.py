@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from rgbd_glue_ros.errors import InputError
+
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
     from rgbd_glue_ros.experiments.replay.sinks import FrameSink
@@ -298,11 +300,15 @@ def inputs(args: argparse.Namespace) -> InputConfig:
 
 def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:
     """What ``--set`` gives, apart: parameters of the inputs, and those of the method."""
-    from rgbd_glue_ros.parameters import InputConfig, parse_assignment, values
+    from rgbd_glue_ros.parameters import Config, InputConfig, NodeConfig, parse_assignment, values
 
     # some commands read recordings and have no parameters
     given = dict(map(parse_assignment, vars(args).get("set", ())))
     own = values(InputConfig())
+    for name in given.keys() & (values(NodeConfig()).keys() - own.keys() - values(Config()).keys()):
+        raise InputError(
+            name, "is the node's alone", f"give it to the node: --ros-args -p {name}:=VALUE"
+        )
     of_inputs = {name: value for name, value in given.items() if name in own}
     return of_inputs, {name: value for name, value in given.items() if name not in own}
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
@@ -77,6 +78,7 @@ def demo(
     rate: float,
     on_progress: Callable[[Progress], None],
     command: str = "",
+    parameters: Mapping[str, object] = MappingProxyType({}),
 ) -> DemoResult:
     """Plays a recording to the node and leaves the results of a replay, measured live.
 
@@ -88,6 +90,7 @@ def demo(
         rate: speed, 1 for that of the recording.
         on_progress: called after every frame.
         command: that asks for it, to be quoted in the report.
+        parameters: of the node, beside those that the recording asks for.
 
     Raises:
         InputError: the recording or the folder cannot be used.
@@ -96,7 +99,8 @@ def demo(
     """
     config = load_preset(PRESET)
     with results_of(recording.name, config, folder, InputConfig(), (LOG,)):
-        return _played_to_the_node(recording, config, folder, rate, on_progress, command)
+        node = {**_parameters(recording), **parameters}
+        return _played_to_the_node(recording, config, folder, rate, on_progress, command, node)
 
 
 def _played_to_the_node(
@@ -106,6 +110,7 @@ def _played_to_the_node(
     rate: float,
     on_progress: Callable[[Progress], None],
     command: str,
+    parameters: Mapping[str, object],
 ) -> DemoResult:
     log = folder / LOG
     figures: dict[str, Any] = {}
@@ -118,7 +123,7 @@ def _played_to_the_node(
             raise MissingExtraError("rclpy", "ros", "the demonstration") from error
         start = time.monotonic()
         with (
-            NodeProcess(_parameters(recording), environment) as node,
+            NodeProcess(parameters, environment) as node,
             Player(recording, domain) as player,
         ):
             try:
