@@ -132,6 +132,7 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         ("info", "camera infos"),
         ("depth-info", "camera infos of unregistered depth"),
         ("truth", "true poses"),
+        ("imu", "IMU"),
     ):
         parser.add_argument(
             f"--{kind}-topic",
@@ -249,6 +250,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         args.info_topic,
         args.truth_topic,
         args.depth_info_topic,
+        args.imu_topic,
     )
     return partial(
         open_recording,

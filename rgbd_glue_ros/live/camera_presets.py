@@ -19,6 +19,7 @@ TOPIC_ARGUMENTS = {
     "depth": topics.SUBSCRIBED[Channel.DEPTH],
     "camera_info": topics.SUBSCRIBED[Channel.INFO],
     "depth_camera_info": topics.DEPTH_INFO,
+    "imu": topics.IMU,
 }
 """What a preset and the launch file call the topics, and the names that the node has for them."""
 

@@ -7,7 +7,7 @@ the pose of a child frame in ``odom``, both fixed to the camera or the robot tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,19 @@ class Extrinsics:
     def starting_at(self, T_odom_start: Float64) -> Extrinsics:
         """The same where what started at the origin of odom starts at ``T_odom_start`` [4, 4]."""
         return Extrinsics(T_odom_start @ self.T_fixed_odom, self.T_camera_child)
+
+    def levelled(self, up: Float64) -> Extrinsics:
+        """The same with odom turned about its origin, by no more than it takes for it to be level.
+
+        Args:
+            up: which way is up in the first optical frame, a unit vector [3].
+        """
+        x, y, z = self.T_fixed_odom[:3, :3] @ up
+        # about the horizontal axis that is square to both; upside down, any is
+        axis = np.array([y, -x, 0.0]) if np.hypot(x, y) > 0 else np.array([1.0, 0.0, 0.0])
+        turn = axis / np.linalg.norm(axis) * np.arctan2(np.hypot(x, y), z)
+        T_level_fixed = se3.exp(np.concatenate([np.zeros(3), turn]))
+        return replace(self, T_fixed_odom=T_level_fixed @ self.T_fixed_odom)
 
     def pose(self, T_odom_camera: Float64) -> Float64:
         """T_fixed_child [4, 4] for the camera's pose [4, 4] in its first optical frame."""

@@ -13,6 +13,9 @@ SUBSCRIBED = {
 DEPTH_INFO = "depth/camera_info"
 """Only for depth that is not registered to colour."""
 
+IMU = "imu"
+"""Optional."""
+
 POSE = "pose"
 ODOM = "odom"
 KEYFRAME_POSE = "keyframe/pose"

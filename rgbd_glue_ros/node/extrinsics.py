@@ -34,6 +34,7 @@ class NodeExtrinsics:
         self._looked_up: Float64 | None = None
         self._looked_s = 0.0
         self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
+        self._level: Extrinsics | None = None
         self._said: set[str] = set()
         self._moved: set[str] = set()
         if config.guess_frame_id and not (config.frame_id and transforms):
@@ -55,13 +56,33 @@ class NodeExtrinsics:
     def start_at(self, T_odom_start: Float64 | None) -> None:
         """Sets the pose [4, 4] that the next start is at; None for the origin."""
         self._T_odom_start = T_odom_start
+        self._level = None
+
+    def level(self, up: Float64 | None) -> Extrinsics | None:
+        """Has odom start level from now on, where that is wanted, and until the next start.
+
+        Args:
+            up: which way is up in the first optical frame, a unit vector [3]; None if that is not
+                known.
+
+        Returns:
+            The framing.
+        """
+        config = self._config
+        is_optical = not config.frame_id and config.camera_axes == "optical"
+        is_wanted = config.align_with_gravity and not (config.planar or is_optical)
+        if is_wanted and up is not None and self._at_origin is not None:
+            self._level = self._at_origin.levelled(up)
+            self._node.get_logger().info(f"Gravity: odom is level. {self.description}")
+        return self.known
 
     @property
     def known(self) -> Extrinsics | None:
         """The framing; None if it is not known yet."""
-        if self._at_origin is None or self._T_odom_start is None:
-            return self._at_origin
-        return self._at_origin.starting_at(self._T_odom_start)
+        extrinsics = self._level or self._at_origin
+        if extrinsics is None or self._T_odom_start is None:
+            return extrinsics
+        return extrinsics.starting_at(self._T_odom_start)
 
     def of(self, camera_frame: str) -> Extrinsics | None:
         """The framing of a camera, looked up if need be; None if it is not known.

@@ -43,6 +43,7 @@ from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
+from rgbd_glue_ros.node.imu import ImuInput
 from rgbd_glue_ros.node.input_watch import NodeWatch
 from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node.outputs import NodeOutputs
@@ -50,6 +51,7 @@ from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_pose
+from rgbd_glue_ros.odometry.gyroscope import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, TrackingState
@@ -110,6 +112,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._worker = self._create_worker()
         self._inputs: tuple[NodeInput, ...] = ()
         self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
+        self._imu = ImuInput(self, self._node_config, transforms)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
         self._watch = NodeWatch(self, self._synchronizer, self.monitor)
@@ -247,7 +250,12 @@ class OdometryNode(Node):  # type: ignore[misc]
                 if T_guess_child is None
                 else T_guess_child @ se3.inverse(extrinsics.T_camera_child)
             )
+            self._odometry.add_imu(self._imu.take(frame.frame_id))
+            starts = self._odometry.state is TrackingState.INITIALIZING
             estimate = self._odometry.track(frame, T_guess_camera)
+            if starts and estimate.T_odom_camera is not None:
+                up = self._odometry.inertial.up(frame.stamp_ns)
+                extrinsics = self._extrinsics.level(up) or extrinsics
             pose = self._outputs.publish(estimate, extrinsics, frame, T_guess_child)
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)
@@ -259,6 +267,7 @@ class OdometryNode(Node):  # type: ignore[misc]
             if self.monitor.is_news("a frame", repr(error)):
                 logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
             return
+        self._say_once("imu", explain_distrust(self._odometry.inertial.gyroscope))
         why = explain_no_pose(estimate, self._config.camera)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
         self._announce(state_before, estimate, why)

@@ -37,6 +37,12 @@ class InputConfig:
         "is not registered.",
         check=or_nothing(POSE),
     )
+    imu_pose: str = read_once(
+        "",
+        "Pose of the IMU in the colour camera's optical frame, of which the rotation counts. "
+        "Empty, it is looked up on TF (in a bag on /tf_static), unless both have the same frame.",
+        check=or_nothing(POSE),
+    )
     max_width: int = read_once(
         0,
         "Wider images are reduced to at most this width, a block of n x n pixels to one: colour by "

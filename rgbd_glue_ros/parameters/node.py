@@ -35,6 +35,12 @@ class NodeConfig(InputConfig):
         "odom starts with these axes at the camera.",
         choices=("body", "optical"),
     )
+    align_with_gravity: bool = read_once(
+        True,
+        "Whether odom starts level where an IMU tells which way is up: its z axis points there, "
+        "and roll and pitch are true ones. Not with planar, or with camera_axes optical and no "
+        "frame_id. initial_pose is then in the level frame.",
+    )
     planar: bool = read_once(
         False,
         "Whether frame_id keeps to the plane that it starts on, as a robot on wheels does: x, y "

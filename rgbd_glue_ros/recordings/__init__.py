@@ -6,13 +6,14 @@ from rgbd_glue_ros.recordings.bag.recording import Topics
 from rgbd_glue_ros.recordings.calibration import load_calibration
 from rgbd_glue_ros.recordings.collection import recordings, split
 from rgbd_glue_ros.recordings.formats import FORMATS, Format, open_recording
-from rgbd_glue_ros.recordings.recording import Recording
+from rgbd_glue_ros.recordings.recording import Recording, imu_of
 
 __all__ = [
     "FORMATS",
     "Format",
     "Recording",
     "Topics",
+    "imu_of",
     "load_calibration",
     "open_recording",
     "recordings",

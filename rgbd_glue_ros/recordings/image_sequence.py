@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.input_files import MAX_IMAGE, read_bytes, read_text
 from rgbd_glue_ros.messages.camera_info import is_plausible, of_image_size
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
@@ -119,6 +120,7 @@ class ImageSequence:
             are reduced to its size.
         frame_id: the camera's optical frame, "" if not known.
         depth_camera: that took the depth images; None if they are registered to colour.
+        imu: samples in the axes of the optical frame, None if there are none.
     """
 
     name: str
@@ -129,6 +131,7 @@ class ImageSequence:
     color_size: tuple[int, int] | None = None
     frame_id: str = ""
     depth_camera: DepthCamera | None = None
+    imu: ImuSamples | None = None
 
     @property
     def frame_count(self) -> int:

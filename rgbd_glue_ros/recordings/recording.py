@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
 
 
@@ -52,6 +53,20 @@ class Recording(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None: ...
+
+
+@runtime_checkable
+class InertialRecording(Protocol):
+    """A recording that may hold the samples of an IMU too."""
+
+    @property
+    def imu(self) -> ImuSamples | None:
+        """In the axes of the camera's optical frame; None if there are none, or none of use."""
+
+
+def imu_of(recording: Recording) -> ImuSamples | None:
+    """The samples of a recording's IMU; None if it holds none."""
+    return recording.imu if isinstance(recording, InertialRecording) else None
 
 
 def selected(frames: Iterable[RgbdFrame], indices: Iterable[int]) -> Iterator[RgbdFrame]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from rgbd_glue_ros.geometry.reduction import reduced
-from rgbd_glue_ros.recordings.recording import Recording
+from rgbd_glue_ros.imu import ImuSamples
+from rgbd_glue_ros.recordings.recording import Recording, imu_of
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
 
 
@@ -32,6 +33,11 @@ class ReducedRecording:
     def ground_truth(self) -> Trajectory | None:
         """That of the recording."""
         return self.recording.ground_truth
+
+    @property
+    def imu(self) -> ImuSamples | None:
+        """That of the recording."""
+        return imu_of(self.recording)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         for frame in self.recording:

@@ -5,10 +5,16 @@ A folder with ``rgb.txt`` and ``depth.txt`` (lines ``stamp file``), and ``ground
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
+import numpy as np
+
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_text import read_lines
+from rgbd_glue_ros.evaluation.text_lines import finite_numbers
+from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
+from rgbd_glue_ros.imu import ImuSamples
+from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
 from rgbd_glue_ros.recordings import icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
@@ -17,7 +23,15 @@ from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
 from rgbd_glue_ros.types import CameraIntrinsics
 
+logger = logging.getLogger(__name__)
+
 COLOR_LIST, DEPTH_LIST, GROUND_TRUTH = "rgb.txt", "depth.txt", "groundtruth.txt"
+
+ACCELEROMETER = "accelerometer.txt"
+"""Lines of a stamp and an acceleration, m/s²; where it is, it tells which way is up."""
+
+# The axes of a Kinect's accelerometer are x left, y up, z forward.
+_R_OPTICAL_ACCELEROMETER = np.diag([-1.0, -1.0, 1.0])
 
 CALIBRATION = "camera_info.yaml"
 """Not part of the layout as published; where it is there, it is believed."""
@@ -72,8 +86,29 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
         told.intrinsics,
         truth_of(folder, pairs),
         frame_id=_RECORDED_BY if "freiburg" in folder.resolve().name.lower() else "",
+        imu=_accelerations(folder / ACCELEROMETER),
     )
     return sequence.with_told_scale(told.depth_scale or scale_in_comments(folder / DEPTH_LIST))
+
+
+def _accelerations(path: Path) -> ImuSamples | None:
+    """The samples of an accelerometer alone; None without it. Lines that are none are skipped."""
+    if not path.is_file():
+        return None
+    lines = read_lines(path)[1]
+    readings = [reading for reading in map(_reading, lines) if reading is not None]
+    if len(readings) < len(lines):
+        skipped = len(lines) - len(readings)
+        logger.warning("%s: %d lines hold no acceleration and were skipped", path, skipped)
+    return imu_samples(readings).rotated(_R_OPTICAL_ACCELEROMETER) if readings else None
+
+
+def _reading(line: Line) -> ImuReading | None:
+    try:
+        (stamp,) = stamps_ns(line.words[:1])
+        return ImuReading(stamp, np.full(3, np.nan), finite_numbers(list(line.words[1:4]), 3))
+    except (ValueError, ArithmeticError):
+        return None
 
 
 def _camera(folder: Path) -> Calibration:

@@ -55,6 +55,36 @@ def test_a_robot_can_start_anywhere_and_moves_the_same(seed: int) -> None:
     np.testing.assert_allclose(moved.pose(T), start @ robot.pose(T), atol=1e-9)
 
 
+@given(SEEDS)
+def test_where_up_is_known_odom_is_level_and_starts_at_the_same_place(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    robot = Extrinsics.of_robot(random_transform(rng))
+    up = rng.normal(size=3)
+    up /= np.linalg.norm(up)
+    level = robot.levelled(up)
+    np.testing.assert_allclose(level.T_fixed_odom[:3, :3] @ up, [0, 0, 1], atol=1e-9)
+    np.testing.assert_allclose(level.pose(np.eye(4))[:3, 3], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("up", "ahead"),
+    [
+        ([0.0, -1.0, 0.0], [1.0, 0.0, 0.0]),
+        ([0.0, -np.cos(0.4), -np.sin(0.4)], [np.cos(0.4), 0.0, -np.sin(0.4)]),
+        ([0.6, -0.8, 0.0], [1.0, 0.0, 0.0]),
+    ],
+    ids=["level", "looking down by 0.4 rad", "rolled"],
+)
+def test_a_levelled_camera_looks_ahead_along_x(up: list[float], ahead: list[float]) -> None:
+    level = Extrinsics.of_camera("body").levelled(np.array(up))
+    np.testing.assert_allclose(level.T_fixed_odom[:3, 2], ahead, atol=1e-12)
+
+
+def test_a_camera_that_starts_upside_down_is_turned_over() -> None:
+    level = Extrinsics.of_camera("body").levelled(np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(level.T_fixed_odom[:3, 1], [0, 0, 1], atol=1e-12)
+
+
 def test_a_robot_that_turns_on_the_spot_stays_at_the_origin_though_its_camera_does_not() -> None:
     # the camera looks forward from 0.3 m in front of base_link, 0.5 m above the ground
     config = parse_extrinsics("base_link", "0.3 0 0.5 0 0 0", "body")

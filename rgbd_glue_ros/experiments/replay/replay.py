@@ -21,6 +21,7 @@ from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
+from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
@@ -29,7 +30,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import (
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
-from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.recordings import Recording, imu_of
 from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, Trajectory
 from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
@@ -109,6 +110,7 @@ def replay_into(
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth, command=command)
     pictures = Thumbnails()
     odometry = odometry or Odometry(config)
+    odometry.add_imu(imu_of(sequence) or ImuSamples.empty())
     start = perf_counter()
     last: OdometryEstimate | None = None
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -19,20 +18,16 @@ from rgbd_glue_ros.messages.depth_camera import (
 from rgbd_glue_ros.messages.fields import CameraInfo, camera_info, header
 from rgbd_glue_ros.messages.frame import FrameTopics, registration_doubt
 from rgbd_glue_ros.messages.images import base_name
-from rgbd_glue_ros.messages.poses import pose_from_message, pose_parameter
-from rgbd_glue_ros.messages.reading import frame_of, plain_frame
+from rgbd_glue_ros.messages.poses import pose_parameter
+from rgbd_glue_ros.messages.reading import frame_of
 from rgbd_glue_ros.messages.synchronizer import Match
-from rgbd_glue_ros.messages.transform_tree import TransformTree
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings.bag import realsense
 from rgbd_glue_ros.recordings.bag.file import BagFile
+from rgbd_glue_ros.recordings.bag.transforms import recorded_transform
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 logger = logging.getLogger(__name__)
-
-STATIC_TRANSFORMS, TRANSFORMS = "/tf_static", "/tf"
-# ROS 1 repeats static transforms on /tf; all of them are there within so many messages
-_FIRST_TRANSFORMS = 500
 
 GIVEN = "the given depth calibration"
 
@@ -153,19 +148,7 @@ class RecordedDepthCamera:
         """The pose [4, 4] of the depth camera in that of colour; None where it is not told."""
         if self._T_color_depth is not None:
             return self._T_color_depth
-        tree = TransformTree()
-        for topic, most in ((STATIC_TRANSFORMS, None), (TRANSFORMS, _FIRST_TRANSFORMS)):
-            if topic not in self._bag.topics:
-                continue
-            for message in islice(self._bag.messages([topic]), most):
-                for item in self._bag.deserialize(message).transforms:
-                    parent = plain_frame(item.header.frame_id)
-                    T_parent_child = pose_from_message(item, topic)
-                    tree.add(parent, plain_frame(item.child_frame_id), T_parent_child, None)
-            found = tree.lookup(color_frame, depth_frame, None, 0)
-            if found is not None:
-                return found
-        return None
+        return recorded_transform(self._bag, color_frame, depth_frame)
 
     def _say_what_is_taken_as_registered(self, match: Match[Any]) -> None:
         doubt = registration_doubt(match.color, match.depth, self.topics)

@@ -14,6 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
+from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, camera_info, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.images import holds_whole_numbers
@@ -26,12 +27,14 @@ from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.recordings.bag import realsense
 from rgbd_glue_ros.recordings.bag.depth_camera import RecordedDepthCamera
 from rgbd_glue_ros.recordings.bag.file import BagFile
+from rgbd_glue_ros.recordings.bag.imu import recorded_imu
 from rgbd_glue_ros.recordings.bag.topics import (
     Topics,
     find_color,
     find_depth,
     find_depth_info,
     find_ground_truth,
+    find_imu,
     find_info,
 )
 from rgbd_glue_ros.recordings.faults import Faults
@@ -99,6 +102,7 @@ class BagRecording:
                 if calibration is None
                 else "the given calibration"
             )
+            self._imu = find_imu(have, wanted.imu, color, path)
             self._ground_truth = find_ground_truth(have, wanted.ground_truth, path)
             self._depth_camera = RecordedDepthCamera(
                 self._bag,
@@ -152,6 +156,13 @@ class BagRecording:
         if not poses:
             return None
         return Trajectory(np.array(stamps, np.int64), np.array(poses))
+
+    @cached_property
+    def imu(self) -> ImuSamples | None:
+        """The samples of its IMU, None if it has none or does not tell how that is turned."""
+        if self._imu is None:
+            return None
+        return recorded_imu(self._bag, self._imu, self._topics.color, self._inputs)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time; a stamp goes back only where the bag's do.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -16,8 +17,11 @@ from rgbd_glue_ros.messages.images import (
     is_named_registered,
     is_rectified,
 )
+from rgbd_glue_ros.messages.imu import IMU_TYPES
 from rgbd_glue_ros.messages.poses import POSE_TYPES
 from rgbd_glue_ros.recordings.bag.file import RecordedTopic
+
+logger = logging.getLogger(__name__)
 
 _Rule = Callable[[RecordedTopic], bool]
 
@@ -53,7 +57,7 @@ class Topics:
         info: camera info of the colour images.
         ground_truth: true poses T_world_camera of the optical frame.
         depth_info: camera info of the depth images, where they are not registered.
-        ground_truth: true poses T_world_camera of the optical frame.
+        imu: of an inertial sensor; "" takes none.
     """
 
     color: str | None = None
@@ -61,6 +65,7 @@ class Topics:
     info: str | None = None
     ground_truth: str | None = None
     depth_info: str | None = None
+    imu: str | None = None
 
 
 def find_color(
@@ -176,6 +181,33 @@ def find_ground_truth(
     if wanted is None and not named:
         return None
     return _chosen("ground truth", "--truth-topic TOPIC", wanted, named, poses, topics, bag)
+
+
+def find_imu(
+    topics: Mapping[str, RecordedTopic], wanted: str | None, color: str, bag: Path
+) -> str | None:
+    """The topic of an IMU; None if there is none, or, which is logged, several and none is wanted.
+
+    Args:
+        topics: of the bag.
+        wanted: topic to take; None finds it, "" takes none.
+        color: topic of the colour images: the IMU of the same device comes first.
+        bag: for errors.
+
+    Raises:
+        InputError: the wanted one is not there.
+    """
+    sensors = _of_types(topics, IMU_TYPES)
+    if wanted == "" or not (sensors or wanted):
+        return None
+    if wanted is not None:
+        return _chosen("an IMU", "--imu-topic TOPIC", wanted, [], sensors, topics, bag)
+    nearest = _nearest(sensors, color)
+    if len(nearest) > 1:
+        names = ", ".join(topic.name for topic in nearest)
+        logger.warning("%s: left out, since one IMU is taken: give one (--imu-topic)", names)
+        return None
+    return nearest[0].name
 
 
 def _chosen(

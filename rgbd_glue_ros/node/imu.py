@@ -1,0 +1,119 @@
+"""What the node hears of an IMU."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.imu import ImuSamples
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
+from rgbd_glue_ros.messages.poses import pose_parameter
+from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
+from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
+from rgbd_glue_ros.node.tf import Transforms
+from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.parameters.inputs import RECEIPT
+from rgbd_glue_ros.types import Float64
+
+# Messages that wait for the next frame, and for TF to tell how the sensor is turned: seconds of it.
+_MOST_WAITING = 2000
+# How long the first frame waits for a sensor whose publisher is there.
+_FIRST_MESSAGE_S = 1.0
+
+
+class ImuInput:
+    """Listens to an IMU, where there is one.
+
+    Attributes:
+        topic: its full name.
+    """
+
+    def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
+        """Subscribes.
+
+        Raises:
+            InputError: ``imu_pose`` cannot be read.
+        """
+        self.topic = str(node.resolve_topic_name(topics.IMU))
+        self._node = node
+        self._goes_by_receipt = config.stamps == RECEIPT
+        self._transforms = transforms
+        self._T_camera_imu = pose_parameter("imu_pose", config.imu_pose)
+        self._readings: deque[ImuReading] = deque(maxlen=_MOST_WAITING)
+        self._imu_frame = ""
+        self._changing = threading.Lock()
+        self._came = threading.Event()
+        self._has_waited = False
+        self._said: set[str] = set()
+        # best effort hears every publisher, and of so many samples one may be lost
+        qos = QoSProfile(depth=_MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._subscription = node.create_subscription(Imu, self.topic, self._receive, qos)
+
+    def _receive(self, message: Imu) -> None:
+        stamp = stamp_ns(message.header.stamp)
+        if self._goes_by_receipt or stamp == 0:
+            stamp = self._node.get_clock().now().nanoseconds
+        try:
+            reading = imu_reading(message, stamp, self.topic)
+        except InputError as fault:
+            self._say_once(f"{fault} (said once)")
+            return
+        with self._changing:
+            if self._readings and stamp < self._readings[-1].stamp_ns - BACKWARD_JUMP_NS:
+                self._readings.clear()  # time began anew
+            self._imu_frame = frame_of(message.header)
+            self._readings.append(reading)
+        self._came.set()
+
+    def take(self, camera_frame: str) -> ImuSamples:
+        """What came since the last call, in the axes of the camera's optical frame.
+
+        None of it as long as it is not known how the sensor is turned there. The first call waits
+        a while for a sensor that is about to speak.
+
+        Args:
+            camera_frame: the optical frame of the camera.
+        """
+        if not self._has_waited and self._node.count_publishers(self.topic) > 0:
+            self._came.wait(_FIRST_MESSAGE_S)
+            self._has_waited = True
+        if not self._came.is_set():
+            return ImuSamples.empty()
+        T_camera_imu = self._place(camera_frame)
+        if T_camera_imu is None:
+            return ImuSamples.empty()
+        with self._changing:
+            readings = [*self._readings]
+            self._readings.clear()
+        return imu_samples(readings).rotated(T_camera_imu[:3, :3])
+
+    def _place(self, camera_frame: str) -> Float64 | None:
+        """The pose [4, 4] of the sensor in the camera's optical frame; None if it is not known."""
+        imu_frame = self._imu_frame
+        if self._T_camera_imu is None and imu_frame and imu_frame == camera_frame:
+            self._T_camera_imu = np.eye(4)
+        if self._T_camera_imu is None and self._transforms is not None:
+            self._T_camera_imu = self._transforms.lookup(camera_frame, imu_frame, None, 0.0)
+        if self._T_camera_imu is None:
+            self._say_once(
+                f"{self.topic}: TF does not tell how {imu_frame or 'its frame without a name'} is "
+                f"turned in {camera_frame}, so the IMU is not used yet (said once): publish it, or "
+                "set imu_pose"
+            )
+        else:
+            self._say_once(f"Turning with {self.topic}", is_fault=False)
+        return self._T_camera_imu
+
+    def _say_once(self, line: str, *, is_fault: bool = True) -> None:
+        if line in self._said:
+            return
+        self._said.add(line)
+        logger = self._node.get_logger()
+        (logger.warning if is_fault else logger.info)(line)

@@ -1,0 +1,36 @@
+"""What a bag tells of where frames are."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import plain_frame
+from rgbd_glue_ros.messages.transform_tree import TransformTree
+from rgbd_glue_ros.recordings.bag.file import BagFile
+from rgbd_glue_ros.types import Float64
+
+STATIC_TRANSFORMS, TRANSFORMS = "/tf_static", "/tf"
+# ROS 1 repeats static transforms on /tf; all of them are there within so many messages
+_FIRST_TRANSFORMS = 500
+
+
+def recorded_transform(bag: BagFile, target: str, source: str) -> Float64 | None:
+    """The constant T_target_source [4, 4] between two frames; None where it is not told.
+
+    Raises:
+        InputError: a message of transforms cannot be read.
+    """
+    tree = TransformTree()
+    for topic, most in ((STATIC_TRANSFORMS, None), (TRANSFORMS, _FIRST_TRANSFORMS)):
+        if topic not in bag.topics:
+            continue
+        for message in islice(bag.messages([topic]), most):
+            for item in bag.deserialize(message).transforms:
+                parent = plain_frame(item.header.frame_id)
+                T_parent_child = pose_from_message(item, topic)
+                tree.add(parent, plain_frame(item.child_frame_id), T_parent_child, None)
+        found = tree.lookup(target, source, None, 0)
+        if found is not None:
+            return found
+    return None

@@ -1,0 +1,112 @@
+"""An IMU beside the camera, through the node over real DDS."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.imu import ImuSamples
+from rgbd_glue_ros.live.topics import IMU
+from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.types import NANOSECONDS, Float64
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
+from sensor_msgs.msg import Imu
+
+PERIOD_NS = NANOSECONDS // 30
+START_NS = NANOSECONDS
+IMU_FRAME = "camera_imu_frame"
+# the camera looks down by some 17 degrees and is turned about its axis
+UP = np.array([0.2, -0.9, -0.3]) / np.linalg.norm([0.2, -0.9, -0.3])
+# the sensor is turned by a quarter about the camera's z axis
+R_CAMERA_IMU = se3.exp(np.array([0, 0, 0, 0, 0, np.pi / 2]))[:3, :3]
+
+
+@contextmanager
+def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
+    with NodeProcess(parameters, ros_environment(domain)) as node:
+        try:
+            yield node
+        finally:
+            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
+
+
+def at_rest(up: Float64, angular_velocity: Float64, first_ns: int, last_ns: int) -> ImuSamples:
+    stamps = np.arange(first_ns, last_ns, 5_000_000, dtype=np.int64)
+    shape = len(stamps), 1
+    return ImuSamples(stamps, np.tile(angular_velocity, shape), np.tile(9.81 * up, shape))
+
+
+def first_pose(
+    rig: Rig, samples: ImuSamples, frame_id: str, node: NodeProcess, line: str
+) -> Float64:
+    """Publishes samples and a frame, and waits for its pose and for a line in the log."""
+    imu = rig.publisher(Imu, IMU)
+    rig.wait_until_matched()
+    rig.wait(imu.get_subscription_count, "the subscription to the IMU")
+    for index in range(len(samples)):
+        imu.publish(fields.copy_fields(fields.imu(samples, index, frame_id), Imu()))
+    pose = rig.pose_of(corner_frame(START_NS))
+    node.wait_for_line(line, PATIENCE_S)
+    return pose_from_message(pose, "pose")
+
+
+def test_odom_starts_level_where_an_imu_tells_which_way_is_up(ros_domain: int) -> None:
+    still = at_rest(UP, np.zeros(3), 0, START_NS)
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        T = first_pose(rig, still, OPTICAL_FRAME, node, "Gravity: odom is level")
+        np.testing.assert_allclose(T[:3, :3] @ UP, [0, 0, 1], atol=1e-6)
+        np.testing.assert_allclose(T[:3, 3], 0, atol=1e-6)
+        # it goes on in that frame
+        T_next = pose_from_message(rig.pose_of(corner_frame(START_NS + PERIOD_NS)), "pose")
+        np.testing.assert_allclose(T_next, T, atol=2e-3)
+
+
+def test_how_the_imu_is_turned_in_the_camera_may_be_told(ros_domain: int) -> None:
+    still = at_rest(R_CAMERA_IMU.T @ UP, np.zeros(3), 0, START_NS)
+    given = {"imu_pose": f"'0 0 0 0 0 {np.pi / 2}'"}
+    with node_in(ros_domain, **given) as node, Rig(ros_domain) as rig:
+        T = first_pose(rig, still, IMU_FRAME, node, "Gravity: odom is level")
+        np.testing.assert_allclose(T[:3, :3] @ UP, [0, 0, 1], atol=1e-6)
+
+
+def test_an_imu_whose_place_is_not_told_is_not_used_and_that_is_said(ros_domain: int) -> None:
+    still = at_rest(UP, np.zeros(3), 0, START_NS)
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        T = first_pose(rig, still, IMU_FRAME, node, f"how {IMU_FRAME} is turned")
+        np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
+
+
+def test_how_the_imu_is_turned_may_come_from_tf(ros_domain: int) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
+    from rigs.tf import Robot, transform
+
+    T_camera_imu = se3.from_rotation_translation(R_CAMERA_IMU, np.zeros(3))
+    still = at_rest(R_CAMERA_IMU.T @ UP, np.zeros(3), 0, START_NS)
+    with Robot(ros_domain) as rig:
+        rig.tell(transform(OPTICAL_FRAME, IMU_FRAME, T_camera_imu))
+        with node_in(ros_domain, align_with_gravity=False) as node:
+            T = first_pose(rig, still, IMU_FRAME, node, "Turning with")
+            np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
+
+
+def test_a_gyroscope_that_turns_while_the_images_stand_still_is_not_used_and_that_is_said(
+    ros_domain: int,
+) -> None:
+    turning = at_rest(UP, np.array([0.0, 1.0, 0.0]), 0, 2 * NANOSECONDS)
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        first_pose(rig, turning, OPTICAL_FRAME, node, "Turning with")
+        for i in range(1, 28):
+            pose = rig.pose_of(corner_frame(START_NS + i * PERIOD_NS))
+        node.wait_for_line("the gyroscope turns otherwise than the images do", PATIENCE_S)
+        first = pose_from_message(rig.poses[0], "pose")
+        np.testing.assert_allclose(pose_from_message(pose, "pose"), first, atol=5e-3)

@@ -1,0 +1,140 @@
+"""The samples of an IMU come out of a bag in the axes of the camera, or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from raycast_room.imu import BMI055, simulated_imu
+from rigs.bags import Recorded, make_frames, recorded, write_rosbag2
+from rigs.room import room_frame, true_pose
+from rosbags.typesys import Stores, get_typestore
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.imu import ImuSamples
+from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import InputConfig, load_preset
+from rgbd_glue_ros.recordings import Topics, imu_of, open_recording
+from rgbd_glue_ros.recordings.bag.recording import BagRecording
+from rgbd_glue_ros.types import NANOSECONDS, Float64
+
+TYPES = get_typestore(Stores.ROS2_JAZZY).types
+CAMERA_FRAME, IMU_FRAME = "camera_optical", "imu_link"
+TOPIC = "/camera/imu"
+T_CAMERA_IMU = se3.exp(np.array([0.01, 0, 0, 0, np.pi / 2, 0]))
+SAMPLES = ImuSamples(
+    np.arange(1, 21, dtype=np.int64) * 5_000_000,
+    np.random.default_rng(0).normal(size=(20, 3)),
+    np.random.default_rng(1).normal(size=(20, 3)),
+)
+
+
+def imu_messages(
+    samples: ImuSamples, frame_id: str = IMU_FRAME, topic: str = TOPIC
+) -> list[Recorded]:
+    return [
+        Recorded(topic, "sensor_msgs/msg/Imu", int(stamp), fields.imu(samples, i, frame_id))
+        for i, stamp in enumerate(samples.stamps_ns)
+    ]
+
+
+def place(T: Float64) -> Recorded:
+    """What robot_state_publisher says of the IMU."""
+    kinds: Any = TYPES
+    transform = kinds["geometry_msgs/msg/Transform"](
+        kinds["geometry_msgs/msg/Vector3"](*T[:3, 3].tolist()),
+        kinds["geometry_msgs/msg/Quaternion"](*se3.quaternion(T).tolist()),
+    )
+    stamped = kinds["geometry_msgs/msg/TransformStamped"](
+        fields.header(0, CAMERA_FRAME), IMU_FRAME, transform
+    )
+    message = kinds["tf2_msgs/msg/TFMessage"]([stamped])
+    return Recorded("/tf_static", "tf2_msgs/msg/TFMessage", 0, message)
+
+
+def bag(folder: Path, *messages: Recorded) -> Path:
+    return write_rosbag2(folder / "bag", [*recorded(make_frames(2)), *messages])
+
+
+def assert_samples(got: ImuSamples | None, R: Float64) -> None:
+    assert got is not None
+    np.testing.assert_array_equal(got.stamps_ns, SAMPLES.stamps_ns)
+    for name in ("angular_velocity", "linear_acceleration"):
+        np.testing.assert_allclose(getattr(got, name), getattr(SAMPLES, name) @ R.T, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("frame_id", "transforms", "inputs", "R"),
+    [
+        (IMU_FRAME, [place(T_CAMERA_IMU)], InputConfig(), T_CAMERA_IMU[:3, :3]),
+        (CAMERA_FRAME, [], InputConfig(), np.eye(3)),
+        (IMU_FRAME, [], InputConfig(imu_pose=f"0 0 0 0 {np.pi / 2} 0"), T_CAMERA_IMU[:3, :3]),
+    ],
+    ids=["from /tf_static", "in the camera's frame", "as given"],
+)
+def test_samples_are_turned_into_the_cameras_axes(
+    tmp_path: Path, frame_id: str, transforms: list[Recorded], inputs: InputConfig, R: Float64
+) -> None:
+    path = bag(tmp_path, *imu_messages(SAMPLES, frame_id), *transforms)
+    with BagRecording(path, inputs=inputs) as recording:
+        assert_samples(recording.imu, R)
+    with open_recording(path, inputs=InputConfig(imu_pose=inputs.imu_pose, max_width=32)) as small:
+        assert_samples(imu_of(small), R)
+
+
+def test_an_imu_whose_place_is_not_told_is_left_out_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with BagRecording(bag(tmp_path, *imu_messages(SAMPLES))) as recording:
+        assert recording.imu is None
+    assert "imu_pose" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("wanted", "is_taken"), [(None, False), (TOPIC, True), ("", False), ("/base/imu", True)]
+)
+def test_of_several_imus_one_has_to_be_given(
+    tmp_path: Path, wanted: str | None, is_taken: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    both = (*imu_messages(SAMPLES), *imu_messages(SAMPLES, topic="/base/imu"))
+    with BagRecording(bag(tmp_path, *both, place(T_CAMERA_IMU)), Topics(imu=wanted)) as recording:
+        # the camera's own namespace comes first
+        assert (recording.imu is not None) == (is_taken or wanted is None)
+    near = (*imu_messages(SAMPLES), *imu_messages(SAMPLES, topic="/camera/imu_raw"))
+    with BagRecording(bag(tmp_path / "near", *near), Topics(imu="")) as recording:
+        assert recording.imu is None
+    with BagRecording(tmp_path / "near" / "bag") as recording:
+        assert recording.imu is None
+    assert "--imu-topic" in caplog.text
+
+
+def test_an_imu_topic_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no topic /imu of an IMU"):
+        BagRecording(bag(tmp_path, *imu_messages(SAMPLES)), Topics(imu="/imu"))
+
+
+def test_a_bag_without_an_imu_has_none(tmp_path: Path) -> None:
+    with BagRecording(bag(tmp_path)) as recording:
+        assert recording.imu is None
+
+
+def test_a_replay_turns_with_the_imu_of_its_bag(tmp_path: Path) -> None:
+    frames = [room_frame(i / 10) for i in range(9)]
+    samples = simulated_imu(true_pose, 0.0, 1.0, BMI055)
+    images: list[Any] = recorded(frames)
+    path = write_rosbag2(tmp_path / "bag", [*images, *imu_messages(samples, frames[0].frame_id)])
+    odometry = Odometry(load_preset("live"))
+    inputs = InputConfig(imu_pose="0 0 0 0 0 0")
+    with open_recording(path, inputs=inputs) as recording:
+        run = replay(recording, load_preset("live"), tmp_path / "out", odometry=odometry)
+    assert len(run.trajectory) == len(frames)
+    gyroscope = odometry.inertial.gyroscope
+    assert gyroscope.is_trusted
+    off = np.linalg.norm(gyroscope.bias - BMI055.bias)
+    assert off < 0.5 * np.linalg.norm(BMI055.bias)
+    assert samples.stamps_ns[-1] > 0.9 * NANOSECONDS
