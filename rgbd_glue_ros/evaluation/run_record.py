@@ -76,6 +76,7 @@ class Run:
         wall_s: time since the start.
         unanswered_ns: stamps of frames that were played to a node and came back without a pose.
         thumbnails: small JPEGs of some frames, by stamp.
+        up: which way is up in the frame of the trajectory, a unit vector [3]; None if no IMU told.
         command: that asked for the run, to be quoted; "" where a program did.
     """
 
@@ -86,6 +87,7 @@ class Run:
     wall_s: float = 0.0
     unanswered_ns: tuple[int, ...] = ()
     thumbnails: dict[int, bytes] = field(default_factory=dict)
+    up: Float64 | None = None
     command: str = ""
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
@@ -143,6 +145,8 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         "path_m": path_length(run.trajectory.poses),
     }
+    if run.up is not None:
+        content["up"] = run.up.tolist()
     if evaluation is not None:
         content["ape"] = asdict(evaluation.ape)
         content["rpe"] = asdict(evaluation.rpe) if evaluation.rpe else None

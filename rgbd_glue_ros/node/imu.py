@@ -20,12 +20,13 @@ from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # Messages that wait for the next frame, and for TF to tell how the sensor is turned: seconds of it.
 _MOST_WAITING = 2000
-# How long the first frame waits for a sensor whose publisher is there.
-_FIRST_MESSAGE_S = 1.0
+# How long the first frame waits for samples of its time, where there is a publisher: odom is to
+# start level. They have come when one is as little before the frame as this.
+_FIRST_WAIT_S, _OF_ITS_TIME_NS = 1.0, NANOSECONDS // 20
 
 
 class ImuInput:
@@ -48,8 +49,7 @@ class ImuInput:
         self._T_camera_imu = pose_parameter("imu_pose", config.imu_pose)
         self._readings: deque[ImuReading] = deque(maxlen=_MOST_WAITING)
         self._imu_frame = ""
-        self._changing = threading.Lock()
-        self._came = threading.Event()
+        self._changed = threading.Condition()
         self._has_waited = False
         self._said: set[str] = set()
         # best effort hears every publisher, and of so many samples one may be lost
@@ -65,34 +65,40 @@ class ImuInput:
         except InputError as fault:
             self._say_once(f"{fault} (said once)")
             return
-        with self._changing:
+        with self._changed:
             if self._readings and stamp < self._readings[-1].stamp_ns - BACKWARD_JUMP_NS:
                 self._readings.clear()  # time began anew
             self._imu_frame = frame_of(message.header)
             self._readings.append(reading)
-        self._came.set()
+            self._changed.notify_all()
 
-    def take(self, camera_frame: str) -> ImuSamples:
+    def take(self, camera_frame: str, stamp_ns: int) -> ImuSamples:
         """What came since the last call, in the axes of the camera's optical frame.
 
         None of it as long as it is not known how the sensor is turned there. The first call waits
-        a while for a sensor that is about to speak.
+        a while for samples of the frame's time; later ones take what is there.
 
         Args:
             camera_frame: the optical frame of the camera.
+            stamp_ns: of the frame, nanoseconds.
         """
         if not self._has_waited and self._node.count_publishers(self.topic) > 0:
-            self._came.wait(_FIRST_MESSAGE_S)
+            with self._changed:
+                self._changed.wait_for(lambda: self._reaches(stamp_ns), _FIRST_WAIT_S)
             self._has_waited = True
-        if not self._came.is_set():
+        if not self._readings:
             return ImuSamples.empty()
         T_camera_imu = self._place(camera_frame)
         if T_camera_imu is None:
             return ImuSamples.empty()
-        with self._changing:
+        with self._changed:
             readings = [*self._readings]
             self._readings.clear()
         return imu_samples(readings).rotated(T_camera_imu[:3, :3])
+
+    def _reaches(self, stamp_ns: int) -> bool:
+        newest = self._readings[-1].stamp_ns if self._readings else None
+        return newest is not None and newest >= stamp_ns - _OF_ITS_TIME_NS
 
     def _place(self, camera_frame: str) -> Float64 | None:
         """The pose [4, 4] of the sensor in the camera's optical frame; None if it is not known."""

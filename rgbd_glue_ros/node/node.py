@@ -250,7 +250,7 @@ class OdometryNode(Node):  # type: ignore[misc]
                 if T_guess_child is None
                 else T_guess_child @ se3.inverse(extrinsics.T_camera_child)
             )
-            self._odometry.add_imu(self._imu.take(frame.frame_id))
+            self._odometry.add_imu(self._imu.take(frame.frame_id, frame.stamp_ns))
             starts = self._odometry.state is TrackingState.INITIALIZING
             estimate = self._odometry.track(frame, T_guess_camera)
             if starts and estimate.T_odom_camera is not None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.recordings import load_calibration, open_recording
+from rgbd_glue_ros.recordings import imu_of, load_calibration, open_recording
 from rgbd_glue_ros.types import CameraIntrinsics, UInt8
 
 CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
@@ -101,6 +101,23 @@ def test_a_tum_folders_name_tells_its_camera(tmp_path: Path, name: str, fx: floa
         image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(file), cv2.resize(image, (640, 480), interpolation=cv2.INTER_NEAREST))
     assert next(iter(sequence)).intrinsics.fx == fx
+
+
+def test_a_kinects_accelerometer_tells_which_way_is_up(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write_tum_folder(tmp_path / "freiburg1")
+    assert imu_of(open_recording(folder)) is None
+    # of the first line of freiburg1_desk, whose camera looks down by 43 degrees
+    (folder / "accelerometer.txt").write_text(
+        "# accelerometer data\n1305031449.564825 -0.083818 7.244229 -6.657506\n1305031449.6 x y\n"
+    )
+    imu = imu_of(open_recording(folder))
+    assert imu is not None
+    np.testing.assert_array_equal(imu.stamps_ns, [1305031449564825000])
+    np.testing.assert_allclose(imu.linear_acceleration, [[0.083818, -7.244229, -6.657506]])
+    assert np.isnan(imu.angular_velocity).all()
+    assert "1 lines hold no acceleration" in caplog.text
 
 
 def test_a_tum_folder_of_an_unknown_camera_wants_a_calibration(tmp_path: Path) -> None:

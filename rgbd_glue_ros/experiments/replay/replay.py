@@ -31,7 +31,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of
-from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, Trajectory
+from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, TrackingState, Trajectory
 from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
 logger = logging.getLogger(__name__)
@@ -118,12 +118,14 @@ def replay_into(
             for frame in islice(sequence, limit):
                 if not run.frames:
                     _warn_of_scale(frame, sequence.name)
+                starts = odometry.state is TrackingState.INITIALIZING
                 before = perf_counter()
                 estimate = odometry.process(frame)
                 now = perf_counter()
                 run.add(estimate, 1000 * (now - before))
                 run.wall_s = now - start
                 if estimate.T_odom_camera is not None:
+                    run.up = odometry.inertial.up(estimate.stamp_ns) if starts else run.up
                     trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
                 for sink in (pictures, *sinks):
                     sink.add(frame, estimate)
