@@ -23,6 +23,8 @@ from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memor
 
 # DDS tells of a node's topics before it tells its name.
 NAMES_S = 1.0
+# How long the callback that is being run when the node is told to end may take.
+END_S = 2.0
 # The last whose ports there are (RTPS 2.2, 9.6.1.1).
 LAST_DOMAIN = 232
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -168,8 +170,9 @@ def run_node(
             end_signals.wait()
             told_to_end.set()
             executor.wake()
-            spinning.join()
-            executor.shutdown()
+            spinning.join(END_S)
+            if not spinning.is_alive():  # else a callback waits for the worker, which is ended next
+                executor.shutdown()
     except (InputError, MissingExtraError) as error:
         rclpy.logging.get_logger(name).fatal(str(error))
         return 2
