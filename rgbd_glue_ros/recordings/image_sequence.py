@@ -116,8 +116,7 @@ class ImageSequence:
         encoding: of the depth images.
         intrinsics: of all images.
         ground_truth: T_world_camera, None if not known.
-        color_size: width and height of the colour images where these are larger than depth; they
-            are reduced to its size.
+        color_size: width and height of colour images larger than depth, which are reduced to it.
         frame_id: the camera's optical frame, "" if not known.
         depth_camera: that took the depth images; None if they are registered to colour.
         imu: samples in the axes of the optical frame, None if there are none.
