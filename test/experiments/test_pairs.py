@@ -354,6 +354,7 @@ def test_an_interrupted_experiment_keeps_the_pairs_done(tmp_path: Path) -> None:
 # a real recording
 
 
+@pytest.mark.slow
 def test_the_command_registers_the_bundled_recording_by_the_papers_method(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -197,7 +197,7 @@ def test_whatever_the_fields_hold_they_make_a_frame_or_are_refused(
 @pytest.mark.parametrize(
     ("breakers", "rounds"),
     [
-        pytest.param(RAW, 2 * len(RAW), id="raw"),
+        pytest.param(RAW, 2 * len(RAW), id="raw", marks=pytest.mark.slow),
         pytest.param(COMPRESSED, 2 * len(COMPRESSED), id="compressed"),
         # 600 frames show a leak of 80 kB a frame
         pytest.param(RAW, 600, id="raw-long", marks=pytest.mark.slow),

@@ -72,6 +72,7 @@ def test_images_without_a_stamp_are_taken_by_their_receipt_and_that_is_told_once
             assert len(lines) == 1
 
 
+@pytest.mark.slow
 def test_a_silence_is_told_once_for_each_cause_however_much_arrives(ros_domain: int) -> None:
     """First images without depth, in numbers that differ, then depth without images."""
     with node_in(ros_domain) as node, Rig(ros_domain) as rig:

@@ -130,6 +130,7 @@ def test_the_example_of_a_bag_leaves_a_trajectory_and_a_picture(tmp_path: Path) 
     assert (picture != 255).any()
 
 
+@pytest.mark.slow
 def test_the_example_of_a_feature_of_ones_own_tracks_with_it() -> None:
     assert example("own_visual_feature.py", BAG).count("'tracking'") > 90
 
