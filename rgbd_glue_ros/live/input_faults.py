@@ -118,11 +118,11 @@ def explain_interval(interval_ns: int, period_ns: int) -> str | None:
 def explain_losses(
     received: Mapping[Channel, int], missing: Mapping[Channel, int], profiles: object
 ) -> str | None:
-    """What was lost between camera and node; None while it is less than a tenth.
+    """What images were lost between camera and node; None while it is less than a tenth.
 
     Camera infos are small and arrive where images are lost: what one channel has received, all were
     sent. Gaps between stamps tell of what no channel received. Stamps that jitter leave small gaps
-    and lose nothing.
+    and lose nothing. Infos that are missing do no harm: some are sent only once.
 
     Args:
         received: messages of each channel, lately.
@@ -133,7 +133,7 @@ def explain_losses(
     lost = {c: max(missing[c], most - received[c]) for c in received}
     words = [
         f"{lost[c]} of {lost[c] + received[c]} {c.value}"
-        for c in received
+        for c in (Channel.COLOR, Channel.DEPTH)
         if lost[c] > 1 and lost[c] >= WORTH_A_WARNING * (lost[c] + received[c])
     ]
     if not words:

@@ -27,6 +27,10 @@ class StampSource:
         self._is_receipt = source == RECEIPT
         self._newest_ns: dict[Channel, int] = {}
 
+    def is_by_receipt(self, channel: Channel) -> bool:
+        """Whether the stamps given for a channel are those of receipt, which jitter."""
+        return self._is_receipt or channel in self.unstamped
+
     def of(self, channel: Channel, stamp_ns: int, receipt_ns: int) -> int:
         """The stamp that a message is paired by, nanoseconds.
 

@@ -20,6 +20,7 @@ from rgbd_glue_ros.live.input_faults import (
     explain_slowness,
 )
 from rgbd_glue_ros.live.monitor import Drop, Monitor
+from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
 from rgbd_glue_ros.parameters import profiles_file
@@ -56,15 +57,23 @@ class NodeWatch:
         drops: why more than a tenth of the frames got no pose lately; "" if fewer.
     """
 
-    def __init__(self, node: Node, synchronizer: Synchronizer[Any], monitor: Monitor) -> None:
+    def __init__(
+        self,
+        node: Node,
+        synchronizer: Synchronizer[Any],
+        monitor: Monitor,
+        stamps: StampSource,
+    ) -> None:
         """Has seen nothing yet.
 
         Args:
             node: has the timer and the log.
             synchronizer: counts messages.
             monitor: counts frames.
+            stamps: tells which messages go by their receipt.
         """
         self.silence = self.drops = ""
+        self._stamps = stamps
         self._monitor = monitor
         self._node = node
         self._synchronizer = synchronizer
@@ -94,7 +103,11 @@ class NodeWatch:
         now, before = self._counts(), self._before
         self._before = now
         received = {c: now.received[c] - before.received[c] for c in Channel}
-        missing = {c: now.missing[c] - before.missing[c] for c in Channel}
+        # receipts jitter, so that gaps between them tell nothing
+        missing = {
+            c: 0 if self._stamps.is_by_receipt(c) else now.missing[c] - before.missing[c]
+            for c in Channel
+        }
         synchronizer = self._synchronizer
         lost = explain_losses(received, missing, profiles_file())
         slow = explain_slowness(

@@ -115,7 +115,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._imu = ImuInput(self, self._node_config, transforms)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
-        self._watch = NodeWatch(self, self._synchronizer, self.monitor)
+        self._watch = NodeWatch(self, self._synchronizer, self.monitor, self._stamps)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._watch)
         for name, serve in (
             (topics.RESET_SERVICE, self._serve_reset),

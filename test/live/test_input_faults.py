@@ -85,6 +85,9 @@ def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
         ((150, 150, 150), (7, 5, 0), None),
         ((148, 150, 149), (0, 0, 0), None),
         ((0, 0, 0), (0, 0, 0), None),
+        # an info that is latched, or whose stamps are those of receipt
+        ((150, 150, 1), (0, 0, 0), None),
+        ((150, 150, 150), (0, 0, 38), None),
     ],
 )
 def test_a_loss_of_more_than_a_tenth_is_said_with_what_mends_it(

@@ -38,6 +38,7 @@ def test_a_message_is_of_its_header_unless_that_bears_no_stamp(
 ) -> None:
     taken = StampSource(source)
     assert [taken.of(Channel.COLOR, t, 100 + i) for i, t in enumerate(stamps)] == expected
+    assert taken.is_by_receipt(Channel.COLOR) is (expected[-1] > 100)
 
 
 @pytest.mark.parametrize(
