@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import Played
 
 
+# A node that keeps up drops fewer of the frames than this leaves.
+_FEW = 0.9
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """A recording, its part and speed, and the output."""
     parser.add_argument(
@@ -55,4 +59,10 @@ def _play(args: argparse.Namespace, recording: Played) -> str:
         command = arguments.command(args)
         result = demo(recording, args.output, args.rate, show, command)
     said = f"node     {result.summary}\n" if result.summary else ""
+    played = result.figures["played"]
+    if result.figures["frames"] < _FEW * played:
+        said += (
+            "note     frames were dropped: this machine was busy with other work, or its images "
+            "are large (max_width; docs/node.md)\n"
+        )
     return f"{summary(result.figures)}{said}report   {args.output / REPORT}\n"

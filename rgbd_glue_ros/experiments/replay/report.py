@@ -74,6 +74,8 @@ def _summary(run: Run, figures: Mapping[str, Any], seconds: Float64) -> str:
 
 def _tiles(figures: Mapping[str, Any]) -> str:
     tracked = f"{100 * figures['tracked'] / figures['frames']:.4g}"
+    is_live = "node_latency_ms" in figures
+    which = "frames" if figures["frames"] == figures["played"] else "frames processed"
     shown = []
     if "ape" in figures:
         shown.append((f"{100 * figures['ape']['rmse_m']:.2f}", "cm", "position error, rmse (APE)"))
@@ -82,9 +84,9 @@ def _tiles(figures: Mapping[str, Any]) -> str:
         shown.append((f"{100 * rpe['trans_rmse_m']:.2f}", "cm/s", "drift, rmse (RPE)"))
         shown.append((f"{rpe['rot_rmse_deg']:.2f}", "°/s", "rotation drift, rmse (RPE)"))
     shown += [
-        (tracked, "%", f"of frames tracked, {figures['lost']} lost"),
+        (tracked, "%", f"of {which} tracked, {figures['lost']} lost"),
         (f"{figures['latency_ms']['p50']:.1f}", "ms", "median latency of a frame"),
-        (f"{figures['fps']:.1f}", "fps", "whole replay, decoding included"),
+        (f"{figures['fps']:.1f}", "fps", "poses of the node" if is_live else "with decoding"),
     ]
     return tiles(shown)
 

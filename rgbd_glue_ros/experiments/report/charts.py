@@ -40,6 +40,7 @@ CSS = """
 .plot .dot { stroke-width: 9; }
 .plot .area { fill: var(--c); stroke: none; opacity: .16; }
 .key.area i { border-top-width: .6rem; opacity: .3; vertical-align: -.02rem; }
+.plot .lone { stroke-width: 4; }
 .plot .dots { stroke-width: 6; opacity: .5; }
 .tick { position: absolute; color: var(--quiet); font-size: .72rem; line-height: 1;
   font-variant-numeric: tabular-nums; white-space: nowrap; }
@@ -231,7 +232,11 @@ def path(line: Line, x: Float64, y: Float64, *, is_timed: bool = False) -> str:
     """
     drawn = "".join(_stretch(x[rows], y[rows]) for rows in _stretches(y))
     value = f' data-value="{escape(line.label)}"' if is_timed else ""
-    return f'<path class="{line.style}" style="--c:{line.color}"{value} d="{drawn}"/>'
+    alone = [rows.start for rows in _stretches(y) if rows.stop - rows.start == 1]
+    dots = "".join(_stretch(x[i : i + 1], y[i : i + 1]) for i in alone)
+    return f'<path class="{line.style}" style="--c:{line.color}"{value} d="{drawn}"/>' + (
+        f'<path class="lone" style="--c:{line.color}" d="{dots}"/>' if dots else ""
+    )
 
 
 def _stretch(x: Float64, y: Float64) -> str:
