@@ -170,7 +170,7 @@ def add_set(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         help="set a parameter, as in --set glue.k=3; may be repeated",
-    ).completer = _assignments  # type: ignore[attr-defined]
+    ).completer = assignments  # type: ignore[attr-defined]
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
@@ -302,15 +302,28 @@ def inputs(args: argparse.Namespace) -> InputConfig:
 
 def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:
     """What ``--set`` gives, apart: parameters of the inputs, and those of the method."""
-    from rgbd_glue_ros.parameters import Config, InputConfig, NodeConfig, parse_assignment, values
+    from rgbd_glue_ros.parameters import (
+        Config,
+        InputConfig,
+        NodeConfig,
+        by_current_names,
+        parse_assignment,
+        unknown_parameter,
+        values,
+    )
 
     # some commands read recordings and have no parameters
-    given = dict(map(parse_assignment, vars(args).get("set", ())))
+    given = by_current_names(dict(map(parse_assignment, vars(args).get("set", ()))))
     own = values(InputConfig())
-    for name in given.keys() & (values(NodeConfig()).keys() - own.keys() - values(Config()).keys()):
-        raise InputError(
-            name, "is the node's alone", f"give it to the node: --ros-args -p {name}:=VALUE"
-        )
+    declared = {**own, **values(Config())}
+    for name in given:
+        if name in declared:
+            continue
+        if name in values(NodeConfig()):
+            raise InputError(
+                name, "is the node's alone", f"give it to the node: --ros-args -p {name}:=VALUE"
+            )
+        raise unknown_parameter(name, declared)
     of_inputs = {name: value for name, value in given.items() if name in own}
     return of_inputs, {name: value for name, value in given.items() if name not in own}
 
@@ -335,7 +348,7 @@ def parameter_names(prefix: str = "", **_: object) -> list[str]:
     return [p.name for p in _parameters() if p.name.startswith(prefix)]
 
 
-def _assignments(prefix: str, **_: object) -> list[str]:
+def assignments(prefix: str, **_: object) -> list[str]:
     """``NAME=``, and after it the values that a parameter can have, where these can be listed."""
     given = prefix.partition("=")[0]
     if "=" not in prefix:

@@ -28,6 +28,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_topics(parser)
     arguments.add_output(parser, Path("out/demo"))
     arguments.add_part(parser)
+    # not as of other commands, where it may change how a recording is read
+    parser.add_argument(
+        "--set",
+        dest="parameters",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="set a parameter of the node, as in --set max_width=640; may be repeated",
+    ).completer = arguments.assignments  # type: ignore[attr-defined]
 
 
 def run(args: argparse.Namespace) -> str:
@@ -47,6 +56,7 @@ def _play(args: argparse.Namespace, recording: Played) -> str:
     from rgbd_glue_ros.cli.replay import summary
     from rgbd_glue_ros.experiments.demo.demo import Progress, demo
     from rgbd_glue_ros.experiments.replay.replay import REPORT
+    from rgbd_glue_ros.parameters import parse_assignment
 
     with bar(" frames", desc="waiting for the node") as shown:
 
@@ -57,7 +67,8 @@ def _play(args: argparse.Namespace, recording: Played) -> str:
             shown.update(progress.played - shown.n)
 
         command = arguments.command(args)
-        result = demo(recording, args.output, args.rate, show, command)
+        given = dict(map(parse_assignment, args.parameters))
+        result = demo(recording, args.output, args.rate, show, command, given)
     said = f"node     {result.summary}\n" if result.summary else ""
     played = result.figures["played"]
     if result.figures["frames"] < _FEW * played:

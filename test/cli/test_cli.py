@@ -70,6 +70,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["evaluate", "absent.txt", "b"], "absent.txt: cannot be read"),
         (["params", "--preset", "dead"], "'dead'"),
         (["params", "--set", "glue.q=3"], "glue.k"),
+        (["demo", "-o", "out", "--set", "max_widht=640"], "did you mean max_width?"),
         (["params", "--set", "odom_frame_id=map"], "--ros-args -p odom_frame_id:=VALUE"),
         (["params", "--set", "glue.k"], "name=value"),
         (["params", "--set", "glue.k=0.5"], "from 1 to 100"),

@@ -34,7 +34,10 @@ def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
     tmp_path: Path,
 ) -> None:
     seen: list[Progress] = []
-    result = demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, seen.append)
+    given = {"glue.k": 4.0, "max_width": 320}
+    played = PlayedBag.load(bundled_bag())
+    result = demo(played, tmp_path, 1.0, seen.append, parameters=given)
+    assert "k: 4.0" in (tmp_path / "params.yaml").read_text(encoding="utf-8")
     names = {path.name for path in tmp_path.iterdir()}
     graphs = {"keyframes.g2o", "keyframes_gtsam.g2o"}
     replays = {"trajectory.txt", "metrics.json", "params.yaml", "report.html", *graphs}

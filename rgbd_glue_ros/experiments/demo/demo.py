@@ -19,7 +19,17 @@ from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, results_of, writ
 from rgbd_glue_ros.experiments.replay.thumbnails import thumbnail
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
-from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, share_directory
+from rgbd_glue_ros.parameters import (
+    Config,
+    InputConfig,
+    NodeConfig,
+    by_current_names,
+    load_preset,
+    share_directory,
+    unknown_parameter,
+    values,
+    with_values,
+)
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 from rgbd_glue_ros.whole_files import write_whole
 
@@ -93,13 +103,23 @@ def demo(
         parameters: of the node, beside those that the recording asks for.
 
     Raises:
-        InputError: the recording or the folder cannot be used.
+        InputError: the recording, the folder or a parameter cannot be used.
         MissingExtraError: ROS is not installed.
         RuntimeError: the node ended, or gave no pose.
     """
-    config = load_preset(PRESET)
-    with results_of(recording.name, config, folder, InputConfig(), (LOG,)):
-        node = {**_parameters(recording), **parameters}
+    given = by_current_names(parameters)
+    own = values(NodeConfig())
+    declared = {**own, **values(Config())}
+    for name in given.keys() - declared.keys():
+        raise unknown_parameter(name, declared)
+    with_values(NodeConfig(), {name: value for name, value in given.items() if name in own})
+    config = with_values(
+        load_preset(PRESET), {name: value for name, value in given.items() if name not in own}
+    )
+    of_inputs = {name: value for name, value in given.items() if name in values(InputConfig())}
+    inputs = with_values(InputConfig(), of_inputs)
+    with results_of(recording.name, config, folder, inputs, (LOG,)):
+        node = {**_parameters(recording), **given}
         return _played_to_the_node(recording, config, folder, rate, on_progress, command, node)
 
 
