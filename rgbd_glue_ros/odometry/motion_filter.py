@@ -86,26 +86,22 @@ class Motion:
     def predicted_by(self, turn: Turn, stamp_ns: int, config: MotionConfig) -> Motion:
         """The motion at a later stamp, at constant linear velocity and turned by a gyroscope.
 
+        The pose is no more certain than without: what images leave open couples rotation and
+        position, and with a rotation that is held fast it is the position that errs.
+
         Args:
             turn: between this motion's stamp and the later one.
             stamp_ns: the later one.
             config: how the linear velocity changes.
         """
-        elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
-        moving = min(elapsed, _MEMORY_S)
+        predicted = self.predicted(stamp_ns, config)
+        moving = min((stamp_ns - self.stamp_ns) / NANOSECONDS, _MEMORY_S)
         step = se3.exp(np.concatenate([self.twist[:3] * moving, turn.rotation_vector]))
         # nothing of the angular velocity before is left: it was measured
-        F = np.zeros((12, 12))
-        F[_POSE, _POSE] = se3.adjoint(se3.inverse(step))
-        F[0:3, 6:9] = moving * np.eye(3)
-        F[6:9, 6:9] = np.eye(3)
-        G = np.zeros((12, 3))
-        G[0:3], G[6:9] = np.eye(3) * elapsed**2, np.eye(3) * elapsed
-        covariance = F @ self.covariance @ F.T + config.acceleration**2 * G @ G.T
-        covariance[3:6, 3:6] += turn.covariance
-        covariance[6:9, 6:9] += np.eye(3) * (config.acceleration * elapsed / 2) ** 2
+        covariance = predicted.covariance.copy()
+        covariance[9:, :] = covariance[:, 9:] = 0.0
         covariance[9:, 9:] = turn.angular_velocity_covariance
-        twist = np.concatenate([self.twist[:3] * (moving / elapsed), turn.angular_velocity])
+        twist = np.concatenate([predicted.twist[:3], turn.angular_velocity])
         return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
 
     def reaches(self, T_track_camera: Float64, predicted: Motion) -> bool:

@@ -11,7 +11,7 @@ from rigs.room import room_frame, true_pose, true_twist
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.imu import ImuSamples
-from rgbd_glue_ros.odometry.gyroscope import Gyroscope, Turn
+from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
@@ -59,37 +59,14 @@ def test_the_camera_is_expected_where_the_gyroscope_says_that_it_turned_to() -> 
     np.testing.assert_allclose(predicted.twist, [0.3, -0.2, 0.4, -1.0, 2.0, 0.5], atol=1e-12)
 
 
-def test_a_gyroscope_that_says_what_was_expected_changes_the_certainty_alone() -> None:
+def test_a_gyroscope_that_says_what_was_expected_makes_the_velocity_more_certain_alone() -> None:
     plain = MOVING.predicted(PERIOD_NS, CONFIG)
     predicted = Inertial(turning([0.5, -0.3, 0.2])).predicted(MOVING, PERIOD_NS, CONFIG)
     np.testing.assert_allclose(predicted.T_track_camera, plain.T_track_camera, atol=1e-12)
     np.testing.assert_allclose(predicted.twist, plain.twist, atol=1e-12)
-    rotations = predicted.covariance.diagonal()[[3, 4, 5, 9, 10, 11]]
-    assert (rotations < 0.3 * plain.covariance.diagonal()[[3, 4, 5, 9, 10, 11]]).all()
-
-
-def test_the_covariance_of_a_turned_motion_is_that_of_sampled_ones() -> None:
-    rng = np.random.default_rng(0)
-    vector = np.array([0.05, -0.03, 0.02])
-    of_turn, of_velocity = np.diag([1e-4, 2e-4, 3e-4]), np.diag([1e-2, 2e-2, 3e-2])
-    turn = Turn(vector, of_turn, vector / PERIOD_S, of_velocity, np.zeros((3, 4)))
-    expected = MOVING.predicted_by(turn, PERIOD_NS, CONFIG)
-    samples = []
-    for _ in range(4000):
-        error = rng.multivariate_normal(np.zeros(12), MOVING.covariance)
-        push = rng.normal(0, CONFIG.acceleration, 3)
-        linear = TWIST[:3] + error[6:9] + push * PERIOD_S
-        step = se3.exp(np.concatenate([linear * PERIOD_S, vector]))
-        turned = np.concatenate([np.zeros(3), rng.multivariate_normal(np.zeros(3), of_turn)])
-        T = se3.exp(error[:6]) @ step @ se3.exp(turned)
-        pose = se3.log(se3.inverse(expected.T_track_camera) @ T)
-        linear = linear + rng.normal(0, CONFIG.acceleration, 3) * PERIOD_S / 2
-        angular = rng.multivariate_normal(np.zeros(3), of_velocity)
-        samples.append(np.concatenate([pose, linear - TWIST[:3], angular]))
-    sampled = np.cov(np.array(samples).T)
-    scale = np.sqrt(np.diag(expected.covariance))
-    # a correlation of 4000 samples has a standard error of 0.016 at most, and a variance of 0.022
-    assert np.abs((sampled - expected.covariance) / np.outer(scale, scale)).max() < 5 * 0.022
+    np.testing.assert_array_equal(predicted.covariance[:9, :9], plain.covariance[:9, :9])
+    assert (np.diag(predicted.covariance)[9:] < 0.3 * np.diag(plain.covariance)[9:]).all()
+    assert (np.linalg.eigvalsh(predicted.covariance) > 0).all()
 
 
 def test_samples_that_no_frame_needs_any_more_are_forgotten() -> None:
