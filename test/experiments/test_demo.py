@@ -47,6 +47,7 @@ def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
     assert figures["ape"]["rmse_m"] < 0.02
     assert figures["tracked"] == len(read_tum(tmp_path / "trajectory.txt")) > 0
     assert result.summary is not None
+    assert "95 % by covariance" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "data:image/jpeg" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert figures["tracked"] == result.summary.tracked
     assert figures["frames"] + sum(figures["dropped"].values()) == result.frames

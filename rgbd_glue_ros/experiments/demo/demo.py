@@ -218,6 +218,7 @@ def _run(recording: Played, config: Config, player: Player) -> Run:
             stamp,
             TrackingState.TRACKING,
             player.poses[stamp],
+            player.covariances.get(stamp),
             is_keyframe=stamp in player.keyframes,
         )
         run.add(estimate, (player.arrived_ns[stamp] - player.published_ns[stamp]) / 1e6)

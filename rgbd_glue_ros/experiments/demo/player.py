@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterator, Mapping
 from types import TracebackType
 from typing import TypeVar
 
+import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -131,6 +133,7 @@ class Player(Camera):
 
     Attributes:
         poses: by stamp, the poses [4, 4] that came.
+        covariances: by stamp, those of the poses [6, 6].
         arrived_ns: by stamp, when the pose came, monotonic clock.
         keyframes: stamps of the frames that became keyframes.
         summary: what the node last said of itself; None before it did.
@@ -145,11 +148,13 @@ class Player(Camera):
         """
         super().__init__(recording, domain)
         self.poses: dict[int, Float64] = {}
+        self.covariances: dict[int, Float64] = {}
         self.arrived_ns: dict[int, int] = {}
         self.keyframes: set[int] = set()
         self.summary: Summary | None = None
         for kind, name, receive in (
             (PoseStamped, topics.POSE, self._receive_pose),
+            (Odometry, topics.ODOM, self._receive_odometry),
             (PoseStamped, topics.KEYFRAME_POSE, self._receive_keyframe),
             (DiagnosticArray, topics.DIAGNOSTICS, self._receive_diagnostics),
         ):
@@ -170,6 +175,10 @@ class Player(Camera):
         stamp = stamp_ns(message.header.stamp)
         self.poses[stamp] = pose_from_message(message, topics.POSE)
         self.arrived_ns[stamp] = now_ns
+
+    def _receive_odometry(self, message: Odometry) -> None:
+        covariance = np.array(message.pose.covariance, np.float64).reshape(6, 6)
+        self.covariances[stamp_ns(message.header.stamp)] = covariance
 
     def _receive_keyframe(self, message: PoseStamped) -> None:
         self.keyframes.add(stamp_ns(message.header.stamp))
