@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
-import resource
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rigs.disks import full_after
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, write_graph
@@ -24,17 +22,6 @@ from rgbd_glue_ros.whole_files import NewFolder, ResultFolder, json_text, write_
 
 LONG = Trajectory(np.arange(1, 1001, dtype=np.int64) * 10**9, np.tile(np.eye(4), (1000, 1, 1)))
 SHORT = Trajectory(LONG.stamps_ns[:2], LONG.poses[:2])
-
-
-@contextmanager
-def full_after(size: int) -> Iterator[None]:
-    """No file may become larger, as on a disk that is full."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def cloud_of(points: int) -> ColoredCloud:

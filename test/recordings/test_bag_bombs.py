@@ -227,3 +227,13 @@ def test_a_chunk_in_a_chunk_is_no_bag(tmp_path: Path) -> None:
     path.write_bytes(b"\x89MCAP0\r\n" + content)
     with pytest.raises(InputError, match="a chunk is inside of another"):
         BagFile(path)
+
+
+@pytest.mark.parametrize("paths", ["null", "3", "[null, 3]", "{a: b}", "*a"])
+def test_metadata_that_names_no_files_is_passed_over(paths: str, tmp_path: Path) -> None:
+    bag = write_rosbag2(tmp_path / "bag", recorded(FRAMES))
+    (bag / "metadata.yaml").write_text(
+        f"rosbag2_bagfile_information: {{relative_file_paths: {paths}}}\n"
+    )
+    with BagRecording(bag) as recording:
+        assert len(list(recording)) == len(FRAMES)

@@ -8,6 +8,7 @@ from types import TracebackType
 import numpy as np
 import pytest
 from rigs.bags import CAMERA, CODECS, assert_same_frame, make_frames, recorded, write_rosbag2
+from rigs.disks import full_after
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
@@ -151,3 +152,15 @@ def test_a_real_sequence_comes_back_from_a_raw_bag_bit_for_bit(
         convert(few, tmp_path / "bag", compressed=False)
     with open_recording(tmp_path / "bag") as bag:
         same(iter(bag), [replace(f, frame_id="camera_optical") for f in few.frames])
+
+
+def test_on_a_full_disk_the_frames_before_can_be_read_and_it_is_said(tmp_path: Path) -> None:
+    frames = make_frames(90)
+    with full_after(1_500_000), pytest.raises(InputError, match=r"File too large.*free some space"):
+        convert(Listed(frames), tmp_path / "bag", compressed=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+    found = []
+    with open_recording(tmp_path / "bag") as bag, pytest.raises(InputError, match="cut off"):
+        found.extend(frame.stamp_ns for frame in bag)
+    assert found == [frame.stamp_ns for frame in frames[: len(found)]]
+    assert len(found) > 30

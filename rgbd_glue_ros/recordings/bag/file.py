@@ -230,10 +230,11 @@ def _say_what_is_missing(path: Path, files: list[Path]) -> None:
         return
     try:
         content = document(read_text(path / METADATA))
-        named = content["rosbag2_bagfile_information"]["relative_file_paths"]
+        paths = content["rosbag2_bagfile_information"]["relative_file_paths"]
+        named = {Path(str(path)).name for path in paths}
     except (InputError, yaml.YAMLError, KeyError, TypeError):
         return
-    missing = {Path(str(name)).name for name in named} - {file.name for file in files}
+    missing = named - {file.name for file in files}
     # as many files under other names are the same, renamed
     if missing and len(files) < len(named):
         logger.warning(
