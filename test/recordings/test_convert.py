@@ -159,7 +159,7 @@ def test_on_a_full_disk_the_frames_before_can_be_read_and_it_is_said(tmp_path: P
     with full_after(1_500_000), pytest.raises(InputError, match=r"File too large.*free some space"):
         convert(Listed(frames), tmp_path / "bag", compressed=False)
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-    found = []
+    found: list[int] = []
     with open_recording(tmp_path / "bag") as bag, pytest.raises(InputError, match="cut off"):
         found.extend(frame.stamp_ns for frame in bag)
     assert found == [frame.stamp_ns for frame in frames[: len(found)]]
