@@ -111,10 +111,13 @@ def test_grey_images_stay_grey_in_a_bag(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("error", [InputError("x", "is cut off", "copy it"), KeyboardInterrupt()])
 def test_what_was_converted_before_an_error_or_an_interrupt_is_kept(
-    error: BaseException, tmp_path: Path
+    error: BaseException, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with pytest.raises(type(error)):
         convert(Listed(FRAMES, error), tmp_path / "bag", compressed=False)
+    is_interrupt = isinstance(error, KeyboardInterrupt)
+    assert (f"written so far are in {tmp_path / 'bag'}" in caplog.text) == is_interrupt
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
     with open_recording(tmp_path / "bag") as bag:
         stamps = [frame.stamp_ns for frame in bag]
     assert len(stamps) >= len(FRAMES) - 5
