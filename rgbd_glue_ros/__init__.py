@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
     from rgbd_glue_ros.features import add_visual_feature
     from rgbd_glue_ros.features.visual import VisualMatches
+    from rgbd_glue_ros.imu import ImuSamples
     from rgbd_glue_ros.odometry.odometry import Odometry
     from rgbd_glue_ros.parameters import Config, load_preset, load_yaml, with_values
     from rgbd_glue_ros.recordings import open_recording
@@ -35,6 +36,7 @@ _PLACES = {
     "evaluation.trajectory_errors": ("evaluate",),
     "features": ("add_visual_feature",),
     "features.visual": ("VisualMatches",),
+    "imu": ("ImuSamples",),
     "odometry.odometry": ("Odometry",),
     "parameters": ("Config", "load_preset", "load_yaml", "with_values"),
     "recordings": ("open_recording",),
@@ -55,6 +57,7 @@ _PLACES = {
 __all__ = [
     "CameraIntrinsics",
     "Config",
+    "ImuSamples",
     "InputError",
     "MissingExtraError",
     "Odometry",
