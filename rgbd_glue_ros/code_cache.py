@@ -66,8 +66,8 @@ class CodeCache(FunctionCache):  # type: ignore[misc]
             self._save_overload(sig, data)
         except OSError as error:
             _say_once(
-                f"Compiled code cannot be kept ({error}), so that each start takes a minute: set "
-                "NUMBA_CACHE_DIR to a folder that can be written to"
+                f"Compiled code cannot be kept ({error.strerror}), so that each start takes a "
+                "minute: set NUMBA_CACHE_DIR to a folder that can be written to"
             )
 
 

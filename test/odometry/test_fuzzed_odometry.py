@@ -69,7 +69,8 @@ def check(estimate: OdometryEstimate) -> None:
         assert value is None or np.isfinite(value).all()
     for covariance in (estimate.covariance, estimate.twist_covariance):
         if covariance is not None:
-            np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12)
+            rounding = 1e-12 * np.abs(covariance).max()
+            np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=rounding)
             assert np.linalg.eigvalsh(covariance).min() > 0
 
 
