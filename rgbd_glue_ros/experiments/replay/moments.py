@@ -44,12 +44,11 @@ def moments(run: Run, evaluation: Evaluation | None) -> list[str]:
     chosen = np.linspace(0, len(marked) - 1, count).astype(int).tolist()
     some = [Moment(marked[i].stamp_ns, f"number {i}") for i in chosen]
     shown = "" if len(chosen) == len(marked) else f", {len(chosen)} of {len(marked)}"
-    return [
-        "<h2>Worst moments</h2>",
-        _strip(run, list(worst(run.frames, evaluation))),
-        f"<h2>Keyframes{shown}</h2>",
-        _strip(run, some),
-    ]
+    sections = {
+        "Worst moments": _strip(run, list(worst(run.frames, evaluation))),
+        f"Keyframes{shown}": _strip(run, some),
+    }
+    return [f"<h2>{title}</h2>{strip}" for title, strip in sections.items() if strip]
 
 
 def worst(frames: Sequence[FrameRecord], evaluation: Evaluation | None) -> Iterator[Moment]:
@@ -80,7 +79,7 @@ def worst(frames: Sequence[FrameRecord], evaluation: Evaluation | None) -> Itera
 
 
 def _strip(run: Run, shown: Sequence[Moment]) -> str:
-    """Pictures with words, in order of time; several words of one picture below it."""
+    """Pictures with words, in order of time, several words below one picture; "" without any."""
     stamps = np.array(sorted(run.thumbnails), np.int64)
     said: dict[int, list[str]] = {}
     for moment in sorted(shown, key=lambda m: m.stamp_ns):
@@ -96,4 +95,4 @@ def _strip(run: Run, shown: Sequence[Moment]) -> str:
             f'<figure data-at="{seconds:.2f}"><img src="data:image/jpeg;base64,{jpeg}" '
             f'alt="{text}" /><figcaption><b>{seconds:.1f} s</b> {text}</figcaption></figure>'
         )
-    return f'<div class="strip">{"".join(figures)}</div>'
+    return f'<div class="strip">{"".join(figures)}</div>' if figures else ""
