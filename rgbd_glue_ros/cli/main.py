@@ -7,11 +7,13 @@ import os
 import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
+from pathlib import Path
 
 from rgbd_glue_ros.cli.parser import BAD_INPUT, PROGRAM, complete, parse
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import InterruptOnce
 from rgbd_glue_ros.printable import printable
+from rgbd_glue_ros.whole_files import not_written
 
 logger = logging.getLogger(__name__)
 
@@ -39,8 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # what Ctrl-C leaves in order (results written, the demonstration's node ended), a kill does too
     InterruptOnce()
     try:
-        sys.stdout.write(printable(args.command.module.run(args), kept="\n"))
-        sys.stdout.flush()
+        _print(args.command.module.run(args))
     except (InputError, MissingExtraError) as error:
         return _fail(error, str(error), BAD_INPUT, debug=args.debug)
     except KeyboardInterrupt:
@@ -50,13 +51,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BROKEN_PIPE
     except OSError as error:
         # a full disk, a folder without access: nothing that this program does could be better
-        _drop_output()
         text = f"{error.filename or 'a file'}: {error.strerror or error}; give another place"
         return _fail(error, text, BAD_INPUT, debug=args.debug)
     except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
         text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"
         return _fail(error, text, FAILED, debug=args.debug)
     return OK
+
+
+def _print(text: str) -> None:
+    try:
+        sys.stdout.write(printable(text, kept="\n"))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _drop_output()
+        raise not_written(Path("standard output"), error) from error
 
 
 class _OneLine(logging.Formatter):
