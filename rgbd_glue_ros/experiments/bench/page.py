@@ -8,8 +8,9 @@ from rgbd_glue_ros.experiments.report.page import page
 
 _CSS = """
 .wide .n { padding-left: .9rem; } h3 { font-size: .95rem; margin: 1.6rem 0 .6rem; }
-figure svg { display: block; width: 100%; max-width: 840px; height: auto; border-radius: 8px; }
-figure { margin: 1.5rem 0; } li { color: var(--quiet); margin-bottom: .3rem; }
+figure svg { display: block; width: 100%; min-width: 640px; max-width: 840px; height: auto;
+  border-radius: 8px; }
+figure { margin: 1.5rem 0; overflow-x: auto; } li { color: var(--quiet); margin-bottom: .3rem; }
 """
 
 

@@ -26,6 +26,7 @@ h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .3rem; overflow-wrap: anyw
   text-wrap: balance; }
 h2 { font-size: 1.1rem; margin: 2.6rem 0 1rem; padding-top: 1.1rem;
   border-top: 1px solid var(--line); }
+h2, h3 { overflow-wrap: anywhere; text-wrap: balance; }
 p { margin: 0 0 1rem; color: var(--quiet); max-width: 46rem; }
 .tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .7rem;
   margin: 1.5rem 0 0; }
