@@ -46,7 +46,8 @@ class ImuInput:
         self._node = node
         self._goes_by_receipt = config.stamps == RECEIPT
         self._transforms = transforms
-        self._T_camera_imu = pose_parameter("imu_pose", config.imu_pose)
+        self._given = pose_parameter("imu_pose", config.imu_pose)
+        self._found: dict[tuple[str, str], Float64] = {}
         self._readings: deque[ImuReading] = deque(maxlen=_MOST_WAITING)
         self._imu_frame = ""
         self._changed = threading.Condition()
@@ -103,19 +104,23 @@ class ImuInput:
     def _place(self, camera_frame: str) -> Float64 | None:
         """The pose [4, 4] of the sensor in the camera's optical frame; None if it is not known."""
         imu_frame = self._imu_frame
-        if self._T_camera_imu is None and imu_frame and imu_frame == camera_frame:
-            self._T_camera_imu = np.eye(4)
-        if self._T_camera_imu is None and self._transforms is not None:
-            self._T_camera_imu = self._transforms.lookup(camera_frame, imu_frame, None, 0.0)
-        if self._T_camera_imu is None:
+        T_camera_imu = self._given
+        if T_camera_imu is None:
+            T_camera_imu = self._found.get((camera_frame, imu_frame))
+        if T_camera_imu is None and imu_frame and imu_frame == camera_frame:
+            T_camera_imu = np.eye(4)
+        if T_camera_imu is None and self._transforms is not None:
+            T_camera_imu = self._transforms.lookup(camera_frame, imu_frame, None, 0.0)
+        if T_camera_imu is None:
             self._say_once(
                 f"{self.topic}: TF does not tell how {imu_frame or 'its frame without a name'} is "
                 f"turned in {camera_frame}, so the IMU is not used yet (said once): publish it, or "
                 "set imu_pose"
             )
-        else:
-            self._say_once(f"Turning with {self.topic}", is_fault=False)
-        return self._T_camera_imu
+            return None
+        self._found[camera_frame, imu_frame] = T_camera_imu
+        self._say_once(f"Turning with {self.topic}", is_fault=False)
+        return T_camera_imu
 
     def _say_once(self, line: str, *, is_fault: bool = True) -> None:
         if line in self._said:

@@ -25,6 +25,8 @@ _START_BIAS, _START_OFFSET = 0.03, 0.03
 _BIAS_WALK = 1e-4
 # No rotation between two frames is tracked better than this, radians, whatever its residuals say.
 _TRACKED = 0.002
+# No sensor on a camera turns faster, rad/s: what says so is broken.
+_FASTEST = 100.0
 # Samples farther apart than this leave open what was between them.
 _LONGEST_GAP_S = 0.05
 # How fast a hand changes a rotation, rad/s²: beyond the last sample it is taken to go on.
@@ -93,9 +95,9 @@ class Gyroscope:
             None where the samples do not cover the time in between.
         """
         elapsed = (last_ns - first_ns) / NANOSECONDS
-        if elapsed <= 0:
+        if elapsed <= 0 or not len(samples):
             return None
-        seconds, velocities = self._covering(samples, first_ns)
+        seconds, velocities = self._around(samples, first_ns, last_ns)
         first, last = np.searchsorted(seconds, [0.0, elapsed])
         near = seconds[max(first - 1, 0) : last + 1]
         if not len(near) or np.diff(near, prepend=0.0, append=elapsed).max() > _LONGEST_GAP_S:
@@ -122,9 +124,16 @@ class Gyroscope:
             jacobian,
         )
 
-    def _covering(self, samples: ImuSamples, first_ns: int) -> tuple[Float64, Float64]:
-        """Seconds [N] since a stamp of the camera, and what the camera turned with then [N, 3]."""
-        measured = np.isfinite(samples.angular_velocity).all(axis=1)
+    def _around(self, samples: ImuSamples, first_ns: int, last_ns: int) -> tuple[Float64, Float64]:
+        """Seconds [N] since the first of two stamps, and what the camera turned with then [N, 3].
+
+        Of the samples between the stamps, and of as many before and after as a gap may hold.
+        """
+        offset_ns = round(self.time_offset * NANOSECONDS)
+        gap_ns = round(_LONGEST_GAP_S * NANOSECONDS)
+        samples = samples.between(first_ns + offset_ns - gap_ns, last_ns + offset_ns + gap_ns)
+        # NaN is not below it either
+        measured = (np.abs(samples.angular_velocity) < _FASTEST).all(axis=1)
         seconds = (samples.stamps_ns[measured] - first_ns) / NANOSECONDS - self.time_offset
         return seconds, samples.angular_velocity[measured] - self.bias
 

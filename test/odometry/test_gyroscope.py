@@ -73,8 +73,9 @@ def test_what_is_known_of_bias_and_time_offset_is_taken_out() -> None:
         constant(np.ones(3), range(0, 40, 5)),
         without(constant(np.ones(3), range(0, 500, 5)), 40, 95),
         constant(np.full(3, np.nan), range(0, 500, 5)),
+        constant(np.full(3, 1e300), range(0, 500, 5)),
     ],
-    ids=["none", "later", "earlier", "with a gap", "of an accelerometer alone"],
+    ids=["none", "later", "earlier", "with a gap", "of an accelerometer alone", "absurd"],
 )
 def test_samples_that_do_not_cover_the_time_give_no_turn(samples: ImuSamples) -> None:
     assert Gyroscope.start().turn(samples, 0, 100 * MILLISECOND) is None
