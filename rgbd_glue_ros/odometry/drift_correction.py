@@ -8,7 +8,8 @@ anyway, so that it is as smooth as before (REP-105) and stands still where the c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,12 +33,12 @@ class DriftCorrection:
     Attributes:
         T_odom_track: that of now, float64 [4, 4].
         target: where it goes.
-        edge: what the comparison that has just been made measured; None if none was.
+        edges: what the comparisons that have just been made measured.
     """
 
     T_odom_track: Float64
     target: Float64
-    edge: PoseGraphEdge | None = None
+    edges: tuple[PoseGraphEdge, ...] = ()
 
     @staticmethod
     def at(T_odom_track: Float64) -> DriftCorrection:
@@ -62,24 +63,60 @@ class DriftCorrection:
         moved = corrected @ se3.exp(left * (allowed / length))
         return DriftCorrection(moved @ se3.inverse(T_now), self.target)
 
-    def after_revisit(self, keyframe: Keyframe, anchor: Anchor, config: Config) -> DriftCorrection:
-        """The drift after a keyframe was compared with one of long ago.
+    def after_revisit(
+        self, keyframe: Keyframe, anchors: Sequence[Anchor], config: Config
+    ) -> DriftCorrection:
+        """The drift after a keyframe was compared with some of long ago.
+
+        What a single one says may be its own error. What several say is believed where they
+        disagree by less than they correct.
 
         Args:
             keyframe: the newest.
-            anchor: sees the same part of the room.
+            anchors: see the same part of the room.
             config: how they are compared, and when that is believed.
         """
-        T = keyframe.T_track_camera
-        expected = self.target @ T
+        compared = [self._compared(keyframe, anchor, config) for anchor in anchors]
+        comparisons = [comparison for comparison in compared if comparison is not None]
+        edges = tuple(comparison.edge for comparison in comparisons)
+        corrections = np.array([comparison.correction for comparison in comparisons])
+        if not _agree(corrections):
+            return replace(self, edges=edges)
+        target = se3.exp(corrections.mean(axis=0)) @ self.target
+        return DriftCorrection(self.T_odom_track, target, edges)
+
+    def _compared(self, keyframe: Keyframe, anchor: Anchor, config: Config) -> _Comparison | None:
+        """What one anchor says; None where it is not believed."""
+        expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
         found = refine(start, anchor.model, keyframe.features.view, config.refine, _LEVELS)
         if not is_conclusive(found, config.odometry):
-            return self
+            return None
         T_seen = anchor.T_odom_track @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
         # drift that the covariance finds less likely is a place that looks like another
         if not mahalanobis_squared(off, keyframe.covariance) <= SURPRISE:
-            return self
-        edge = revisit_edge(anchor, keyframe, found, config)
-        return DriftCorrection(self.T_odom_track, T_seen @ se3.inverse(T), edge)
+            return None
+        return _Comparison(off, revisit_edge(anchor, keyframe, found, config))
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """What one anchor says of a keyframe.
+
+    Attributes:
+        correction: float64 [6], the twist that takes the drift out, on the left.
+        edge: between the two.
+    """
+
+    correction: Float64
+    edge: PoseGraphEdge
+
+
+def _agree(corrections: Float64) -> bool:
+    """Whether there are several corrections [N, 6], which disagree by less than they correct."""
+    if len(corrections) < 2:
+        return False
+    mean = corrections.mean(axis=0)
+    scatter = np.sqrt(np.mean(np.sum((corrections - mean) ** 2, axis=1)))
+    return bool(scatter < np.linalg.norm(mean))

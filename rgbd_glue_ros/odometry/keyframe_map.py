@@ -22,6 +22,8 @@ from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge,
 
 # The first pose is exact by definition; filters need a covariance that is not singular.
 _ORIGIN_COVARIANCE = np.eye(6) * 1e-8
+# A keyframe is compared with so many anchors at most, while the next frame is tracked.
+_ANCHORS_COMPARED = 3
 
 
 @dataclass(frozen=True)
@@ -139,15 +141,15 @@ class KeyframeMap:
         keyframe = self._add(candidate.stamp_ns, T, covariance, *shown)
         relative = covariance - candidate.reference.covariance
         self._edges.append(edge_from(candidate.reference, keyframe.number, T, relative))
-        self._compare_with_anchor(keyframe, calibration)
+        self._compare_with_anchors(keyframe, calibration)
         return True
 
     def finish_revisit(self) -> None:
-        """Takes over what the comparison with an anchor measured, if there was one."""
+        """Takes over what the comparisons with anchors measured, if there were any."""
         drift = self._drift.current()
-        if drift.edge is not None:
-            self._edges.append(drift.edge)
-            self._drift.replace(replace(drift, edge=None))
+        if drift.edges:
+            self._edges.extend(drift.edges)
+            self._drift.replace(replace(drift, edges=()))
 
     def correction(self) -> Float64:
         """T_odom_track [4, 4], what takes the drift out of poses as tracked."""
@@ -183,13 +185,14 @@ class KeyframeMap:
         target = self._drift.current().target
         return self._keyframes.add(stamp_ns, T_track_camera, covariance, features, model, target)
 
-    def _compare_with_anchor(self, keyframe: Keyframe, calibration: SelfCalibration) -> None:
-        """Starts to look for drift where an anchor saw the same part of the room."""
+    def _compare_with_anchors(self, keyframe: Keyframe, calibration: SelfCalibration) -> None:
+        """Starts to look for drift where anchors saw the same part of the room."""
         T_odom_camera = self._drift.current().target @ keyframe.T_track_camera
-        anchor = self._keyframes.anchor(T_odom_camera, self._config.odometry.drift_radius)
-        if anchor is not None:
+        radius = self._config.odometry.drift_radius
+        anchors = self._keyframes.anchors(T_odom_camera, radius)[:_ANCHORS_COMPARED]
+        if anchors:
             config = replace(self._config, refine=calibration.refine_config())
-            self._drift.update_later(DriftCorrection.after_revisit, keyframe, anchor, config)
+            self._drift.update_later(DriftCorrection.after_revisit, keyframe, anchors, config)
 
     def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
         """What a frame that should become a keyframe shows of the room; None if it should not."""

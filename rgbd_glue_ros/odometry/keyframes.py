@@ -102,7 +102,7 @@ class Keyframes:
 
     def _leave(self, keyframe: Keyframe, T_odom_track: Float64) -> None:
         anchor = Anchor(**vars(keyframe), T_odom_track=T_odom_track)
-        if self.anchor(anchor.T_odom_camera, self._config.keyframe_spacing) is None:
+        if not self.anchors(anchor.T_odom_camera, self._config.keyframe_spacing):
             self._anchors.append(anchor)
 
     def leave_window(self, T_odom_track: Float64) -> None:
@@ -114,15 +114,14 @@ class Keyframes:
         while self._window:
             self._leave(self._window.popleft(), T_odom_track)
 
-    def anchor(self, T_odom_camera: Float64, radius: float) -> Anchor | None:
-        """The earliest anchor that saw the room from nearer there than ``radius``, if there is one.
+    def anchors(self, T_odom_camera: Float64, radius: float) -> list[Anchor]:
+        """The anchors that saw the room from nearer there than ``radius``, the earliest first.
 
         Args:
             T_odom_camera: pose of a camera, without the drift, float64 [4, 4].
             radius: metres plus radians.
         """
-        near = (k for k in self._anchors if se3.difference(k.T_odom_camera, T_odom_camera) < radius)
-        return next(near, None)
+        return [k for k in self._anchors if se3.difference(k.T_odom_camera, T_odom_camera) < radius]
 
     def latest(self, count: int) -> list[Keyframe]:
         """The last ``count`` keyframes, newest first."""

@@ -37,8 +37,9 @@ class OdometryConfig:
     )
     drift_radius: float = parameter(
         1.0,
-        "A new keyframe is compared with the earliest anchor that is nearer than this, metres and "
-        "radians added: what they disagree by is drift, and is taken out. 0 compares with none.",
+        "A new keyframe is compared with the earliest anchors that are nearer than this, metres "
+        "and radians added: what several agree on is drift, and is taken out. 0 compares with "
+        "none.",
         minimum=0.0,
         maximum=1000.0,
     )

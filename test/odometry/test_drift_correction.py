@@ -79,8 +79,8 @@ def test_drift_that_is_taken_out_changes_nothing() -> None:
 
 
 def tracked_back(view: View, T: Float64, sigma: float = 0.05) -> DriftCorrection:
-    """What a frame of time 0.5 s shows that is believed at T, where the anchor is of time 0."""
-    before = anchor(room_view(0.0), true_pose(0.0), T_odom_track=NONE)
+    """What a frame of time 0.5 s shows that is believed at T, where two anchors are of before."""
+    before = [anchor(room_view(time_s), true_pose(time_s), NONE) for time_s in (0.0, 0.2)]
     return DriftCorrection.at(NONE).after_revisit(keyframe(view, T, sigma), before, CONFIG)
 
 
@@ -96,12 +96,32 @@ def test_a_keyframe_beside_an_anchor_shows_what_has_drifted_since() -> None:
 
 def test_the_anchors_own_drift_is_taken_out_with_it() -> None:
     """A keyframe and an anchor that drifted alike agree, and both are where the anchor was."""
-    before = anchor(room_view(0.0), DRIFT @ true_pose(0.0), T_odom_track=se3.inverse(DRIFT))
+    before = [
+        anchor(room_view(time_s), DRIFT @ true_pose(time_s), T_odom_track=se3.inverse(DRIFT))
+        for time_s in (0.0, 0.2)
+    ]
     drift = DriftCorrection.at(se3.inverse(DRIFT))
     now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
     np.testing.assert_allclose(
         drift.after_revisit(now, before, CONFIG).target, drift.target, atol=0.005
     )
+
+
+def test_what_one_anchor_alone_says_is_an_edge_and_no_drift() -> None:
+    before = anchor(room_view(0.0), true_pose(0.0), NONE)
+    now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
+    drift = DriftCorrection.at(NONE).after_revisit(now, [before], CONFIG)
+    np.testing.assert_array_equal(drift.target, NONE)
+    assert len(drift.edges) == 1
+
+
+def test_anchors_that_contradict_each_other_show_no_drift() -> None:
+    right = anchor(room_view(0.0), true_pose(0.0), NONE)
+    # drifted itself, twice as far the other way
+    wrong = anchor(room_view(0.2), true_pose(0.2), se3.inverse(DRIFT) @ se3.inverse(DRIFT))
+    now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
+    drift = DriftCorrection.at(NONE).after_revisit(now, [right, wrong], CONFIG)
+    np.testing.assert_array_equal(drift.target, NONE)
 
 
 def test_drift_that_the_covariance_denies_is_another_place() -> None:

@@ -115,22 +115,27 @@ def test_in_turn_the_newest_come_first_and_all_have_their_turn(n: int, count: in
 def test_a_keyframe_that_leaves_the_window_becomes_an_anchor_at_its_place_without_drift() -> None:
     keyframes = kept(5, window=1)
     first = add(keyframes, moved(0.0), T_odom_track=moved(9.0))
-    assert keyframes.anchor(moved(0.2), radius=1.0) is None
+    assert not keyframes.anchors(moved(0.2), radius=1.0)
     add(keyframes, moved(0.5), T_odom_track=moved(0.2))
-    anchor = keyframes.anchor(moved(0.2), radius=0.01)
+    (anchor,) = keyframes.anchors(moved(0.2), radius=0.01)
     assert isinstance(anchor, Anchor)
     assert anchor.number == first.number
     np.testing.assert_array_equal(anchor.T_track_camera, first.T_track_camera)
     np.testing.assert_allclose(anchor.T_odom_camera, moved(0.2))
 
 
-def test_the_earliest_anchor_near_enough_is_taken() -> None:
+def test_the_anchors_near_enough_are_taken_the_earliest_first() -> None:
     keyframes = kept(9, window=1)
     for way in (0.0, 0.4, 0.8, 1.2):
         add(keyframes, moved(way))
-    for where, radius, number in ((0.8, 0.1, 2), (0.8, 0.5, 1), (0.8, 0.9, 0), (-1.0, 0.9, None)):
-        anchor = keyframes.anchor(moved(where), radius)
-        assert (anchor and anchor.number) == number
+    expected: tuple[tuple[float, float, list[int]], ...] = (
+        (0.8, 0.1, [2]),
+        (0.8, 0.5, [1, 2]),
+        (0.8, 0.9, [0, 1, 2]),
+        (-1.0, 0.9, []),
+    )
+    for where, radius, numbers in expected:
+        assert [a.number for a in keyframes.anchors(moved(where), radius)] == numbers
 
 
 def test_of_keyframes_that_saw_the_same_the_first_stays_as_an_anchor() -> None:
