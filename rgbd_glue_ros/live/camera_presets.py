@@ -11,8 +11,6 @@ import yaml
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import read_text
-from rgbd_glue_ros.input_yaml import document
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.synchronizer import Channel
 
@@ -75,9 +73,9 @@ def load_camera(name: str) -> Camera:
 
 def _content(path: Path) -> dict[str, Any]:
     try:
-        content = document(read_text(path))
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
         return {part: {**content.get(part, {})} for part in ("topics", "parameters")}
-    except (yaml.YAMLError, AttributeError, TypeError) as error:
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, TypeError) as error:
         raise InputError(
             path,
             f"is no preset of a camera ({str(error).splitlines()[0]})",

@@ -5,10 +5,6 @@ from __future__ import annotations
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 
-# Surfaces fill an image, but all its texture may be on somebody who walks through it: what the
-# correlation of brightness counts beside the agreement of planes.
-_TEXTURE = 0.3
-
 
 def is_plausible(found: Refinement, asked: int, config: OdometryConfig) -> bool:
     """Whether planes or pixels speak for a pose and the planes do not speak against it.
@@ -38,8 +34,3 @@ def is_conclusive(found: Refinement, config: OdometryConfig) -> bool:
         and found.plane_agreement >= config.plane_agreement
         and found.brightness_correlation >= config.brightness_correlation
     )
-
-
-def score(found: Refinement) -> float:
-    """How well planes and pixels agree, for choosing between two poses of one frame."""
-    return found.plane_agreement + _TEXTURE * max(found.brightness_correlation, 0.0)

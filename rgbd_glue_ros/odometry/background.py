@@ -8,7 +8,6 @@ from typing import Concatenate, Generic, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
-S = TypeVar("S")
 V = TypeVar("V")
 
 
@@ -24,23 +23,6 @@ class BackgroundThread:
     def submit(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Future[R]:
         """Calls a function later; whoever asks the future for its result waits."""
         return self._executor.submit(function, *args, **kwargs)
-
-    def submit_stages(
-        self, first: Callable[[], R], then: Callable[[R], S]
-    ) -> tuple[Future[R], Future[S]]:
-        """One job of two stages, of which the second takes the result of the first."""
-        first_result: Future[R] = Future()
-
-        def both() -> S:
-            try:
-                result = first()
-            except BaseException as error:
-                first_result.set_exception(error)
-                raise
-            first_result.set_result(result)
-            return then(result)
-
-        return first_result, self._executor.submit(both)
 
     def close(self) -> None:
         """Ends the thread once its jobs are done; nothing can be submitted after that."""

@@ -105,16 +105,23 @@ class Motion:
         return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
 
     def reaches(self, T_track_camera: Float64, predicted: Motion) -> bool:
-        """Whether a camera that was last here can be there now.
+        """Whether a camera that was last here can be there now, as ``surprise`` takes the two."""
+        return self.surprise(T_track_camera, predicted) < SURPRISE
+
+    def surprise(self, T_track_camera: Float64, predicted: Motion) -> float:
+        """How far a camera that was last here is from where it is expected now.
 
         Args:
-            T_track_camera: there, float64 [4, 4].
-            predicted: where it is expected now.
+            T_track_camera: where it is, float64 [4, 4].
+            predicted: where it is expected.
+
+        Returns:
+            The squared Mahalanobis distance; ``SURPRISE`` is what no camera exceeds.
         """
         elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
         covariance = predicted.covariance[:6, :6] + np.diag((_CHANGE_OF_SPEED * elapsed) ** 2)
         way = se3.log(se3.inverse(predicted.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, covariance) < SURPRISE
+        return mahalanobis_squared(way, covariance)
 
     def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
         """The motion after a measured pose.

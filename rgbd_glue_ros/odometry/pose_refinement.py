@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import distances
-from rgbd_glue_ros.odometry.acceptance import is_plausible, score
+from rgbd_glue_ros.odometry.acceptance import is_plausible
 from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
 from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
@@ -19,23 +18,17 @@ from rgbd_glue_ros.refinement.gauss_newton import (
     evaluate_pose,
     refine,
 )
+from rgbd_glue_ros.refinement.level_problem import NO_MATCHES
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
 from rgbd_glue_ros.types import Correspondences, Float64, View
 
-# Poses refined from different starts are compared at these: the finest level costs most of the
-# time and seldom changes which is the better one.
-SELECTION_LEVELS = COARSE_TO_FINE[:-1]
+# The way from the start is made at these.
+COARSE_LEVELS = COARSE_TO_FINE[:-1]
 # The twist is measured here: fine enough to see the distortion, and one level before it is used.
 VELOCITY_LEVEL = COARSE_TO_FINE[-2]
 # The pose ends here, with the twist that was measured: in fast motion its accuracy depends on that.
 FINAL_LEVEL = COARSE_TO_FINE[-1]
-# Refined from far apart, poses that end nearer than this, metres and radians added, are the same.
-_SAME = 0.01
-# Visual matches decide between two poses from this many on, if one has this many times as many that
-# agree with it. Planes then speak against it only by this part more of them: along a corridor or
-# before a wall they fit wherever one is.
-_DECIDING_MATCHES, _CLEARLY_MORE, _PLANES_CONTRADICT = 20, 1.3, 0.25
 
 
 @dataclass(frozen=True)
@@ -65,12 +58,14 @@ class PoseProblem:
         view: the frame.
         predicted: its motion before the images are looked at.
         config: weights and steps.
+        matches: visual ones that hold the pose too, their targets in the track frame.
     """
 
     model: Model
     view: View
     predicted: Motion
     config: RefineConfig
+    matches: Correspondences = NO_MATCHES
 
     def refined(
         self,
@@ -79,31 +74,37 @@ class PoseProblem:
         affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
     ) -> Refinement:
         """A pose refined from a start, at some levels."""
-        return refine(T_track_camera, self.model, self.view, self.config, levels, affine_brightness)
+        return refine(
+            T_track_camera,
+            self.model,
+            self.view,
+            self.config,
+            levels,
+            affine_brightness,
+            self.matches,
+        )
+
+    def refined_further(self, coarse: Refinement, config: OdometryConfig) -> PoseEstimate:
+        """Carries a pose on from the coarse levels to the final one, with a better twist at each.
+
+        Where the final level is not plausible, the pose is left as it was.
+        """
+        moving = self.with_twist_of(PoseEstimate(coarse))
+        finer = moving.refined(coarse.T_model_source, [VELOCITY_LEVEL])
+        twist = twist_from_distortion(
+            finer, moving.model, moving.view, moving.config, VELOCITY_LEVEL
+        )
+        moving = self.with_twist_of(PoseEstimate(finer, twist))
+        final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
+        if is_plausible(final, final.planes_visible, config):
+            return PoseEstimate(final, twist)
+        left = evaluate_pose(coarse.T_model_source, self.model, self.view, self.config)
+        return PoseEstimate(left)
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
         """The same, with the twist that the motion filter concludes from an estimate."""
         twist = corrected_motion(self.predicted, estimate, self.config).twist
         return replace(self, view=replace(self.view, twist=twist))
-
-
-def refine_to_final_level(
-    selected: Refinement, problem: PoseProblem, config: OdometryConfig
-) -> PoseEstimate:
-    """Carries a pose on from the selection levels, with a better twist at each level.
-
-    Where the final level is not plausible, the pose is left as selected.
-    """
-    moving = problem.with_twist_of(PoseEstimate(selected))
-    finer = moving.refined(selected.T_model_source, [VELOCITY_LEVEL])
-    twist = twist_from_distortion(finer, moving.model, moving.view, moving.config, VELOCITY_LEVEL)
-    moving = problem.with_twist_of(PoseEstimate(finer, twist))
-    final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
-    if is_plausible(final, final.planes_visible, config):
-        return PoseEstimate(final, twist)
-    return PoseEstimate(
-        evaluate_pose(selected.T_model_source, problem.model, problem.view, problem.config)
-    )
 
 
 def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
@@ -121,32 +122,3 @@ def corrected_motion(predicted: Motion, estimate: PoseEstimate, config: RefineCo
     if estimate.twist is None:
         return motion
     return motion.corrected_by_twist(estimate.twist.twist, estimate.twist.covariance)
-
-
-def fits_better(refinement: Refinement, than: Refinement) -> bool:
-    """Whether a refinement ended elsewhere than another one, and fits better."""
-    apart = se3.difference(refinement.T_model_source, than.T_model_source)
-    return apart > _SAME and score(refinement) > score(than)
-
-
-def matches_prefer(
-    refinement: Refinement, to: Refinement, matches: Correspondences, inlier_threshold: float
-) -> bool:
-    """Whether visual matches and brightness prefer a refinement, and planes hardly object.
-
-    Args:
-        refinement: of a frame.
-        to: another one of the same frame.
-        matches: between the frame (source) and the track frame (target).
-        inlier_threshold: distance within which a match agrees with a pose, metres.
-    """
-    agreeing, agreeing_with_other = (
-        int((distances(r.T_model_source, matches) <= inlier_threshold).sum())
-        for r in (refinement, to)
-    )
-    return (
-        agreeing >= _DECIDING_MATCHES
-        and agreeing > _CLEARLY_MORE * agreeing_with_other
-        and refinement.brightness_correlation > to.brightness_correlation
-        and refinement.plane_agreement > to.plane_agreement - _PLANES_CONTRADICT
-    )

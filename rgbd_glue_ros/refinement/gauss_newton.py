@@ -18,7 +18,8 @@ import numpy as np
 from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
+from rgbd_glue_ros.refinement.level_problem import NO_MATCHES, LevelProblem, level_problem
+from rgbd_glue_ros.refinement.match_residuals import add_matches
 from rgbd_glue_ros.refinement.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
@@ -26,7 +27,7 @@ from rgbd_glue_ros.refinement.residuals import (
     pixel_residuals,
     plane_residuals,
 )
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Correspondences, Float64, View
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 # A step shorter than this, in metres and radians, ends the search; at the levels before the last
@@ -81,6 +82,7 @@ def refine(
     config: RefineConfig,
     levels: Sequence[int] = COARSE_TO_FINE,
     affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
+    matches: Correspondences = NO_MATCHES,
 ) -> Refinement:
     """Refines a pose by Gauss-Newton, coarse to fine.
 
@@ -91,15 +93,16 @@ def refine(
         config: steps at each level (0 only evaluates the start) and weights.
         levels: of the pyramid to take the steps at; the result is evaluated at the last.
         affine_brightness: as of ``Refinement``, as far as it is known.
+        matches: visual ones that hold the pose too, between the frame and the model.
     """
     images = pyramid(source.grey, max(levels) + 1)
     T, brightness = T_model_source, np.array(affine_brightness)
     for level in levels[:-1]:
-        problem = level_problem(model, images[level], level, source, config)
+        problem = level_problem(model, images[level], level, source, config, matches)
         descent = _descend(T, problem, brightness, config.iterations, _NEAR_ENOUGH)
         T, brightness = descent.T, descent.next_affine_brightness
     final = levels[-1]
-    problem = level_problem(model, images[final], final, source, config)
+    problem = level_problem(model, images[final], final, source, config, matches)
     return _refinement(_descend(T, problem, brightness, config.iterations, _CONVERGED))
 
 
@@ -204,6 +207,7 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
     table, planes = plane_residuals(T, problem)
     for i in range(len(table)):
         _add(table[i], table[i, 1], H, g)
+    add_matches(T, problem, H, g)
     for a in range(6):
         for b in range(a):
             H[a, b] = H[b, a]

@@ -8,7 +8,12 @@ import numpy as np
 
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.types import Float32, Float64, UInt8, View
+from rgbd_glue_ros.types import Correspondences, Float32, Float64, UInt8, View
+
+NO_MATCHES = Correspondences.empty()
+# Of a match against a plane: a few times that of a pixel. So many hold a pose where planes and
+# pixels leave it open; where those fix it, they are more exact, and are many more.
+_MATCH_WEIGHT = 30.0
 
 
 class Exposure(NamedTuple):
@@ -44,6 +49,9 @@ class LevelProblem(NamedTuple):
         plane_cauchy: residual, in standard deviations, at which a plane's weight is halved.
         pixel_cauchy: that of a pixel.
         pixel_weight: of a pixel against a plane.
+        match_source: float64 [L, 3], visual matches' points in the frame.
+        match_target: float64 [L, 3], the same points of the model.
+        match_weight: of a match against a plane.
     """
 
     points: Float64
@@ -57,10 +65,18 @@ class LevelProblem(NamedTuple):
     plane_cauchy: float
     pixel_cauchy: float
     pixel_weight: float
+    match_source: Float64
+    match_target: Float64
+    match_weight: float
 
 
 def level_problem(
-    model: Model, image: UInt8, level: int, source: View, config: RefineConfig
+    model: Model,
+    image: UInt8,
+    level: int,
+    source: View,
+    config: RefineConfig,
+    matches: Correspondences = NO_MATCHES,
 ) -> LevelProblem:
     """A model and a frame at a level, of which ``image`` is that of the frame's pyramid.
 
@@ -82,4 +98,7 @@ def level_problem(
         plane_cauchy=config.plane_cauchy,
         pixel_cauchy=config.pixel_cauchy,
         pixel_weight=config.pixel_weight,
+        match_source=matches.source,
+        match_target=matches.target,
+        match_weight=_MATCH_WEIGHT,
     )

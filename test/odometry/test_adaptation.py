@@ -10,17 +10,12 @@ import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
 from rigs.room import panned_frame
 
-from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.odometry.pose_refinement import matches_prefer
 from rgbd_glue_ros.parameters import Config, with_values
-from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.refinement.model import spacing_px
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
-    Correspondences,
-    Float64,
     OdometryEstimate,
     RgbdFrame,
     TrackingState,
@@ -108,35 +103,3 @@ def test_a_new_start_waits_for_time_and_frames_both(rate_hz: int, lost: int) -> 
     assert states[:3] == [TrackingState.TRACKING] * 3
     without_pose = states[3:].index(TrackingState.TRACKING)
     assert abs(without_pose + 1 - lost) <= 1
-
-
-def refinement(T: Float64, agreement: float, correlation: float) -> Refinement:
-    agreeing = round(1000 * agreement)
-    return Refinement(T, np.eye(6), 1000, agreeing, 0, 500, correlation, np.array([1.0, 0.0, 5.0]))
-
-
-def along(metres: float) -> Float64:
-    """A pose so far along a corridor."""
-    return se3.exp(np.array([0.0, 0.0, metres, 0.0, 0.0, 0.0]))
-
-
-@pytest.mark.parametrize(
-    ("matches", "agreement", "correlation", "preferred"),
-    [
-        (60, 0.80, 0.7, True),
-        (15, 0.80, 0.7, False),  # too few matches
-        (60, 0.60, 0.7, False),  # planes contradict
-        (60, 0.80, 0.3, False),  # brightness contradicts
-    ],
-)
-def test_visual_matches_decide_where_planes_fit_both(
-    matches: int, agreement: float, correlation: float, preferred: bool
-) -> None:
-    """The camera went 10 cm along a corridor, and the prediction stayed behind."""
-    rng = np.random.default_rng(0)
-    points = rng.uniform([-1, -1, 1], [1, 1, 5], (matches, 3))
-    C_vis = Correspondences(points, points + np.array([0, 0, 0.1]), np.ones(matches))
-    walked = refinement(along(0.1), agreement, correlation)
-    stuck = refinement(along(0.0), 0.9, 0.5)
-    assert matches_prefer(walked, stuck, C_vis, 0.05) is preferred
-    assert not matches_prefer(stuck, walked, C_vis, 0.05)

@@ -27,27 +27,6 @@ def test_jobs_are_done_in_the_order_they_were_submitted(background: BackgroundTh
     assert done == list(range(5))
 
 
-def test_the_first_of_two_stages_is_known_before_the_second(background: BackgroundThread) -> None:
-    may_finish = threading.Event()
-
-    def then(value: int) -> int:
-        may_finish.wait(PATIENCE_S)
-        return value + 1
-
-    first, second = background.submit_stages(lambda: 1, then)
-    assert first.result(PATIENCE_S) == 1
-    assert not second.done()
-    may_finish.set()
-    assert second.result(PATIENCE_S) == 2
-
-
-def test_an_error_of_the_first_stage_is_that_of_both(background: BackgroundThread) -> None:
-    first, second = background.submit_stages(lambda: 1 // 0, lambda value: value)
-    for future in (first, second):
-        with pytest.raises(ZeroDivisionError):
-            future.result(PATIENCE_S)
-
-
 def test_a_value_waits_for_its_update(background: BackgroundThread) -> None:
     value = BackgroundValue(background, 1)
     may_finish = threading.Event()

@@ -1,0 +1,122 @@
+"""Which pose of a frame to believe: by all that tells two of them apart.
+
+Along a corridor planes fit wherever one is, before a blank wall there are few pixels, and where
+everything repeats, matches are those of another place. So all of them are asked, and the camera's
+motion too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.fitting import SURPRISE, distances
+from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
+from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
+from rgbd_glue_ros.parameters import OdometryConfig
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.types import Correspondences
+
+# Refined from far apart, poses that end nearer than this, metres and radians added, are the same.
+_SAME = 0.01
+# Surfaces fill an image, but all its texture may be on somebody who walks through it: what the
+# correlation of brightness counts beside the agreement of planes.
+_TEXTURE = 0.3
+# A pose that the camera hardly gets to counts as much less as this part of the planes.
+_MOTION = 0.25
+# Visual matches decide between two poses from this many on, if one has this many times as many that
+# agree with it. Planes then speak against it only by this part more of them, and the motion where
+# one pose is likely and the other is not.
+_DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
+_PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A pose that a frame may have.
+
+    Attributes:
+        estimate: the pose.
+        coarse: the same after the coarse levels alone, by which candidates are compared: the final
+            one seldom changes which is better.
+        surprise: squared Mahalanobis distance of the pose from where the camera was expected.
+        milliseconds: that its refinement took.
+    """
+
+    estimate: PoseEstimate
+    coarse: Refinement
+    surprise: float
+    milliseconds: float
+
+    @property
+    def refinement(self) -> Refinement:
+        """The pose, and how well the frame agrees with it."""
+        return self.estimate.refinement
+
+    def is_believed(self, config: OdometryConfig) -> bool:
+        """Whether the pose is plausible, and within reach of the camera or beyond doubt."""
+        if not is_plausible(self.refinement, self.refinement.planes_visible, config):
+            return False
+        return self.surprise < SURPRISE or is_conclusive(self.refinement, config)
+
+
+def choose(
+    candidates: Sequence[Candidate],
+    matches: Correspondences,
+    inlier_threshold: float,
+    config: OdometryConfig,
+) -> Candidate | None:
+    """The pose that there is most evidence of, of those that are believed; None if none is.
+
+    Args:
+        candidates: of a frame; where there is no difference the first is taken.
+        matches: all visual ones of the frame, their targets in the frame of its poses.
+        inlier_threshold: distance within which a match agrees with a pose, metres.
+        config: when a pose is believed.
+    """
+    believed = [c for c in candidates if c.is_believed(config)]
+    if not believed:
+        return None
+    best = believed[0]
+    for candidate in believed[1:]:
+        if _is_better(candidate, best, matches, inlier_threshold):
+            best = candidate
+    return best
+
+
+def _is_better(
+    candidate: Candidate, than: Candidate, matches: Correspondences, inlier_threshold: float
+) -> bool:
+    """Whether there is more evidence of a pose than of another one of the same frame."""
+    T, T_other = candidate.estimate.T_track_camera, than.estimate.T_track_camera
+    if se3.difference(T, T_other) <= _SAME:
+        return False
+    by_images = _fit(candidate.coarse) - _fit(than.coarse)
+    by_motion = _unlikeliness(than) - _unlikeliness(candidate)
+    if by_images + _MOTION * by_motion > 0:
+        return True
+    agreeing, agreeing_with_other = (
+        np.count_nonzero(distances(pose, matches) <= inlier_threshold) for pose in (T, T_other)
+    )
+    more = candidate.coarse.plane_agreement - than.coarse.plane_agreement
+    return bool(
+        agreeing >= _DECIDING_MATCHES
+        and agreeing > _CLEARLY_MORE * agreeing_with_other
+        and candidate.coarse.brightness_correlation >= than.coarse.brightness_correlation
+        and more > -_PLANES_CONTRADICT
+        and by_motion > -_MOTION_CONTRADICTS
+    )
+
+
+def _unlikeliness(candidate: Candidate) -> float:
+    """0 for what a hand does with a camera, 1 from the limit of what it can."""
+    return min(candidate.surprise / SURPRISE, 1.0) ** 2
+
+
+def _fit(refinement: Refinement) -> float:
+    """How well planes and pixels agree with a pose."""
+    correlation = max(refinement.brightness_correlation, 0.0)
+    return refinement.plane_agreement + _TEXTURE * correlation

@@ -1,0 +1,94 @@
+"""Of two poses of a frame, the one is chosen that what tells them apart speaks for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rigs.room import room_view, true_pose
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.pose_choice import Candidate, choose
+from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
+from rgbd_glue_ros.refinement.level_problem import NO_MATCHES
+from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float64, View
+
+CONFIG = Config()
+CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
+T_IN = CONFIG.glue.inlier_threshold
+
+
+def along(metres: float) -> Float64:
+    """A pose so far along the wall."""
+    return se3.exp(np.array([metres, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def blank_wall() -> View:
+    """Shows one plane and no texture: where along it the camera is, it does not say."""
+    return View(np.full((240, 320), 200, np.uint8), np.full((240, 320), 2.0, np.float32), CAMERA)
+
+
+def moved_matches(metres: float, count: int) -> Correspondences:
+    """Matches of a camera that went so far along the wall."""
+    points = np.random.default_rng(0).uniform([-0.8, -0.6, 2.0], [0.8, 0.6, 2.0], (count, 3))
+    return Correspondences(points, points + np.array([metres, 0.0, 0.0]), np.ones(count))
+
+
+def problem(before: View, now: View, matches: Correspondences = NO_MATCHES) -> PoseProblem:
+    start = Motion.start(0, np.eye(4))
+    return PoseProblem(model_of(before, 8), now, start, CONFIG.refine, matches)
+
+
+def candidate(T: Float64, of: PoseProblem, surprise: float = 6.0) -> Candidate:
+    refinement = evaluate_pose(T, of.model, of.view, of.config)
+    return Candidate(PoseEstimate(refinement), refinement, surprise, 0.0)
+
+
+def chosen(candidates: list[Candidate], of: PoseProblem) -> Candidate | None:
+    return choose(candidates, of.matches, T_IN, CONFIG.odometry)
+
+
+def test_along_a_blank_wall_the_matches_decide() -> None:
+    along_wall = problem(blank_wall(), blank_wall(), moved_matches(0.1, 30))
+    walked, stuck = candidate(along(0.1), along_wall), candidate(along(0.0), along_wall)
+    assert chosen([stuck, walked], along_wall) is walked
+    assert chosen([walked, stuck], along_wall) is walked
+
+
+def test_where_nothing_else_differs_the_expected_pose_is_chosen() -> None:
+    along_wall = problem(blank_wall(), blank_wall())
+    far, near = candidate(along(0.3), along_wall, 20.0), candidate(along(0.0), along_wall, 1.0)
+    assert chosen([far, near], along_wall) is near
+
+
+def test_where_everything_repeats_as_many_matches_do_not_make_the_camera_jump() -> None:
+    twins = moved_matches(0.3, 60) + moved_matches(0.0, 30)
+    along_wall = problem(blank_wall(), blank_wall(), twins)
+    jump, walk = candidate(along(0.3), along_wall, 22.0), candidate(along(0.0), along_wall, 0.1)
+    assert chosen([walk, jump], along_wall) is walk
+
+
+def test_matches_of_somebody_who_walks_by_do_not_outvote_the_walls() -> None:
+    room = problem(room_view(0.0), room_view(0.3), moved_matches(0.5, 200))
+    truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
+    right, carried_along = candidate(truth, room), candidate(along(0.5) @ truth, room)
+    assert chosen([carried_along, right], room) is right
+
+
+@pytest.mark.parametrize("metres", [0.02, 0.05, 0.2])
+def test_planes_and_pixels_know_the_true_pose_without_matches(metres: float) -> None:
+    room = problem(room_view(0.0), room_view(0.3))
+    truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
+    right, off = candidate(truth, room), candidate(along(metres) @ truth, room)
+    assert chosen([off, right], room) is right
+
+
+def test_a_pose_that_is_not_believed_does_not_compete() -> None:
+    along_wall = problem(blank_wall(), blank_wall(), moved_matches(0.5, 100))
+    out_of_reach = candidate(along(0.5), along_wall, 1000.0)
+    here = candidate(along(0.0), along_wall)
+    assert chosen([out_of_reach, here], along_wall) is here
+    assert chosen([out_of_reach], along_wall) is None
