@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
     from rgbd_glue_ros.features import add_visual_feature
     from rgbd_glue_ros.features.visual import VisualMatches
-    from rgbd_glue_ros.imu import ImuSamples
     from rgbd_glue_ros.odometry.odometry import Odometry
     from rgbd_glue_ros.parameters import Config, load_preset, load_yaml, with_values
     from rgbd_glue_ros.recordings import open_recording
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
         Trajectory,
         View,
     )
+    from rgbd_glue_ros.types.imu import ImuSamples
 
 _PLACES = {
     "errors": ("InputError", "MissingExtraError"),

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli.arguments import path
-from rgbd_glue_ros.whole_files import json_text
+from rgbd_glue_ros.files.writing import json_text
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation

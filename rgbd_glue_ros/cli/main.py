@@ -11,9 +11,9 @@ from pathlib import Path
 
 from rgbd_glue_ros.cli.parser import BAD_INPUT, PROGRAM, complete, parse
 from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.live.end_signals import InterruptOnce
 from rgbd_glue_ros.printable import printable
-from rgbd_glue_ros.whole_files import not_written
 
 logger = logging.getLogger(__name__)
 

@@ -22,9 +22,9 @@ from rgbd_glue_ros.evaluation.text_lines import (
     pose_text,
 )
 from rgbd_glue_ros.evaluation.trajectory import format_stamp, parse_stamp
+from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
-from rgbd_glue_ros.whole_files import write_whole
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.input_files import read_text
 from rgbd_glue_ros.types import Float64
 
 Row = TypeVar("Row")

@@ -14,8 +14,8 @@ from rgbd_glue_ros.evaluation.text_lines import (
     pose_text,
 )
 from rgbd_glue_ros.evaluation.trajectory_text import stamped_poses, stamps_ns
+from rgbd_glue_ros.files.writing import not_written, write_whole
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, Trajectory
-from rgbd_glue_ros.whole_files import not_written, write_whole
 
 MAX_TIME_DIFFERENCE_S = 0.02
 """Stamps further apart than this are not of the same moment (the TUM tools' value)."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.text_lines import check_position, finite_numbers, parse_pose
-from rgbd_glue_ros.input_files import read_text
+from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 logger = logging.getLogger(__name__)

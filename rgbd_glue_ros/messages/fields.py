@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.messages.image_codecs import encode_jpeg, encode_png, quantised
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -25,6 +24,7 @@ from rgbd_glue_ros.types import (
     LensModel,
     UInt8,
 )
+from rgbd_glue_ros.types.imu import ImuSamples
 
 Message = TypeVar("Message")
 

@@ -11,7 +11,6 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
 from rgbd_glue_ros.messages.poses import pose_parameter
@@ -21,6 +20,7 @@ from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.types import NANOSECONDS, Float64
+from rgbd_glue_ros.types.imu import ImuSamples
 
 # Messages that wait for the next frame, and for TF to tell how the sensor is turned: seconds of it.
 _MOST_WAITING = 2000

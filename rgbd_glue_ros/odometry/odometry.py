@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
@@ -33,6 +32,7 @@ from rgbd_glue_ros.types import (
     TrackingState,
     View,
 )
+from rgbd_glue_ros.types.imu import ImuSamples
 
 # Between frames farther apart than this the twist says too little of the moment of one of them.
 _TWIST_IS_CERTAIN_NS = NANOSECONDS // 10

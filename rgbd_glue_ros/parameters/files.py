@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import yaml
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import read_text
-from rgbd_glue_ros.input_yaml import document
+from rgbd_glue_ros.files.bounded_yaml import document
+from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES
 from rgbd_glue_ros.parameters.method import Config
 from rgbd_glue_ros.parameters.node import NodeConfig

@@ -19,8 +19,8 @@ import numpy as np
 import yaml
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import read_text
-from rgbd_glue_ros.input_yaml import BoundedLoader, documents
+from rgbd_glue_ros.files.bounded_yaml import BoundedLoader, documents
+from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
 from rgbd_glue_ros.messages.fields import CameraInfo, header
 from rgbd_glue_ros.parameters import metres_per_unit

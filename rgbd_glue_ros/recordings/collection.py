@@ -7,7 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import read_text
+from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.recordings.bag.layout import storage_files
 from rgbd_glue_ros.recordings.formats import format_of
 from rgbd_glue_ros.recordings.sens import SUFFIX

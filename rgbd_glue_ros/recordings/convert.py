@@ -14,6 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.writing import NewFolder, not_written
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 from rgbd_glue_ros.recordings.bag.writer import (
@@ -26,7 +27,6 @@ from rgbd_glue_ros.recordings.bag.writer import (
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
-from rgbd_glue_ros.whole_files import NewFolder, not_written
 
 # When, and how
 _Write = tuple[int, Callable[[], None]]

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, read_text
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
-from rgbd_glue_ros.imu import ImuSamples
-from rgbd_glue_ros.input_files import MAX_IMAGE, read_bytes, read_text
 from rgbd_glue_ros.messages.camera_info import is_plausible, of_image_size
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
@@ -32,6 +31,7 @@ from rgbd_glue_ros.types import (
     Trajectory,
     UInt8,
 )
+from rgbd_glue_ros.types.imu import ImuSamples
 
 logger = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import open_file
+from rgbd_glue_ros.files.reading import open_file
 
 SEE = "docs/data.md lists what is read"
 

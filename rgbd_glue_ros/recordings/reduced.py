@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from rgbd_glue_ros.geometry.reduction import reduced
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.recordings.recording import Recording, imu_of
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
+from rgbd_glue_ros.types.imu import ImuSamples
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import MAX_IMAGE, read_bytes
+from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import open_file
+from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, reduced, to_rgb
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead

@@ -17,7 +17,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
-from rgbd_glue_ros.input_files import open_file
+from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of

@@ -13,7 +13,6 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.text_lines import finite_numbers
 from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
 from rgbd_glue_ros.recordings import icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration
@@ -22,6 +21,7 @@ from rgbd_glue_ros.recordings.folder.lists import paired, scale_in_comments
 from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
 from rgbd_glue_ros.types import CameraIntrinsics
+from rgbd_glue_ros.types.imu import ImuSamples
 
 logger = logging.getLogger(__name__)
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import back_project, rectified
 from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigma
 from rgbd_glue_ros.types import Float32, Float64, Int64, RgbdFrame, UInt8
-from rgbd_glue_ros.whole_files import write_whole
 
 VOXEL_M = 0.01
 """Points nearer together than this become one."""

@@ -17,7 +17,8 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
-from rgbd_glue_ros.input_files import open_file
+from rgbd_glue_ros.files.reading import open_file
+from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -28,7 +29,6 @@ from rgbd_glue_ros.types import (
     UInt8,
     View,
 )
-from rgbd_glue_ros.whole_files import write_whole
 
 ENDING = ".rgbdmap"
 

@@ -9,7 +9,7 @@ import pytest
 from rigs.data_sets import write_data_set
 
 from rgbd_glue_ros.cli.main import main
-from rgbd_glue_ros.whole_files import ResultFolder
+from rgbd_glue_ros.files.writing import ResultFolder
 
 
 @pytest.mark.parametrize("command", ["replay", "map", "pairs", "bench", "demo"])

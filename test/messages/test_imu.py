@@ -11,9 +11,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
+from rgbd_glue_ros.types.imu import ImuSamples
 
 SAMPLES = ImuSamples(
     np.array([10, 20, 30], np.int64),

@@ -10,13 +10,13 @@ from raycast_room.imu import BMI055, ImuErrors, simulated_imu
 from rigs.room import room_frame, true_pose, true_twist
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import MotionConfig, load_preset
 from rgbd_glue_ros.types import NANOSECONDS
+from rgbd_glue_ros.types.imu import ImuSamples
 
 CONFIG = MotionConfig()
 PERIOD_NS = NANOSECONDS // 10

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, TextIO
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.whole_files import finite
+from rgbd_glue_ros.files.writing import finite
 
 logger = logging.getLogger(__name__)
 

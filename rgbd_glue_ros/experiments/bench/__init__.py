@@ -23,10 +23,10 @@ from rgbd_glue_ros.experiments.bench.report import to_markdown
 from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import PEERS, Peer
 from rgbd_glue_ros.experiments.report.machine import load, machine
+from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
 FIGURES, TABLES, REPORT = "bench.json", "bench.md", "bench.html"
 

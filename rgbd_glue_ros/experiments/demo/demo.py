@@ -17,6 +17,7 @@ from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_dom
 from rgbd_glue_ros.experiments.demo.played import Played, transport
 from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, results_of, write_results
 from rgbd_glue_ros.experiments.replay.thumbnails import thumbnail
+from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import (
@@ -31,7 +32,6 @@ from rgbd_glue_ros.parameters import (
     with_values,
 )
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
-from rgbd_glue_ros.whole_files import write_whole
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.player import Player

@@ -23,9 +23,9 @@ from rgbd_glue_ros.experiments.pairs.jobs import (
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, method_of
 from rgbd_glue_ros.experiments.pairs.report import FIGURES, JOURNAL, REPORT, TABLES, write_report
 from rgbd_glue_ros.experiments.pairs.results import GLUE, Plan, ResultCollector
+from rgbd_glue_ros.files.writing import ResultFolder
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.whole_files import ResultFolder
 
 logger = logging.getLogger(__name__)
 

@@ -21,8 +21,8 @@ from rgbd_glue_ros.experiments.pairs.methods import Estimator
 from rgbd_glue_ros.experiments.pairs.metrics import METRICS, Metric
 from rgbd_glue_ros.experiments.report import markdown
 from rgbd_glue_ros.features.weights import require
+from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.parameters import Config, with_values
-from rgbd_glue_ros.whole_files import write_whole
 
 _LEARNED_VISUAL = frozenset({"lightglue", "superglue"})
 _K_LEARNED, _K_HAND_CRAFTED = 3, 5

@@ -10,8 +10,8 @@ from rgbd_glue_ros.experiments.pairs.gallery import Example
 from rgbd_glue_ros.experiments.pairs.page import render
 from rgbd_glue_ros.experiments.pairs.results import PairResults
 from rgbd_glue_ros.experiments.pairs.tables import to_markdown
+from rgbd_glue_ros.files.writing import json_text, write_whole
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.whole_files import json_text, write_whole
 
 JOURNAL, FIGURES, TABLES, REPORT = "pairs.jsonl", "pairs.json", "pairs.md", "report.html"
 

@@ -14,6 +14,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.writing import NewFolder, not_written
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.match_image import match_image
@@ -25,7 +26,6 @@ from rgbd_glue_ros.types import (
     RgbdFrame,
     TrackingState,
 )
-from rgbd_glue_ros.whole_files import NewFolder, not_written
 
 ODOM_FRAME, CAMERA_FRAME = "odom", "camera_color_optical_frame"
 MATCHES = f"{topics.MATCHES}/compressed"

@@ -15,9 +15,9 @@ from rgbd_glue_ros.experiments.batch.journal import Journal
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.experiments.report.markdown import bullets, table
+from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.parameters import Config, InputConfig, values
 from rgbd_glue_ros.recordings import Recording
-from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
 
 logger = logging.getLogger(__name__)
 

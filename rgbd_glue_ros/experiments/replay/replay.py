@@ -21,8 +21,8 @@ from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
-from rgbd_glue_ros.imu import ImuSamples
-from rgbd_glue_ros.input_files import read_text
+from rgbd_glue_ros.files.reading import read_text
+from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
     explain_no_pose,
@@ -32,7 +32,7 @@ from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of
 from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, TrackingState, Trajectory
-from rgbd_glue_ros.whole_files import ResultFolder, json_text, write_whole
+from rgbd_glue_ros.types.imu import ImuSamples
 
 logger = logging.getLogger(__name__)
 

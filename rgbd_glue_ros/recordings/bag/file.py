@@ -23,8 +23,8 @@ from rosbags.rosbag2 import Reader as Rosbag2Reader
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.input_files import read_text
-from rgbd_glue_ros.input_yaml import document
+from rgbd_glue_ros.files.bounded_yaml import document
+from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.recordings.bag.layout import (
     MCAP_MAGIC,

@@ -7,7 +7,6 @@ import logging
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.messages.imu import imu_reading, imu_samples
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
@@ -17,6 +16,7 @@ from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.transforms import recorded_transform
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types.imu import ImuSamples
 
 logger = logging.getLogger(__name__)
 

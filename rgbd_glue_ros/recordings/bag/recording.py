@@ -14,7 +14,6 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
-from rgbd_glue_ros.imu import ImuSamples
 from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, camera_info, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.images import holds_whole_numbers
@@ -41,6 +40,7 @@ from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame, Trajectory
+from rgbd_glue_ros.types.imu import ImuSamples
 
 __all__ = ["BagRecording", "Topics"]
 

@@ -21,7 +21,7 @@ from backports import zstd
 from rosbags.rosbag1 import reader as rosbag1
 from rosbags.rosbag2 import storage_mcap
 
-from rgbd_glue_ros.input_files import open_file
+from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.recordings.bag.layout import ZSTD_MAGIC, first_bytes
 from rgbd_glue_ros.recordings.bag.message import DamagedError
 

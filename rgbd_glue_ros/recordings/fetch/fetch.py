@@ -9,10 +9,10 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.writing import json_text, write_whole
 from rgbd_glue_ros.recordings.fetch.archive import only_folder, remove, unpack
 from rgbd_glue_ros.recordings.fetch.catalogue import Source
 from rgbd_glue_ros.recordings.fetch.download import Progress, download
-from rgbd_glue_ros.whole_files import json_text, write_whole
 
 RECORD = "fetched.json"
 """In the folder: where it is from, with size and checksum of the archive."""

@@ -12,7 +12,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S, associate
 from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
-from rgbd_glue_ros.input_files import inside
+from rgbd_glue_ros.files.reading import inside
 from rgbd_glue_ros.parameters import metres_per_unit
 from rgbd_glue_ros.recordings.image_sequence import ImagePair
 from rgbd_glue_ros.types import NANOSECONDS, Int64

@@ -16,9 +16,9 @@ from rigs.disks import full_after
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, write_graph
 from rgbd_glue_ros.evaluation.trajectory import TumWriter, read_tum, write_tum
+from rgbd_glue_ros.files.writing import NewFolder, ResultFolder, json_text, write_whole
 from rgbd_glue_ros.slam.cloud import ColoredCloud, write_ply
 from rgbd_glue_ros.types import Trajectory
-from rgbd_glue_ros.whole_files import NewFolder, ResultFolder, json_text, write_whole
 
 LONG = Trajectory(np.arange(1, 1001, dtype=np.int64) * 10**9, np.tile(np.eye(4), (1000, 1, 1)))
 SHORT = Trajectory(LONG.stamps_ns[:2], LONG.poses[:2])
@@ -86,7 +86,7 @@ def test_two_runs_do_not_write_to_one_folder(tmp_path: Path) -> None:
 KILLED = """
 import os, sys
 from pathlib import Path
-from rgbd_glue_ros.whole_files import NewFolder, ResultFolder, write_whole
+from rgbd_glue_ros.files.writing import NewFolder, ResultFolder, write_whole
 folder = Path(sys.argv[1])
 results = ResultFolder(folder, ("a.txt", "b.txt"))
 write_whole(folder / "a.txt", "new")

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rgbd_glue_ros.input_checks import check_imu
 from rgbd_glue_ros.types import Float64, Int64
+from rgbd_glue_ros.types.checks import check_imu
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from rigs.paths import ROOT
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
-from rgbd_glue_ros.input_files import inside, open_file, read_bytes
-from rgbd_glue_ros.input_yaml import document
+from rgbd_glue_ros.files.bounded_yaml import document
+from rgbd_glue_ros.files.reading import inside, open_file, read_bytes
 from rgbd_glue_ros.parameters import Config, load_yaml
 from rgbd_glue_ros.recordings import load_calibration, open_recording
 from rgbd_glue_ros.recordings.image_sequence import read_image

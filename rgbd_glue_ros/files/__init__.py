@@ -1,0 +1,1 @@
+"""How files that input names are read, and how results are written whole."""

@@ -1,0 +1,88 @@
+"""A camera: its pinhole and its lens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from rgbd_glue_ros.types.arrays import Float64
+from rgbd_glue_ros.types.checks import check_distortion, check_intrinsics
+
+
+class LensModel(Enum):
+    """How a lens moves points away from where a pinhole has them; coefficients as in OpenCV.
+
+    The values are what ROS calls the models.
+    """
+
+    BROWN_CONRADY = "plumb_bob"
+    """k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]] (Brown 1966; rational in k4 to k6)"""
+    INVERSE_BROWN_CONRADY = "inverse_brown_conrady"
+    """The same, but from the distorted point back to the pinhole's, as in librealsense"""
+    KANNALA_BRANDT = "equidistant"
+    """k1 k2 k3 k4, a polynomial in the angle to the axis (Kannala and Brandt 2006)"""
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """How many coefficients there can be, zeros behind the last one included."""
+        return (4,) if self is LensModel.KANNALA_BRANDT else (4, 5, 8, 12, 14)
+
+
+@dataclass(frozen=True)
+class CameraIntrinsics:
+    """A pinhole camera behind a lens; pixel centres are at integer coordinates.
+
+    Attributes:
+        width: image width, pixels; 0 with ``height`` where a calibration does not tell the size.
+        height: image height, pixels.
+        fx: focal length along x, pixels.
+        fy: focal length along y, pixels.
+        cx: principal point x, pixels.
+        cy: principal point y, pixels.
+        distortion: coefficients of ``lens``; empty for a rectified image.
+        lens: what they are the coefficients of.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+    lens: LensModel = LensModel.BROWN_CONRADY
+
+    def __post_init__(self) -> None:
+        """Checks the numbers.
+
+        Raises:
+            InputError: a size, a focal length or a centre is none, or the coefficients are no lens.
+        """
+        check_intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        check_distortion(self.distortion, self.lens.counts)
+
+    @property
+    def matrix(self) -> Float64:
+        """The camera matrix K, shape [3, 3]."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], np.float64)
+
+    @property
+    def focal_and_centre(self) -> Float64:
+        """fx, fy, cx, cy as an array [4], which compiled code takes."""
+        return np.array([self.fx, self.fy, self.cx, self.cy], np.float64)
+
+    def scaled(self, width: int, height: int) -> CameraIntrinsics:
+        """The same camera with its image resized to ``width`` x ``height`` pixels."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            # pixel centres are at integers, so the image's edge is at -0.5
+            cx=(self.cx + 0.5) * sx - 0.5,
+            cy=(self.cy + 0.5) * sy - 0.5,
+        )

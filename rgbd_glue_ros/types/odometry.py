@@ -1,0 +1,99 @@
+"""What the odometry knows after a frame, and between keyframes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from rgbd_glue_ros.types.arrays import Float64
+from rgbd_glue_ros.types.registration import RegistrationResult
+
+
+class TrackingState(Enum):
+    """The odometry's state after a frame."""
+
+    INITIALIZING = "initializing"
+    TRACKING = "tracking"
+    LOST = "lost"
+
+
+class EdgeOrigin(Enum):
+    """What measured the transform between two keyframes."""
+
+    TRACKING = "the child was tracked from the parent"
+    ASSUMED = "the camera was lost in between, and hardly moved as far as the covariance says"
+    REVISIT = "the child saw again what the parent, an anchor of long ago, had seen"
+    LOOP = "recognised by appearance and verified by registration"
+
+
+@dataclass(frozen=True)
+class PoseGraphEdge:
+    """A measured transform between two keyframes.
+
+    Attributes:
+        parent: number of the keyframe whose frame the transform maps to.
+        child: number of the keyframe whose frame it maps from.
+        T_parent_child: float64 [4, 4].
+        covariance: float64 [6, 6] of T_parent_child (x y z rx ry rz; m, rad; perturbation on the
+            left, in the parent's frame), positive definite.
+        origin: what measured it.
+    """
+
+    parent: int
+    child: int
+    T_parent_child: Float64
+    covariance: Float64
+    origin: EdgeOrigin = EdgeOrigin.TRACKING
+
+
+@dataclass(frozen=True)
+class DepthSummary:
+    """What a depth image holds.
+
+    Attributes:
+        known: share of its pixels that have a depth, 0 to 1.
+        in_range: share of its pixels whose depth is between ``camera.depth_min`` and ``depth_max``.
+        median_m: of the known ones, metres; NaN if there is none.
+    """
+
+    known: float
+    in_range: float
+    median_m: float
+
+
+@dataclass(frozen=True)
+class OdometryEstimate:
+    """What the odometry knows after one frame.
+
+    Attributes:
+        stamp_ns: stamp of the frame.
+        state: tracking state after the frame.
+        T_odom_camera: float64 [4, 4]; None when LOST or INITIALIZING: no pose is made up.
+        covariance: float64 [6, 6] as in nav_msgs/Odometry: of the position, and of the rotation
+            about the odom frame's axes through it (x y z rx ry rz; m, rad); None when there is no
+            pose.
+        twist: float64 [6], linear then angular velocity in the camera's optical frame
+            (m/s, rad/s); None when there is no pose, or no earlier one to differ from.
+        twist_covariance: float64 [6, 6] of ``twist``; None when that is.
+        is_keyframe: whether the frame is known to be a keyframe.
+        keyframe_id: number of the keyframe that the frame was registered against (its own
+            number if it became the first); -1 when there is none.
+        registration: against that keyframe, or the one that failed when LOST; None for a frame
+            that starts anew.
+        edges: measured between keyframes since the estimate before, this frame's included.
+        stages_ms: wall time of each stage, milliseconds, registration included.
+        depth: of a frame without a pose, what its depth image holds; None when there is a pose.
+    """
+
+    stamp_ns: int
+    state: TrackingState
+    T_odom_camera: Float64 | None = None
+    covariance: Float64 | None = None
+    twist: Float64 | None = None
+    twist_covariance: Float64 | None = None
+    is_keyframe: bool = False
+    keyframe_id: int = -1
+    registration: RegistrationResult | None = None
+    edges: tuple[PoseGraphEdge, ...] = ()
+    stages_ms: dict[str, float] = field(default_factory=dict)
+    depth: DepthSummary | None = None
