@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.registration.frames import register
     from rgbd_glue_ros.types import (
         CameraIntrinsics,
+        ImuSamples,
         OdometryEstimate,
         RegistrationResult,
         RegistrationStatus,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
         Trajectory,
         View,
     )
-    from rgbd_glue_ros.types.imu import ImuSamples
 
 _PLACES = {
     "errors": ("InputError", "MissingExtraError"),
@@ -36,13 +36,13 @@ _PLACES = {
     "evaluation.trajectory_errors": ("evaluate",),
     "features": ("add_visual_feature",),
     "features.visual": ("VisualMatches",),
-    "imu": ("ImuSamples",),
     "odometry.odometry": ("Odometry",),
     "parameters": ("Config", "load_preset", "load_yaml", "with_values"),
     "recordings": ("open_recording",),
     "registration.frames": ("register",),
     "types": (
         "CameraIntrinsics",
+        "ImuSamples",
         "OdometryEstimate",
         "RegistrationResult",
         "RegistrationStatus",

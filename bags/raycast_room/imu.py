@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import NANOSECONDS, Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 """What a sensor at rest measures, in a world whose z axis is up, m/s²."""

@@ -21,10 +21,10 @@ from rgbd_glue_ros.types import (
     CameraIntrinsics,
     Float32,
     Float64,
+    ImuSamples,
     LensModel,
     UInt8,
 )
-from rgbd_glue_ros.types.imu import ImuSamples
 
 Message = TypeVar("Message")
 

@@ -11,8 +11,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import Imu, Vector3
 from rgbd_glue_ros.messages.reading import reader_of
-from rgbd_glue_ros.types import Float64, Int64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import Float64, ImuSamples, Int64
 
 _READERS: Mapping[str, Callable[[Any], tuple[Any, Any, Any, Any]]] = {
     "Imu": lambda m: (

@@ -19,8 +19,7 @@ from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
-from rgbd_glue_ros.types import NANOSECONDS, Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 # Messages that wait for the next frame, and for TF to tell how the sensor is turned: seconds of it.
 _MOST_WAITING = 2000

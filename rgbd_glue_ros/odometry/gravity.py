@@ -6,8 +6,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
-from rgbd_glue_ros.types import NANOSECONDS, Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 # What a hand or a robot does to the sensor averages out over this time.
 _WINDOW_NS = NANOSECONDS // 2

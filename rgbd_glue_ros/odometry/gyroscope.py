@@ -14,8 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import chi_squared, mahalanobis_squared
-from rgbd_glue_ros.types import NANOSECONDS, Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 # What consumer sensors have at worst: noise, rad/s/√Hz, and scale and axes, as a part of the turn.
 _NOISE, _SCALE = 5e-4, 0.01

@@ -10,8 +10,7 @@ from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, camera_covariance
 from rgbd_glue_ros.parameters import MotionConfig, RefineConfig
-from rgbd_glue_ros.types import NANOSECONDS, Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 # A turn over a longer time has gathered more of the bias than it is worth.
 _LONGEST_TURN_NS = 10 * NANOSECONDS

@@ -26,13 +26,13 @@ from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
+    ImuSamples,
     OdometryEstimate,
     PoseGraphEdge,
     RgbdFrame,
     TrackingState,
     View,
 )
-from rgbd_glue_ros.types.imu import ImuSamples
 
 # Between frames farther apart than this the twist says too little of the moment of one of them.
 _TWIST_IS_CERTAIN_NS = NANOSECONDS // 10

@@ -27,11 +27,11 @@ from rgbd_glue_ros.types import (
     CameraIntrinsics,
     Float32,
     Float64,
+    ImuSamples,
     RgbdFrame,
     Trajectory,
     UInt8,
 )
-from rgbd_glue_ros.types.imu import ImuSamples
 
 logger = logging.getLogger(__name__)
 

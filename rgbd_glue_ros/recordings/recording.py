@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
-from rgbd_glue_ros.types import RgbdFrame, Trajectory
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
 
 
 class Recording(Protocol):

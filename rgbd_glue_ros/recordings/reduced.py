@@ -8,8 +8,7 @@ from types import TracebackType
 
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.recordings.recording import Recording, imu_of
-from rgbd_glue_ros.types import RgbdFrame, Trajectory
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
 
 
 @dataclass(frozen=True)

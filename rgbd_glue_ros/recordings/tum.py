@@ -20,8 +20,7 @@ from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.folder.lists import paired, scale_in_comments
 from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
-from rgbd_glue_ros.types import CameraIntrinsics
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import CameraIntrinsics, ImuSamples
 
 logger = logging.getLogger(__name__)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from rgbd_glue_ros.types.arrays import NANOSECONDS, Float32, Float64, Int64, UInt8
 from rgbd_glue_ros.types.camera import CameraIntrinsics, LensModel
 from rgbd_glue_ros.types.frames import RgbdFrame, View
+from rgbd_glue_ros.types.imu import ImuSamples
 from rgbd_glue_ros.types.odometry import (
     DepthSummary,
     EdgeOrigin,
@@ -27,6 +28,7 @@ __all__ = [
     "EdgeOrigin",
     "Float32",
     "Float64",
+    "ImuSamples",
     "Int64",
     "LensModel",
     "OdometryEstimate",

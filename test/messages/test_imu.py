@@ -13,7 +13,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import ImuSamples
 
 SAMPLES = ImuSamples(
     np.array([10, 20, 30], np.int64),

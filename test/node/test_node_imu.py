@@ -14,8 +14,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import IMU
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
-from rgbd_glue_ros.types import NANOSECONDS, Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 

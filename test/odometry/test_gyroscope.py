@@ -12,8 +12,7 @@ from rigs.room import true_pose, true_twist
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
-from rgbd_glue_ros.types import NANOSECONDS, Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 MILLISECOND = NANOSECONDS // 1000
 PERIOD_NS = NANOSECONDS // 30

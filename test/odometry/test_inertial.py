@@ -15,8 +15,7 @@ from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import MotionConfig, load_preset
-from rgbd_glue_ros.types import NANOSECONDS
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, ImuSamples
 
 CONFIG = MotionConfig()
 PERIOD_NS = NANOSECONDS // 10

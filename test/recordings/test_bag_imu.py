@@ -21,8 +21,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import InputConfig, load_preset
 from rgbd_glue_ros.recordings import Topics, imu_of, open_recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
-from rgbd_glue_ros.types import Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import Float64, ImuSamples
 
 TYPES = get_typestore(Stores.ROS2_JAZZY).types
 CAMERA_FRAME, IMU_FRAME = "camera_optical", "imu_link"

@@ -31,8 +31,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of
-from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame, TrackingState, Trajectory
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import ImuSamples, OdometryEstimate, RgbdFrame, TrackingState, Trajectory
 
 logger = logging.getLogger(__name__)
 

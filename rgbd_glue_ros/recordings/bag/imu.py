@@ -15,8 +15,7 @@ from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.transforms import recorded_transform
 from rgbd_glue_ros.recordings.faults import Faults
-from rgbd_glue_ros.types import Float64
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import Float64, ImuSamples
 
 logger = logging.getLogger(__name__)
 

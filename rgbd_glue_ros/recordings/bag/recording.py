@@ -39,8 +39,7 @@ from rgbd_glue_ros.recordings.bag.topics import (
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.recording import selected
-from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame, Trajectory
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, ImuSamples, RgbdFrame, Trajectory
 
 __all__ = ["BagRecording", "Topics"]
 
