@@ -1,7 +1,7 @@
 """Files that are damaged at random: whatever reads them ends with code 0 or 2, and in one line.
 
-Every day has a seed of its own, which is printed. ``FUZZ_SEED`` gives another, ``FUZZ_SECONDS``
-more time, as in ``FUZZ_SECONDS=3600 pytest test/recordings/test_fuzzed_files.py``.
+Every day has a seed of its own, which is printed. ``RGBD_GLUE_FUZZ_SEED`` gives another one.
+``RGBD_GLUE_FUZZ_S=3600`` takes an hour.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ import numpy as np
 import pytest
 from rigs.file_fuzzer import BAD_INPUT, OK, Outcome, kinds, tried
 
-SECONDS = float(os.environ.get("FUZZ_SECONDS", "35"))
+SECONDS = float(os.environ.get("RGBD_GLUE_FUZZ_S", "35"))
 TODAY = datetime.now(timezone.utc).date().toordinal()
-SEED = int(os.environ.get("FUZZ_SEED", str(TODAY)))
+SEED = int(os.environ.get("RGBD_GLUE_FUZZ_SEED", str(TODAY)))
 
 
+@pytest.mark.slow
 def test_whatever_is_damaged_ends_with_code_0_or_2_and_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -46,7 +47,8 @@ def test_whatever_is_damaged_ends_with_code_0_or_2_and_one_line(
     with capsys.disabled():
         print(f"\n{len(outcomes)} damaged files of seed {SEED}, codes {dict(codes)}", end=" ")  # noqa: T201
     faults = [
-        f"FUZZ_SEED={SEED}, number {number} ({outcome.damage}) {outcome.fault}:\n{outcome.said}"
+        f"RGBD_GLUE_FUZZ_SEED={SEED}, number {number} ({outcome.damage}) "
+        f"{outcome.fault}:\n{outcome.said}"
         for number, outcome in enumerate(outcomes)
         if outcome.fault
     ]
