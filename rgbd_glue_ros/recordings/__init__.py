@@ -5,7 +5,7 @@ from __future__ import annotations
 from rgbd_glue_ros.recordings.bag.recording import Topics
 from rgbd_glue_ros.recordings.calibration import load_calibration
 from rgbd_glue_ros.recordings.collection import recordings, split
-from rgbd_glue_ros.recordings.formats import FORMATS, Format, open_recording
+from rgbd_glue_ros.recordings.formats import FORMATS, Format, open_recording, refuse_recording
 from rgbd_glue_ros.recordings.recording import Recording, imu_of
 
 __all__ = [
@@ -17,5 +17,6 @@ __all__ = [
     "load_calibration",
     "open_recording",
     "recordings",
+    "refuse_recording",
     "split",
 ]

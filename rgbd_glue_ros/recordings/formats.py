@@ -140,6 +140,7 @@ def _understood(sequence: ImageSequence, given: Given) -> ImageSequence:
     return sequence.with_depth_camera(given.depth_camera)
 
 
+IMAGES = Format("images", image_folder.matches, _open_folder)
 FORMATS = (
     Format("TUM RGB-D", tum.matches, _open_tum),
     Format("ICL-NUIM", icl_nuim.matches, _open_icl),
@@ -147,13 +148,23 @@ FORMATS = (
     Format("ScanNet", scannet.matches, _open_scannet),
     Format("Stray Scanner", stray_scanner.matches, _open_stray),
     Format("rosbag", layout.is_bag, _open_bag),
-    Format("images", image_folder.matches, _open_folder),
+    IMAGES,
 )
 
 
 def format_of(path: Path) -> Format | None:
     """The format that what is at a path looks like; None if it is like none of them."""
     return next((kind for kind in FORMATS if kind.matches(path)), None)
+
+
+def refuse_recording(output: Path) -> None:
+    """Refuses a recording's folder for results: they would mix with it, or replace its files.
+
+    Raises:
+        InputError: it is one.
+    """
+    if output.is_dir() and format_of(output) is not None:
+        raise InputError(output, "is a recording", "give another folder for the results (-o)")
 
 
 def open_recording(
@@ -179,7 +190,11 @@ def open_recording(
     path = Path(path)
     if not path.exists():
         raise InputError(path, "does not exist", "give a bag or the folder of a data set")
+    if not (path.is_dir() or path.is_file()):
+        raise InputError(path, "is no regular file", "give a bag or the folder of a data set")
     kind = format_of(path)
+    if kind is None and path.is_dir() and topics and topics.color and topics.depth:
+        kind = IMAGES  # whatever they are called
     if kind is not None:
         inputs = inputs or InputConfig()
         if isinstance(calibration, CameraIntrinsics):

@@ -17,7 +17,7 @@ from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
 from rgbd_glue_ros.recordings import icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
-from rgbd_glue_ros.recordings.folder.lists import paired, scale_in_comments
+from rgbd_glue_ros.recordings.folder.lists import association_in, paired, scale_in_comments
 from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
 from rgbd_glue_ros.types import CameraIntrinsics, ImuSamples
@@ -61,8 +61,13 @@ _CAMERAS = {
 
 
 def matches(folder: Path) -> bool:
-    """Whether the folder is laid out so."""
-    return (folder / COLOR_LIST).is_file() and (folder / DEPTH_LIST).is_file()
+    """Whether the folder is laid out so, if perhaps without one of its lists."""
+    listed = [(folder / name).is_file() for name in (COLOR_LIST, DEPTH_LIST)]
+    if not any(listed):
+        return False
+    images = all((folder / name).is_dir() for name in ("rgb", "depth"))
+    is_damaged = images and (folder / GROUND_TRUTH).is_file() and not association_in(folder)
+    return all(listed) or is_damaged
 
 
 def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:

@@ -9,8 +9,16 @@ import cv2
 import numpy as np
 import pytest
 
+from rgbd_glue_ros.cli.main import main
+from rgbd_glue_ros.cli.parser import BAD_INPUT
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.recordings import imu_of, load_calibration, open_recording
+from rgbd_glue_ros.recordings import (
+    Topics,
+    imu_of,
+    load_calibration,
+    open_recording,
+    refuse_recording,
+)
 from rgbd_glue_ros.types import CameraIntrinsics, UInt8
 
 CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
@@ -123,6 +131,39 @@ def test_a_kinects_accelerometer_tells_which_way_is_up(
 def test_a_tum_folder_of_an_unknown_camera_wants_a_calibration(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--calibration"):
         open_recording(write_tum_folder(tmp_path / "kitchen"))
+
+
+@pytest.mark.parametrize("missing", ["rgb.txt", "depth.txt"])
+def test_a_tum_folder_without_one_of_its_lists_names_it(tmp_path: Path, missing: str) -> None:
+    folder = write_tum_folder(tmp_path / "freiburg1")
+    (folder / "groundtruth.txt").write_text("1305031453 0 0 0 0 0 0 1\n")
+    (folder / missing).unlink()
+    with pytest.raises(InputError, match=f"{missing}: cannot be read"):
+        open_recording(folder)
+
+
+def test_folders_of_images_of_any_name_are_read_where_they_are_named(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "room")
+    for old, new in (("rgb", "cam0"), ("depth", "tof")):
+        (folder / f"{old}.txt").unlink()
+        (folder / old).rename(folder / new)
+    with open_recording(folder, Topics(color="cam0", depth="tof"), CAMERA) as recording:
+        assert len(list(recording)) == 3
+
+
+def test_a_device_is_no_recording() -> None:
+    with pytest.raises(InputError, match="is no regular file"):
+        open_recording("/dev/zero")
+
+
+def test_the_folder_of_a_recording_takes_no_results(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "freiburg1")
+    (folder / "trajectory.txt").write_text("somebody's\n")
+    for command in ("replay", "pairs"):
+        assert main([command, str(folder), "-o", str(folder)]) == BAD_INPUT
+    assert (folder / "trajectory.txt").read_text() == "somebody's\n"
+    with pytest.raises(InputError, match="is a recording; give another folder for the results"):
+        refuse_recording(folder)
 
 
 def test_lists_without_a_pair_and_without_an_image_are_refused(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from rgbd_glue_ros.experiments.pairs.report import FIGURES, JOURNAL, REPORT, TAB
 from rgbd_glue_ros.experiments.pairs.results import GLUE, Plan, ResultCollector
 from rgbd_glue_ros.files.writing import ResultFolder
 from rgbd_glue_ros.parameters import Config, values
-from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.recordings import Recording, refuse_recording
 
 logger = logging.getLogger(__name__)
 
@@ -98,6 +98,7 @@ def _measured(
     on_planned: Callable[[int, int], None],
     on_pair: Callable[[Results], None],
 ) -> dict[str, Any]:
+    refuse_recording(folder)
     estimators, absent = _estimators(experiment)
     plan, names, unusable = _planned(sources, open_source, experiment)
     with Journal(folder / JOURNAL, _about(experiment, estimators)) as journal:

@@ -17,7 +17,7 @@ from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.experiments.report.markdown import bullets, table
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.parameters import Config, InputConfig, values
-from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.recordings import Recording, refuse_recording
 
 logger = logging.getLogger(__name__)
 
@@ -80,6 +80,7 @@ def run_replays(
         InputError: the folder cannot be written, holds a part of another run, or no recording
             could be replayed.
     """
+    refuse_recording(folder)
     pool, inputs = pool or Serial(), inputs or InputConfig()
     jobs = {
         name: ReplayJob(path, open_source, config, folder / name, limit, inputs)

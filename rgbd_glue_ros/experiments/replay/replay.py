@@ -30,7 +30,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import (
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
-from rgbd_glue_ros.recordings import Recording, imu_of
+from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
 from rgbd_glue_ros.types import ImuSamples, OdometryEstimate, RgbdFrame, TrackingState, Trajectory
 
 logger = logging.getLogger(__name__)
@@ -179,8 +179,9 @@ def results_of(
         further: names of what is written beside the results of a replay.
 
     Raises:
-        InputError: it cannot be written, or another run is writing to it.
+        InputError: it cannot be written, is a recording, or another run is writing to it.
     """
+    refuse_recording(folder)
     before = _recording_of(folder)
     results = ResultFolder(folder, (*RESULTS, *further))
     if before not in (None, name):
