@@ -32,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 2 for bad input, 1 for a failure inside.
     """
     complete()
+    _open_closed_streams()
     args = parse(sys.argv[1:] if arguments is None else arguments)
     # a terminal of few characters gets escapes for the others
     for stream in (sys.stdout, sys.stderr):
@@ -57,6 +58,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"
         return _fail(error, text, FAILED, debug=args.debug)
     return OK
+
+
+def _open_closed_streams() -> None:
+    """Puts the null device in place of streams that the process was started without."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
 
 
 def _print(text: str) -> None:

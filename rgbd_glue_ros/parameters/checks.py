@@ -46,10 +46,21 @@ def _frame_fault(text: str) -> str | None:
     return None
 
 
+def _width_fault(text: str) -> str | None:
+    width = int(text)
+    return None if width == 0 or width >= LEAST_WIDTH_PX else f"{text} pixels show nothing"
+
+
 def or_nothing(check: Check) -> Check:
     """The same, or an empty text."""
     return Check(f"{check.allowed}, or nothing", lambda text: check.fault(text) if text else None)
 
+
+LEAST_WIDTH_PX = 32
+"""Images of fewer pixels hold no texture and no surfaces."""
+
+WIDTH = Check(f"a whole number of at least {LEAST_WIDTH_PX} (pixels), or 0", _width_fault)
+"""The width of an image, or 0 for whatever it has."""
 
 POSE = Check("'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'", _pose_fault)
 """A pose: numbers with blanks or commas between; roll, pitch, yaw turn about fixed axes in this

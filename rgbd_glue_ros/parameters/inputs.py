@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from rgbd_glue_ros.parameters.checks import POSE, or_nothing
+from rgbd_glue_ros.parameters.checks import POSE, WIDTH, or_nothing
 from rgbd_glue_ros.parameters.parameter import parameter
 
 HEADER, RECEIPT = "header", "receipt"
@@ -51,6 +51,7 @@ class InputConfig:
         unit="pixels",
         minimum=0,
         maximum=100000,
+        check=WIDTH,
     )
     stamps: str = read_once(
         HEADER,

@@ -33,7 +33,7 @@ class Parameter:
         maximum: greatest allowed value, None if unbounded.
         choices: allowed texts; empty if any text is.
         fixed: why it cannot change while the node runs; "" if it can.
-        check: of a text, beyond all these; None if there is none.
+        check: of the value as a text, beyond all these; None if there is none.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Parameter:
                 raise InputError(self.name, f"{value} is out of range", f"give {self.allowed}")
         if self.choices and value not in self.choices:
             raise InputError(self.name, f"{value!r} is not known", f"give {self.allowed}")
-        fault = self.check.fault(value) if self.check and isinstance(value, str) else None
+        fault = self.check.fault(str(value)) if self.check else None
         if fault:
             raise InputError(self.name, fault, f"give {self.allowed}")
         return cast(Value, value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -76,6 +77,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["params", "--set", "glue.k=0.5"], "from 1 to 100"),
         (["replay", "absent", "-o", "out"], "absent: does not exist"),
         (["replay", "test", "-o", "out"], "a folder of colour images (rgb) beside one of depth"),
+        (["params", "--set", "max_width=4"], "give a whole number of at least 32 (pixels), or 0"),
         (["params", "glue.q"], "did you mean glue.k?"),
         (["params", "node"], "node: no such parameter"),
         (["replay", "test", "-o", "out", "--limit", "0"], "'0'"),
@@ -282,3 +284,8 @@ def test_a_shell_with_argcomplete_completes_commands_options_and_names(
     }
     subprocess.run(command(), cwd=ROOT, env={**os.environ, **asked}, check=True)
     assert answer.read_text().split("\v") == [offered]
+
+
+def test_without_a_standard_output_the_work_is_done(tmp_path: Path) -> None:
+    program = shlex.join(command("params"))
+    assert subprocess.run(["sh", "-c", f"{program} >&-"], cwd=ROOT, check=False).returncode == 0
