@@ -1,9 +1,10 @@
 """Camera calibration files, by whatever program they were written.
 
 Read are those of ROS (``camera_calibration``, and a CameraInfo as ``ros2 topic echo`` prints it),
-OpenCV, ORB-SLAM2 and 3, Kalibr, Open3D, NICE-SLAM, Record3D, nerfstudio and the RealSense SDK, and
-bare numbers: a matrix [3, 3] or [4, 4], or fx fy cx cy. They agree in what they tell and differ in
-the names, so a file is taken for a tree of names and values, and the names are known by heart.
+OpenCV, ORB-SLAM2 and 3, Kalibr, Open3D, COLMAP, NICE-SLAM, Record3D, nerfstudio and the RealSense
+SDK, and bare numbers: a matrix [3, 3] or [4, 4], or fx fy cx cy. They agree in what they tell and
+differ in the names, so a file is taken for a tree of names and values, and the names are known by
+heart.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,19 +26,30 @@ from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
 from rgbd_glue_ros.messages.fields import CameraInfo, header
 from rgbd_glue_ros.parameters import metres_per_unit
+from rgbd_glue_ros.recordings.calibration_texts import colmap_cameras, ost_camera
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
-_MATRIX = ("camera_matrix", "cameramatrix", "intrinsic_matrix", "k", "intrinsics", "intrinsic")
+_MATRIX = (
+    "camera_matrix",
+    "cameramatrix",
+    "intrinsic_matrix",
+    "k",
+    "mtx",
+    "intrinsics",
+    "intrinsic",
+)
 _COEFFICIENTS = (
     "distortion_coefficients",
     "distortion_coeffs",
     "distcoeffs",
     "dist_coeffs",
     "distortion",
+    "dist",
     "coeffs",
     "d",
 )
 _MODEL = ("distortion_model", "model", "type", "camera_type", "camera_model")
+_KIND = ("camera_model", "model_type")
 _WIDTH, _HEIGHT = ("image_width", "width", "w"), ("image_height", "height", "h")
 _SIZE = ("resolution", "image_size", "image_resolution")
 _FOCAL_AND_CENTRE = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
@@ -84,7 +97,7 @@ def read_calibration(path: Path) -> Calibration:
     """
     try:
         content = _content(read_text(path))
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, RecursionError, ValueError, KeyError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(path, f"cannot be read ({reason})", "give a YAML or JSON file") from error
     cameras = list(_cameras("", content))
@@ -94,7 +107,7 @@ def read_calibration(path: Path) -> Calibration:
     if len(cameras) > 1:
         names = ", ".join(name or "one without a name" for name, _ in cameras)
         raise InputError(
-            path, f"holds {len(cameras)} cameras ({names})", "leave that of the colour images alone"
+            path, f"holds {len(cameras)} cameras ({names})", "keep only that of the colour images"
         )
     if not cameras:
         raise InputError(path, "is no camera calibration", _REMEDY)
@@ -114,10 +127,11 @@ def _content(text: str) -> Any:
         return (
             {"resolution": numbers[:-4], "k": numbers[-4:]} if len(numbers) == 6 else {"k": numbers}
         )
-    try:
+    with suppress(ValueError):
         return json.loads(text)
-    except ValueError:
-        pass
+    named = ost_camera(text) or colmap_cameras(text)
+    if named is not None:
+        return named
     # YAML 1.0 as OpenCV writes it begins with a line that YAML 1.1 does not know
     plain = re.sub(r"^%.*$", "", text, flags=re.MULTILINE).expandtabs(4)
     return next((part for part in documents(plain, _Loader) if part is not None), None)
@@ -175,8 +189,9 @@ def _first(values: Mapping[str, Any], names: tuple[str, ...]) -> Any:
 def _camera_info(values: Mapping[str, Any]) -> CameraInfo:
     width, height = _size(values)
     model = str(_first(values, _MODEL) or "")
-    if str(values.get("camera_model", "")).lower() in _UNKNOWN_CAMERAS:
-        raise ValueError(f"camera model {values['camera_model']!r} is not supported")
+    kind = str(_first(values, _KIND) or "")
+    if kind.lower() in _UNKNOWN_CAMERAS:
+        raise ValueError(f"camera model {kind!r} is not supported")
     return CameraInfo(
         header=header(0, ""),
         height=height,

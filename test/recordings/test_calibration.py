@@ -66,6 +66,38 @@ Camera.width: 640
 Camera.height: 480
 RGBD.DepthMapFactor: 1000.0
 """
+OST = """# oST version 5.0 parameters
+
+
+[image]
+
+width
+640
+
+height
+480
+
+[narrow_stereo]
+
+camera matrix
+600.000000 0.000000 320.500000
+0.000000 601.000000 240.500000
+0.000000 0.000000 1.000000
+
+distortion
+0.100000 -0.200000 0.001000 -0.002000 0.050000
+
+rectification
+1.000000 0.000000 0.000000
+"""
+COLMAP = """# Camera list with one line of data per camera:
+#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
+1 OPENCV 640 480 600 601 320.5 240.5 0.1 -0.2 0.001 -0.002
+"""
+OPENCV_JSON = (
+    '{"mtx": [[600, 0, 320.5], [0, 601, 240.5], [0, 0, 1]], '
+    '"dist": [[0.1, -0.2, 0.001, -0.002, 0.05]]}'
+)
 KALIBR = """cam0:
   camera_model: pinhole
   intrinsics: [600.0, 601.0, 320.5, 240.5]
@@ -166,6 +198,9 @@ FILES: dict[str, tuple[str, tuple[int, int], tuple[float, ...], float | None]] =
         None,
     ),
     "ETH3D.txt": ("600.0 601.0 320.5 240.5\n", (0, 0), (), None),
+    "ost.txt": (OST, SIZE, D, None),
+    "cameras.txt": (COLMAP, SIZE, (*D[:4], 0, 0, 0, 0), None),
+    "mtx and dist.json": (OPENCV_JSON, (0, 0), D, None),
     "commented.txt": ("# fx fy cx cy\n600.0 601.0 320.5 240.5\n", (0, 0), (), None),
 }
 
@@ -219,6 +254,9 @@ def test_a_fisheye_lens_is_known_as_one(tmp_path: Path, name: str) -> None:
     [
         (KALIBR + KALIBR.replace("cam0", "cam1"), "holds 2 cameras (cam0, cam1)"),
         (KALIBR.replace("pinhole", "omni"), "camera model 'omni' is not supported"),
+        ("model_type: MEI\nfx: 600", "camera model 'MEI' is not supported"),
+        (COLMAP + COLMAP.replace("1 OPENCV", "2 OPENCV"), "keep only that of the colour images"),
+        (COLMAP.replace(" -0.002", ""), "cannot be read"),
         ("1 2 3", "a camera matrix of 3 numbers"),
         ("", "is no camera calibration"),
         ("nothing: of that", "is no camera calibration"),
