@@ -190,6 +190,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         "--raw",
         dest="compressed",
         action="store_false",
+        default=False,
         help="publish images as they are, which loses nothing (default)",
     )
     images.add_argument(

@@ -289,3 +289,10 @@ def test_a_shell_with_argcomplete_completes_commands_options_and_names(
 def test_without_a_standard_output_the_work_is_done(tmp_path: Path) -> None:
     program = shlex.join(command("params"))
     assert subprocess.run(["sh", "-c", f"{program} >&-"], cwd=ROOT, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", ["play", "demo"])
+def test_images_are_played_raw_unless_told_otherwise(name: str) -> None:
+    assert not parser.parse([name, "recording"]).compressed
+    assert not parser.parse([name, "recording", "--raw"]).compressed
+    assert parser.parse([name, "recording", "--compressed"]).compressed
