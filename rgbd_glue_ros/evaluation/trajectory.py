@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.evaluation.text_lines import (
     finite_numbers,
     numbers_text,
@@ -105,7 +105,7 @@ def _tum_line(stamp_ns: int, T_world_body: Float64) -> str:
     return f"{format_stamp(stamp_ns)} {pose_text(T_world_body)}"
 
 
-class TumWriter:
+class TumWriter(Closing):
     """Writes a TUM file pose by pose; what was appended is on disk, whatever happens after.
 
     Its lines are whole, even where the disk is full.
@@ -139,17 +139,6 @@ class TumWriter:
     def close(self) -> None:
         """Closes the file."""
         self._file.close()
-
-    def __enter__(self) -> TumWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def read_kitti(path: Path) -> Float64:

@@ -10,9 +10,9 @@ import os
 import shutil
 from collections.abc import Collection
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 
 # What file systems say that have no locks, such as some networks'
@@ -79,7 +79,7 @@ class _Lock:
         os.close(self._descriptor)
 
 
-class ResultFolder:
+class ResultFolder(Closing):
     """A folder that one run at a time writes its results to.
 
     Attributes:
@@ -120,17 +120,6 @@ class ResultFolder:
     def close(self) -> None:
         """Lets others write to it."""
         self._lock.close()
-
-    def __enter__(self) -> ResultFolder:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 class NewFolder:

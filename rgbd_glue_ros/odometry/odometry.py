@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
@@ -38,7 +39,7 @@ from rgbd_glue_ros.types import (
 _TWIST_IS_CERTAIN_NS = NANOSECONDS // 10
 
 
-class Odometry:
+class Odometry(Closing):
     """Turns RGB-D frames into poses T_odom_camera.
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: one
@@ -50,12 +51,6 @@ class Odometry:
         self._glue = Glue(config)
         self._background = BackgroundThread()
         self.reset()
-
-    def __enter__(self) -> Odometry:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Ends the background thread; no frame can be tracked after that."""

@@ -8,13 +8,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, read_text
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
@@ -107,7 +107,7 @@ class ImagePair:
 
 
 @dataclass(frozen=True)
-class ImageSequence:
+class ImageSequence(Closing):
     """A ``Recording`` of image files.
 
     Attributes:
@@ -253,17 +253,6 @@ class ImageSequence:
 
     def close(self) -> None:
         """Holds nothing open."""
-
-    def __enter__(self) -> ImageSequence:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _one_of_equal_channels(image: NDArray[Any]) -> NDArray[Any]:

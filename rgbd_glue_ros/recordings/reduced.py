@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from types import TracebackType
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.recordings.recording import Recording, imu_of
 from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
 
 
 @dataclass(frozen=True)
-class ReducedRecording:
+class ReducedRecording(Closing):
     """A ``Recording`` with images of at most ``max_width`` pixels of width."""
 
     recording: Recording
@@ -50,14 +50,3 @@ class ReducedRecording:
     def close(self) -> None:
         """Releases the files."""
         self.recording.close()
-
-    def __enter__(self) -> ReducedRecording:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

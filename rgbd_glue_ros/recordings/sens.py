@@ -9,12 +9,12 @@ from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
@@ -79,7 +79,7 @@ class _Place:
     depth_size: int
 
 
-class SensSequence:
+class SensSequence(Closing):
     """The frames of a sensor stream; a file that is cut off gives those that are whole.
 
     Colour is reduced to the size of depth and has its camera: ScanNet publishes both images
@@ -150,17 +150,6 @@ class SensSequence:
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
-
-    def __enter__(self) -> SensSequence:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _bytes(self, position: int, size: int) -> bytes:
         # at a position and without moving one, so that threads can read side by side

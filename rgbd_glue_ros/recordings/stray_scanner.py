@@ -10,11 +10,11 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 import numpy as np
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.files.reading import open_file
@@ -82,7 +82,7 @@ def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> Im
 
 
 @dataclass(frozen=True)
-class VideoSequence:
+class VideoSequence(Closing):
     """A ``Recording`` whose colour images are the frames of a video.
 
     Attributes:
@@ -135,17 +135,6 @@ class VideoSequence:
 
     def close(self) -> None:
         """Holds nothing open."""
-
-    def __enter__(self) -> VideoSequence:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _video(folder: Path) -> Path | None:

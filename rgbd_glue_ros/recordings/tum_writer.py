@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 import numpy as np
 import yaml
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import format_stamp, write_tum
 from rgbd_glue_ros.messages.fields import distortion_model
@@ -36,7 +36,7 @@ class EncodedFrame:
     depth: bytes
 
 
-class TumFolderWriter:
+class TumFolderWriter(Closing):
     """A folder under construction: whatever its lists name is on disk whole."""
 
     def __init__(self, folder: Path, camera: CameraIntrinsics, truth: Trajectory | None) -> None:
@@ -95,17 +95,6 @@ class TumFolderWriter:
         """Closes the lists."""
         self._colors.close()
         self._depths.close()
-
-    def __enter__(self) -> TumFolderWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _calibration(camera: CameraIntrinsics) -> str:

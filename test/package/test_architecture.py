@@ -35,6 +35,7 @@ ORDER = """
 """.split()  # noqa: SIM905 - a line a floor
 ROOT_MODULES = {
     "__main__",
+    "closing",
     "code_cache",
     "compiled",
     "errors",

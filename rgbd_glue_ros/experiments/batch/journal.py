@@ -7,9 +7,9 @@ import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TextIO
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import finite
 
@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 _FINISHED = "finished"
 
 
-class Journal:
+class Journal(Closing):
     """A file of JSON lines: what the run is about, then a result a line, then that it finished.
 
     The file is made with the first result. One that a run broke off is gone on with; one that a
@@ -65,17 +65,6 @@ class Journal:
         if self._file is not None:
             self._file.close()
             self._file = None
-
-    def __enter__(self) -> Journal:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _read(self) -> None:
         try:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
-from types import TracebackType
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.recordings.recording import Recording, selected
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, Trajectory
@@ -36,7 +36,7 @@ class Degradation:
 
 
 @dataclass(frozen=True)
-class DegradedSequence:
+class DegradedSequence(Closing):
     """A ``Recording`` that is another one made worse.
 
     Attributes:
@@ -73,17 +73,6 @@ class DegradedSequence:
     def close(self) -> None:
         """Closes the original."""
         self.original.close()
-
-    def __enter__(self) -> DegradedSequence:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def first(count: int) -> Degradation:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import yaml
@@ -22,6 +21,7 @@ from rosbags.rosbag1 import Reader as Rosbag1Reader
 from rosbags.rosbag2 import Reader as Rosbag2Reader
 from rosbags.typesys import Stores, get_typestore
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.bounded_yaml import document
 from rgbd_glue_ros.files.reading import read_text
@@ -63,7 +63,7 @@ class RecordedTopic:
     offered_qos: tuple[Qos, ...] = ()
 
 
-class BagFile:
+class BagFile(Closing):
     """An open bag.
 
     Attributes:
@@ -171,17 +171,6 @@ class BagFile:
     def _close_readers(self) -> None:
         while self._readers:
             self._readers.pop().close()
-
-    def __enter__(self) -> BagFile:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _indexed(self, topics: Collection[str]) -> Iterator[RecordedMessage]:
         given = set()

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, camera_info, header
@@ -52,7 +52,7 @@ QUEUE_SIZE = 30
 _FOREVER_NS = 2**63
 
 
-class BagRecording:
+class BagRecording(Closing):
     """The frames of a bag, paired and decoded as the node does it.
 
     Messages that cannot be used are skipped, counted and logged once per cause.
@@ -199,17 +199,6 @@ class BagRecording:
     def close(self) -> None:
         """Releases the files."""
         self._bag.close()
-
-    def __enter__(self) -> BagRecording:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _matches(self, sync: Synchronizer[Any], faults: Faults) -> Iterator[Match[Any]]:
         channels = {self._topics.color: Channel.COLOR, self._topics.depth: Channel.DEPTH}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from rosbags.interfaces import (
     Connection,
@@ -19,6 +18,7 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.typesys import Stores, get_typestore
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import (
     CompressedImage,
@@ -155,7 +155,7 @@ def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
     )
 
 
-class BagWriter:
+class BagWriter(Closing):
     """A bag under construction; as a context manager, it leaves a whole bag however it is left.
 
     Equal calls write equal bytes.
@@ -207,17 +207,6 @@ class BagWriter:
     def close(self) -> None:
         """Writes index and metadata."""
         self._writer.close()
-
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _topic(self, name: str, message_type: str, qos: Qos) -> Connection:
         return self._writer.add_connection(
