@@ -11,7 +11,7 @@ from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.cli.replay import summary
 
 if TYPE_CHECKING:
-    from rgbd_glue_ros.types import OdometryEstimate
+    pass
 
 logger = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Makes the map and returns the figures."""
-    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.cli.progress import tracking_bar
     from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, map_recording
     from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
@@ -53,12 +53,7 @@ def run(args: argparse.Namespace) -> str:
     folder = args.output or OUTPUT / args.recording.resolve().stem
     with arguments.opener(args)(args.recording) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
-        with bar(" frames", total) as shown:
-
-            def show(estimate: OdometryEstimate) -> None:
-                shown.set_postfix_str(estimate.state.value, refresh=False)
-                shown.update()
-
+        with tracking_bar(total) as show:
             mapped = map_recording(
                 recording,
                 config,

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.types import OdometryEstimate
 
 from rgbd_glue_ros.printable import printable
 
@@ -25,6 +30,18 @@ class _Bar(tqdm):  # type: ignore[type-arg]
     def set_postfix_str(self, s: str = "", refresh: bool = True) -> None:
         """As tqdm's."""
         super().set_postfix_str(printable(s), refresh)
+
+
+@contextmanager
+def tracking_bar(frames: int) -> Iterator[Callable[[OdometryEstimate], None]]:
+    """A bar of so many frames; what it gives is called with the estimate of each."""
+    with bar(" frames", frames) as shown:
+
+        def show(estimate: OdometryEstimate) -> None:
+            shown.set_postfix_str(estimate.state.value, refresh=False)
+            shown.update()
+
+        yield show
 
 
 def counted(count: int, noun: str) -> str:

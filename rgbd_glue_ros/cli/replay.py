@@ -12,7 +12,7 @@ from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from rgbd_glue_ros.types import OdometryEstimate
+    pass
 
 logger = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 
 
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
-    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.cli.progress import tracking_bar
     from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, replay
 
@@ -88,13 +88,8 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     with arguments.opener(args)(source) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
-        with bar(" frames", total) as shown:
-
-            def show(estimate: OdometryEstimate) -> None:
-                shown.set_postfix_str(estimate.state.value, refresh=False)
-                shown.update()
-
-            try:
+        try:
+            with tracking_bar(total) as show:
                 replay(
                     recording,
                     config,
@@ -106,10 +101,9 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     command=arguments.command(args),
                     inputs=arguments.inputs(args),
                 )
-            except KeyboardInterrupt:
-                shown.close()
-                logger.warning("interrupted; what was done is in %s", folder)
-                raise
+        except KeyboardInterrupt:
+            logger.warning("interrupted; what was done is in %s", folder)
+            raise
     figures = json.loads((folder / METRICS).read_text(encoding="utf-8"))
     return f"{summary(figures)}report   {folder / REPORT}\n"
 

@@ -5,33 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry.reduction import reduced
-from rgbd_glue_ros.recordings.recording import Recording, imu_of
-from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
+from rgbd_glue_ros.recordings.recording import imu_of
+from rgbd_glue_ros.recordings.wrapped import WrappedRecording
+from rgbd_glue_ros.types import ImuSamples, RgbdFrame
 
 
 @dataclass(frozen=True)
-class ReducedRecording(Closing):
+class ReducedRecording(WrappedRecording):
     """A ``Recording`` with images of at most ``max_width`` pixels of width."""
 
-    recording: Recording
     max_width: int
-
-    @property
-    def name(self) -> str:
-        """That of the recording."""
-        return self.recording.name
-
-    @property
-    def frame_count(self) -> int:
-        """That of the recording."""
-        return self.recording.frame_count
-
-    @property
-    def ground_truth(self) -> Trajectory | None:
-        """That of the recording."""
-        return self.recording.ground_truth
 
     @property
     def imu(self) -> ImuSamples | None:
@@ -46,7 +30,3 @@ class ReducedRecording(Closing):
         """Those frames, reduced."""
         for frame in self.recording.select(indices):
             yield reduced(frame, self.max_width)
-
-    def close(self) -> None:
-        """Releases the files."""
-        self.recording.close()

@@ -14,7 +14,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.files.reading import open_file
@@ -30,6 +29,7 @@ from rgbd_glue_ros.recordings.image_sequence import (
     to_rgb,
 )
 from rgbd_glue_ros.recordings.recording import selected
+from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame, Trajectory, UInt8
 
 VIDEOS = ("rgb.mp4", "rgb.mov", "color.mp4", "video.mp4")
@@ -82,29 +82,14 @@ def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> Im
 
 
 @dataclass(frozen=True)
-class VideoSequence(Closing):
+class VideoSequence(WrappedRecording):
     """A ``Recording`` whose colour images are the frames of a video.
 
     Attributes:
-        images: of depth; the colour of every pair is the video.
+        recording: of depth images; the colour of every pair is the video.
     """
 
-    images: ImageSequence
-
-    @property
-    def name(self) -> str:
-        """The folder's name."""
-        return self.images.name
-
-    @property
-    def frame_count(self) -> int:
-        """How many depth images there are."""
-        return self.images.frame_count
-
-    @property
-    def ground_truth(self) -> Trajectory | None:
-        """The phone's own odometry."""
-        return self.images.ground_truth
+    recording: ImageSequence
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time; those that cannot be read are skipped, counted and logged.
@@ -113,12 +98,12 @@ class VideoSequence(Closing):
             InputError: the video cannot be read, or no depth image can.
         """
         faults, is_empty = Faults(), True
-        pairs = {_number(pair.depth): pair for pair in self.images.pairs}
-        for number, color in enumerate(_frames(self.images.pairs[0].color)):
+        pairs = {_number(pair.depth): pair for pair in self.recording.pairs}
+        for number, color in enumerate(_frames(self.recording.pairs[0].color)):
             if number not in pairs:
                 continue
             try:
-                frame = self.images.frame(pairs[number], color)
+                frame = self.recording.frame(pairs[number], color)
             except InputError as error:
                 faults.add(error)
                 continue
@@ -126,15 +111,12 @@ class VideoSequence(Closing):
             yield frame
         if is_empty:
             raise faults.first or InputError(
-                self.images.pairs[0].color, "has no frame of a depth image", "record anew"
+                self.recording.pairs[0].color, "has no frame of a depth image", "record anew"
             )
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
         """The frames of these numbers, increasing; all before the last of them are read too."""
         return selected(self, indices)
-
-    def close(self) -> None:
-        """Holds nothing open."""
 
 
 def _video(folder: Path) -> Path | None:

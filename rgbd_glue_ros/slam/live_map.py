@@ -91,19 +91,25 @@ class LiveMap:
         """
         if self.T_map_odom is None:
             self._waiting.append((number, keyed))
-            if self._is_recognised(keyed):
+            if self.locate(keyed):
                 waiting, self._waiting = self._waiting, []
                 self._add(waiting)
         else:
             self._add([(number, keyed)])
 
     def locate(self, keyed: Keyed) -> bool:
-        """Looks for a keyframe in the map made before, which stays as it is.
+        """Looks for a keyframe among those of the map, which stays as it is.
 
         Returns:
             Whether it was found; ``T_map_odom`` is that of the keyframe then.
         """
-        return self._is_recognised(keyed)
+        keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
+        loops = self._mapper.recognised(keyframe)
+        if not loops:
+            return False
+        T_map_camera = self.poses[loops[0].parent] @ loops[0].T_parent_child
+        self.T_map_odom = T_map_camera @ se3.inverse(keyed.T_odom_camera)
+        return True
 
     def stamps_ns(self) -> dict[int, int]:
         """Stamps of the keyframes by their rows."""
@@ -123,16 +129,6 @@ class LiveMap:
             self._optimiser.add(keyframe.number, keyframe.T_odom_camera)
         self._update(before.graph.edges)
         self.T_map_odom = None
-
-    def _is_recognised(self, keyed: Keyed) -> bool:
-        """Whether a keyframe shows a place of the map, which tells where ``odom`` is."""
-        keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
-        loops = self._mapper.recognised(keyframe)
-        if not loops:
-            return False
-        T_map_camera = self.poses[loops[0].parent] @ loops[0].T_parent_child
-        self.T_map_odom = T_map_camera @ se3.inverse(keyed.T_odom_camera)
-        return True
 
     def _add(self, keyframes: Sequence[tuple[int, Keyed]]) -> None:
         """Takes keyframes that are linked to one another or to the map."""

@@ -112,13 +112,13 @@ class Mapper:
         start = self.session_start
         if start == 0:
             return np.eye(4)
-        links = (e for e in self.edges if e.parent < start <= e.child)
-        return next((self.placed_by(link, self.keyframes[link.child]) for link in links), None)
-
-    def placed_by(self, link: PoseGraphEdge, keyframe: MapKeyframe) -> Float64:
-        """T_map_odom [4, 4] by a loop from a keyframe of the map to one of this session."""
+        link = next((e for e in self.edges if e.parent < start <= e.child), None)
+        if link is None:
+            return None
         T_map_camera = self.keyframes[link.parent].T_odom_camera @ link.T_parent_child
-        return np.asarray(T_map_camera @ se3.inverse(keyframe.T_odom_camera), np.float64)
+        return np.asarray(
+            T_map_camera @ se3.inverse(self.keyframes[link.child].T_odom_camera), np.float64
+        )
 
     @property
     def graph(self) -> PoseGraph:

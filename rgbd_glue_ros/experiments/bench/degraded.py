@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
-from rgbd_glue_ros.recordings.recording import Recording, selected
-from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, Trajectory
+from rgbd_glue_ros.recordings.recording import selected
+from rgbd_glue_ros.recordings.wrapped import WrappedRecording
+from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 
 _SEED = 0
 # Holes are blobs of about this size, as those of shiny, dark and far surfaces.
@@ -36,43 +36,33 @@ class Degradation:
 
 
 @dataclass(frozen=True)
-class DegradedSequence(Closing):
+class DegradedSequence(WrappedRecording):
     """A ``Recording`` that is another one made worse.
 
     Attributes:
-        original: the sequence as it was recorded.
+        recording: as it was recorded.
         degradation: what happens to its frames.
     """
 
-    original: Recording
     degradation: Degradation
 
     @property
     def name(self) -> str:
         """That of the original, and what was done to it."""
-        return f"{self.original.name}, {self.degradation.name}"
+        return f"{self.recording.name}, {self.degradation.name}"
 
     @property
     def frame_count(self) -> int:
         """At most as many as the original has."""
-        return self.degradation.kept(self.original.frame_count)
-
-    @property
-    def ground_truth(self) -> Trajectory | None:
-        """That of the original."""
-        return self.original.ground_truth
+        return self.degradation.kept(self.recording.frame_count)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time."""
-        return self.degradation.apply(self.original, self.original.frame_count)
+        return self.degradation.apply(self.recording, self.recording.frame_count)
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
         """The frames of these numbers, increasing; all before the last of them are made too."""
         return selected(self, indices)
-
-    def close(self) -> None:
-        """Closes the original."""
-        self.original.close()
 
 
 def first(count: int) -> Degradation:

@@ -1,0 +1,39 @@
+"""A recording made of another one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.recordings.recording import Recording
+from rgbd_glue_ros.types import Trajectory
+
+
+@dataclass(frozen=True)
+class WrappedRecording(Closing):
+    """What is true of a recording and of what is made of its frames.
+
+    Attributes:
+        recording: that it is made of.
+    """
+
+    recording: Recording
+
+    @property
+    def name(self) -> str:
+        """That of the recording."""
+        return self.recording.name
+
+    @property
+    def frame_count(self) -> int:
+        """That of the recording."""
+        return self.recording.frame_count
+
+    @property
+    def ground_truth(self) -> Trajectory | None:
+        """That of the recording."""
+        return self.recording.ground_truth
+
+    def close(self) -> None:
+        """Closes the recording."""
+        self.recording.close()
