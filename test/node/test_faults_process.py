@@ -20,7 +20,7 @@ from rgbd_glue_ros.parameters import load_preset
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from rigs.faults import COMPILE_S, running_node
+from rigs.faults import COMPILE_S, running_node, shown
 from rigs.paths import ROOT
 from rigs.ros import PATIENCE_S, Rig, corner_frame
 
@@ -63,7 +63,9 @@ def test_a_damaged_cache_of_compiled_code_costs_no_pose(
     files = [*Path(procrustes.stats.cache_path).glob("*.nb?")]  # type: ignore[attr-defined]
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     leave_empty(files, Path(CodeCache(procrustes.py_func).cache_path))  # type: ignore[attr-defined]
-    with running_node(ros_domain, {"NUMBA_CACHE_DIR": str(tmp_path)}) as node:
+    with shown(
+        NodeProcess({}, {**ros_environment(ros_domain), "NUMBA_CACHE_DIR": str(tmp_path)})
+    ) as node:
         node.wait_for_line("is damaged", COMPILE_S)
         with Rig(ros_domain) as rig:
             rig.wait_until_matched()
@@ -81,7 +83,7 @@ def test_a_damaged_cache_of_compiled_code_costs_no_pose(
 def test_a_variable_that_keeps_ros_from_starting_is_named_with_what_to_set(
     ros_domain: int, variable: str, value: str, where: str
 ) -> None:
-    with running_node(ros_domain, {variable: value}) as node:
+    with shown(NodeProcess({}, {**ros_environment(ros_domain), variable: value})) as node:
         node.wait_for_line(where, PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]

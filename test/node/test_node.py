@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import itertools
 import signal
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import VISUAL
 from rgbd_glue_ros.live.topics import MATCHES, PATH, POSE, SUBSCRIBED
@@ -33,6 +31,7 @@ from nav_msgs.msg import Path
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rigs.faults import running_node
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_S, Rig, corner_frame, frame_messages
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Empty
@@ -52,18 +51,9 @@ class Running:
         return corner_frame(next(self.stamps))
 
 
-@contextmanager
-def node_in(domain: int, *arguments: str, **parameters: object) -> Iterator[NodeProcess]:
-    with NodeProcess(parameters, ros_environment(domain), arguments) as node:
-        try:
-            yield node
-        finally:
-            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
-
-
 @pytest.fixture(scope="module")
 def running() -> Iterator[Running]:
-    with private_domain() as domain, node_in(domain) as node, Rig(domain) as rig:
+    with private_domain() as domain, running_node(domain) as node, Rig(domain) as rig:
         node.wait_for_line("Subscribed", START_S)
         rig.wait_until_matched()
         yield Running(node, rig, itertools.count(1_700_000_000 * NANOSECONDS, PERIOD_NS))
@@ -233,7 +223,7 @@ def test_what_cannot_change_while_the_node_runs_is_refused_with_the_reason(
 
 
 def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_domain: int) -> None:
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(2):
             rig.pose_of(corner_frame(i * PERIOD_NS))
@@ -255,7 +245,7 @@ def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_dom
 
 def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_domain: int) -> None:
     given = {"preset": "paper", "glue.k": 3, "odom_frame_id": "map"}
-    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+    with running_node(ros_domain, **given), Rig(ros_domain) as rig:
         client = AsyncParameterClient(rig.node, "rgbd_odometry")
         rig.wait(client.services_are_ready, "the parameter services")
         answer = client.get_parameters(["glue.k", "odom_frame_id", "features.geometric"])
@@ -277,7 +267,7 @@ def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_doma
 def test_a_bad_parameter_ends_the_node_with_exit_code_2_and_a_line_that_says_why(
     ros_domain: int, given: dict[str, object], said: str
 ) -> None:
-    with node_in(ros_domain, **given) as node:
+    with running_node(ros_domain, **given) as node:
         node.wait_for_line(said, PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
@@ -286,7 +276,7 @@ def test_a_bad_parameter_ends_the_node_with_exit_code_2_and_a_line_that_says_why
 def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_line(
     ros_domain: int,
 ) -> None:
-    with node_in(ros_domain, "--params-file", "/nowhere.yaml") as node:
+    with running_node(ros_domain, "--params-file", "/nowhere.yaml") as node:
         node.wait_for_line("Couldn't parse params file: '--params-file /nowhere.yaml'", PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
@@ -296,7 +286,7 @@ def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_li
 def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
     ros_domain: int, how: signal.Signals
 ) -> None:
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0, 640, 480))
         for i in range(1, 5):  # of which one is in work, and the last waits or is in work
@@ -308,7 +298,7 @@ def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
 
 def test_a_robot_starts_at_the_origin_of_odom_wherever_its_camera_is(ros_domain: int) -> None:
     given = {"frame_id": "base_link", "camera_pose": "'0.2 0 0.5 0 0.3 0'"}
-    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+    with running_node(ros_domain, **given), Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(2):
             pose = rig.pose_of(corner_frame(i * PERIOD_NS))
@@ -324,7 +314,7 @@ def test_compressed_topics_are_those_below_the_remapped_base_topics(ros_domain: 
         word for c, name in remapped.items() for word in ("-r", f"{SUBSCRIBED[c]}:={name}")
     ]
     with (
-        node_in(ros_domain, *arguments, **given),
+        running_node(ros_domain, *arguments, **given),
         Rig(ros_domain, compressed=True, remapped=remapped) as rig,
     ):
         rig.wait_until_matched()
@@ -335,7 +325,7 @@ def test_a_publisher_that_comes_back_with_another_reliability_is_heard_again(
     ros_domain: int,
 ) -> None:
     stamps = itertools.count(0, PERIOD_NS)
-    with node_in(ros_domain):
+    with running_node(ros_domain):
         for reliability in (
             ReliabilityPolicy.BEST_EFFORT,
             ReliabilityPolicy.RELIABLE,
@@ -350,7 +340,7 @@ def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
     ros_domain: int,
 ) -> None:
     with (
-        node_in(ros_domain, qos=1) as node,
+        running_node(ros_domain, qos=1) as node,
         Rig(ros_domain, reliability=ReliabilityPolicy.BEST_EFFORT),
     ):
         line = node.wait_for_line("/rgb/image is published by /rig", PATIENCE_S)
@@ -360,14 +350,14 @@ def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
 
 def test_a_subscription_that_asks_for_more_than_is_published_is_named(ros_domain: int) -> None:
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.node.create_subscription(PoseStamped, POSE, print, latched)
         line = node.wait_for_line("/pose is published reliable, volatile", PATIENCE_S)
         assert "/rig (reliable, transient local)" in line
 
 
 def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: int) -> None:
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0))
         for i in (1, 2):
@@ -381,7 +371,7 @@ def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: i
 
 
 def test_silence_is_explained_with_the_topic_that_is_missing(ros_domain: int) -> None:
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.node.destroy_publisher(rig.depth)
         line = node.wait_for_line("No frame for 5 s", PATIENCE_S)
@@ -398,7 +388,7 @@ def call(rig: Rig, service: str) -> None:
 
 
 def test_reset_starts_anew_at_the_initial_pose_whatever_the_time(ros_domain: int) -> None:
-    with node_in(ros_domain, initial_pose="'1 2 3 0 0 0.5'") as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain, initial_pose="'1 2 3 0 0 0.5'") as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         first = rig.pose_of(corner_frame(PERIOD_NS))
         call(rig, "reset_odom")
@@ -433,7 +423,7 @@ def test_paused_no_frame_is_processed_and_resumed_the_pose_goes_on(running: Runn
 
 
 def test_frames_faster_than_the_update_rate_are_left_out_and_counted(ros_domain: int) -> None:
-    with node_in(ros_domain, max_update_rate=10) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain, max_update_rate=10) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(7):
             rig.publish(corner_frame(i * PERIOD_NS))
@@ -444,7 +434,7 @@ def test_frames_faster_than_the_update_rate_are_left_out_and_counted(ros_domain:
 
 
 def test_with_exact_synchronisation_only_equal_stamps_pair(ros_domain: int) -> None:
-    with node_in(ros_domain, approx_sync=False), Rig(ros_domain) as rig:
+    with running_node(ros_domain, approx_sync=False), Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.publish(replace(corner_frame(0), depth_delay_ns=1_000_000))
         rig.pose_of(corner_frame(PERIOD_NS))
@@ -455,7 +445,7 @@ def test_without_the_newest_frame_first_every_frame_of_a_burst_gets_its_pose(
     ros_domain: int,
 ) -> None:
     given = {"always_process_most_recent_frame": False}
-    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+    with running_node(ros_domain, **given), Rig(ros_domain) as rig:
         rig.wait_until_matched()
         stamps = [i * PERIOD_NS for i in range(8)]
         for stamp in stamps:
@@ -465,7 +455,7 @@ def test_without_the_newest_frame_first_every_frame_of_a_burst_gets_its_pose(
 
 
 def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int) -> None:
-    with node_in(ros_domain, publish_null_when_lost=True) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain, publish_null_when_lost=True) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0))
         rig.publish(blank(corner_frame(PERIOD_NS)))
@@ -481,7 +471,7 @@ def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int)
 
 
 def test_frames_that_never_came_and_stamps_too_far_apart_are_said(ros_domain: int) -> None:
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         stamps = [i * PERIOD_NS for i in range(20) if i not in {12, 15}]
         # so far apart, the first pairs when the second shows to be no nearer
@@ -498,7 +488,7 @@ def test_the_path_is_bounded_and_the_picture_of_the_matches_has_the_frames_stamp
     ros_domain: int,
 ) -> None:
     given = {"path_poses": 3, "path_period": 0.05}
-    with node_in(ros_domain, **given), Rig(ros_domain) as rig:
+    with running_node(ros_domain, **given), Rig(ros_domain) as rig:
         paths: list[Path] = []
         pictures: list[Image] = []
         rig.node.create_subscription(Path, PATH, paths.append, 10)
@@ -525,7 +515,7 @@ def test_an_info_that_was_published_once_before_the_node_came_is_heard(ros_domai
         rig.info = rig.node.create_publisher(CameraInfo, SUBSCRIBED[Channel.INFO], latched)
         frames = (corner_frame(i * PERIOD_NS) for i in itertools.count(1))
         rig.info.publish(frame_messages(next(frames), is_compressed=False).info)
-        with node_in(ros_domain) as node:
+        with running_node(ros_domain) as node:
             node.wait_for_line("camera_info: subscribing reliable, transient local", PATIENCE_S)
             for publisher in (rig.color, rig.depth):
                 rig.wait(publisher.get_subscription_count, "the subscriptions to images")

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import itertools
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import DEPTH_INFO
 from rgbd_glue_ros.messages.fields import camera_info, color_image, copy_fields, depth_image, header
@@ -20,6 +16,7 @@ from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float32
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rclpy.publisher import Publisher
+from rigs.faults import running_node
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -52,19 +49,10 @@ def publish(rig: Rig, stamp_ns: int, info: Publisher | None = None) -> None:
         info.publish(copy_fields(camera_info(DEPTH_CAMERA, depth_head), CameraInfo()))
 
 
-@contextmanager
-def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
-    with NodeProcess(parameters, ros_environment(domain)) as node:
-        try:
-            yield node
-        finally:
-            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
-
-
 def test_unregistered_depth_is_refused_with_what_to_switch_on_in_the_driver(
     ros_domain: int,
 ) -> None:
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         publish(rig, 0)
         line = node.wait_for_line("is not registered to colour", PATIENCE_S)
@@ -82,7 +70,7 @@ def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_kno
         "depth_info_topic": "/elsewhere/camera_info",
         "camera_axes": "optical",
     }
-    with node_in(ros_domain, **given) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain, **given) as node, Rig(ros_domain) as rig:
         info = rig.publisher(CameraInfo, "/elsewhere/camera_info")
         rig.wait_until_matched()
         rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
@@ -109,7 +97,7 @@ def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None
     with Robot(ros_domain) as rig:
         T = se3.from_rotation_translation(np.eye(3), PLACE)
         rig.tell(transform(OPTICAL_FRAME, DEPTH_FRAME, T))
-        with node_in(ros_domain, camera_axes="optical", wait_for_transform=5):
+        with running_node(ros_domain, camera_axes="optical", wait_for_transform=5):
             info = rig.publisher(CameraInfo, DEPTH_INFO)
             rig.wait_until_matched()
             rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
@@ -122,7 +110,7 @@ def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None
 def test_depth_that_is_registered_in_spite_of_its_frame_is_taken_as_it_is(
     ros_domain: int,
 ) -> None:
-    with node_in(ros_domain, depth_is_registered=True), Rig(ros_domain) as rig:
+    with running_node(ros_domain, depth_is_registered=True), Rig(ros_domain) as rig:
         rig.wait_until_matched()
         frame = corner_frame(0)
         head = header(0, frame.frame_id)

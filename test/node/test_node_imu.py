@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import IMU
 from rgbd_glue_ros.messages import fields
@@ -18,6 +14,7 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from rigs.faults import running_node
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
 from sensor_msgs.msg import Imu
 
@@ -28,15 +25,6 @@ IMU_FRAME = "camera_imu_frame"
 UP = np.array([0.2, -0.9, -0.3]) / np.linalg.norm([0.2, -0.9, -0.3])
 # the sensor is turned by a quarter about the camera's z axis
 R_CAMERA_IMU = se3.exp(np.array([0, 0, 0, 0, 0, np.pi / 2]))[:3, :3]
-
-
-@contextmanager
-def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
-    with NodeProcess(parameters, ros_environment(domain)) as node:
-        try:
-            yield node
-        finally:
-            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
 
 
 def at_rest(up: Float64, angular_velocity: Float64, first_ns: int, last_ns: int) -> ImuSamples:
@@ -61,7 +49,7 @@ def first_pose(
 
 def test_odom_starts_level_where_an_imu_tells_which_way_is_up(ros_domain: int) -> None:
     still = at_rest(UP, np.zeros(3), 0, START_NS)
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         T = first_pose(rig, still, OPTICAL_FRAME, node, "Gravity: odom is level")
         np.testing.assert_allclose(T[:3, :3] @ UP, [0, 0, 1], atol=1e-6)
         np.testing.assert_allclose(T[:3, 3], 0, atol=1e-6)
@@ -73,14 +61,14 @@ def test_odom_starts_level_where_an_imu_tells_which_way_is_up(ros_domain: int) -
 def test_how_the_imu_is_turned_in_the_camera_may_be_told(ros_domain: int) -> None:
     still = at_rest(R_CAMERA_IMU.T @ UP, np.zeros(3), 0, START_NS)
     given = {"imu_pose": f"'0 0 0 0 0 {np.pi / 2}'"}
-    with node_in(ros_domain, **given) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain, **given) as node, Rig(ros_domain) as rig:
         T = first_pose(rig, still, IMU_FRAME, node, "Gravity: odom is level")
         np.testing.assert_allclose(T[:3, :3] @ UP, [0, 0, 1], atol=1e-6)
 
 
 def test_an_imu_whose_place_is_not_told_is_not_used_and_that_is_said(ros_domain: int) -> None:
     still = at_rest(UP, np.zeros(3), 0, START_NS)
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         T = first_pose(rig, still, IMU_FRAME, node, f"how {IMU_FRAME} is turned")
         np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
 
@@ -93,7 +81,7 @@ def test_how_the_imu_is_turned_may_come_from_tf(ros_domain: int) -> None:
     still = at_rest(R_CAMERA_IMU.T @ UP, np.zeros(3), 0, START_NS)
     with Robot(ros_domain) as rig:
         rig.tell(transform(OPTICAL_FRAME, IMU_FRAME, T_camera_imu))
-        with node_in(ros_domain, align_with_gravity=False) as node:
+        with running_node(ros_domain, align_with_gravity=False) as node:
             T = first_pose(rig, still, IMU_FRAME, node, "Turning with")
             np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
 
@@ -102,7 +90,7 @@ def test_a_gyroscope_that_turns_while_the_images_stand_still_is_not_used_and_tha
     ros_domain: int,
 ) -> None:
     turning = at_rest(UP, np.array([0.0, 1.0, 0.0]), 0, 2 * NANOSECONDS)
-    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         first_pose(rig, turning, OPTICAL_FRAME, node, "Turning with")
         for i in range(1, 28):
             pose = rig.pose_of(corner_frame(START_NS + i * PERIOD_NS))

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import itertools
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -21,6 +17,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
 
 from geometry_msgs.msg import TransformStamped
+from rigs.faults import running_node
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, corner_frame
 from rigs.tf import T_BASE_LINK, Robot, transform
 from tf2_msgs.msg import TFMessage
@@ -30,19 +27,10 @@ from rgbd_glue_ros.node.tf import TF
 PERIOD_NS = NANOSECONDS // 30
 
 
-@contextmanager
-def node_in(domain: int, **parameters: object) -> Iterator[NodeProcess]:
-    with NodeProcess(parameters, ros_environment(domain)) as node:
-        try:
-            yield node
-        finally:
-            sys.stdout.write("\n".join(node.lines))
-
-
 def test_the_cameras_place_comes_from_tf_once_it_is_there_and_is_never_assumed(
     ros_domain: int,
 ) -> None:
-    with node_in(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
+    with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.wait_until_matched()
         robot.publish(corner_frame(0))
         line = node.wait_for_line("there is no transform", PATIENCE_S)
@@ -66,7 +54,7 @@ def test_a_static_transform_that_was_told_before_the_node_started_is_known(
 ) -> None:
     with Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
-        with node_in(ros_domain, frame_id="base_link"):
+        with running_node(ros_domain, frame_id="base_link"):
             robot.wait_until_matched()
             robot.publish_until_posed(map(corner_frame, iter(range(0, NANOSECONDS, PERIOD_NS))))
             T = pose_from_message(robot.poses[0], "pose")
@@ -79,7 +67,7 @@ def test_a_static_transform_that_was_told_before_the_node_started_is_known(
 def test_no_tf_is_published_for_an_optical_frame_or_if_it_is_not_wanted(
     ros_domain: int, given: dict[str, object]
 ) -> None:
-    with node_in(ros_domain, **given), Robot(ros_domain) as robot:
+    with running_node(ros_domain, **given), Robot(ros_domain) as robot:
         robot.wait_until_matched()
         robot.pose_of(corner_frame(0))
         assert robot.node.count_publishers(TF) == 1  # the robot's own
@@ -89,7 +77,7 @@ def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
     ros_domain: int,
 ) -> None:
     given = {"frame_id": "base_link", "guess_frame_id": "wheels", "wait_for_transform": 5}
-    with node_in(ros_domain, **given), Robot(ros_domain) as robot:
+    with running_node(ros_domain, **given), Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
         T_wheels_base = parse_pose("", "4 2 0 0 0 1")
@@ -114,7 +102,7 @@ def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
 
 
 def test_images_of_another_camera_start_anew_with_a_place_of_its_own(ros_domain: int) -> None:
-    with node_in(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
+    with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.tell(transform("base_link", "rear_camera", parse_pose("", "-0.3 0 0.4 0 0 3")))
         robot.wait_until_matched()
@@ -134,7 +122,7 @@ def test_images_of_another_camera_start_anew_with_a_place_of_its_own(ros_domain:
 
 
 def test_a_camera_that_moves_on_the_robot_is_told_while_frames_come(ros_domain: int) -> None:
-    with node_in(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
+    with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
         stamps = itertools.count(0, PERIOD_NS)
@@ -147,7 +135,7 @@ def test_a_camera_that_moves_on_the_robot_is_told_while_frames_come(ros_domain: 
 
 
 def test_one_transform_that_is_none_costs_no_other_of_its_message(ros_domain: int) -> None:
-    with node_in(ros_domain, frame_id="base_link"), Robot(ros_domain) as robot:
+    with running_node(ros_domain, frame_id="base_link"), Robot(ros_domain) as robot:
         broken = []
         for name, number in (("short", 1e-320), ("far", 1e300), ("none", float("nan"))):
             wrong = transform("base_link", name, np.eye(4))

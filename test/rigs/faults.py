@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
@@ -20,15 +19,20 @@ BREATH_MB = 25
 
 
 @contextmanager
-def running_node(
-    domain: int, environment: Mapping[str, str] = MappingProxyType({}), **parameters: Any
-) -> Iterator[NodeProcess]:
-    """A node that may end, with variables of its environment beside those of this process."""
-    with NodeProcess(parameters, {**ros_environment(domain), **environment}) as node:
+def shown(node: NodeProcess) -> Iterator[NodeProcess]:
+    """A node whose log is in the output, which is shown when the test fails."""
+    with node:
         try:
             yield node
         finally:
-            sys.stdout.write("\n".join(node.lines))  # shown when the test fails
+            sys.stdout.write("\n".join(node.lines))
+
+
+def running_node(
+    domain: int, *arguments: str, **parameters: Any
+) -> AbstractContextManager[NodeProcess]:
+    """A node that may end."""
+    return shown(NodeProcess(parameters, ros_environment(domain), arguments))
 
 
 @contextmanager
