@@ -244,6 +244,16 @@ def nyu_in_pnm(folder: Path) -> None:
     text(folder / "groundtruth.txt", *tum_lines())
 
 
+def nyu_synced(folder: Path) -> None:
+    """As the raw data set is passed on for learning: both in one folder, projected."""
+    folder.mkdir(parents=True)
+    for i in range(FRAMES):
+        write(folder / f"rgb_{i:05d}.jpg", color(i))
+        write(folder / f"sync_depth_{i:05d}.png", depth(i, 1000))
+    text(folder / "K.txt", K)
+    text(folder / "poses.txt", *(numbers(T[:3]) for T in POSES))
+
+
 def rendered(folder: Path) -> None:
     """Depth in EXR files, as renderers leave it: metres, in three equal channels."""
     os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")  # to write them
@@ -289,6 +299,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "Redwood": redwood,
     "Bonn": bonn,
     "NYU in PPM and PGM": nyu_in_pnm,
+    "NYU synced": nyu_synced,
     "a renderer's EXR": rendered,
     "Stray Scanner": stray_scanner,
     "poses of KITTI, two kinds of depth": kitti_truth,
