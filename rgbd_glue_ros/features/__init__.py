@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.alike import Alike
+from rgbd_glue_ros.features.aliked import aliked_lightglue
+from rgbd_glue_ros.features.disk import disk_lightglue
 from rgbd_glue_ros.features.geometric import (
     GeometricFeature,
     GridFpfh,
@@ -14,7 +16,7 @@ from rgbd_glue_ros.features.geometric import (
 )
 from rgbd_glue_ros.features.minispinnet import MiniSpinNet
 from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk, orb, sift
-from rgbd_glue_ros.features.xfeat import XFeat
+from rgbd_glue_ros.features.xfeat import xfeat_lighterglue
 from rgbd_glue_ros.parameters import FeaturesConfig, add_choice
 
 VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
@@ -23,9 +25,11 @@ VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "sift": sift,
     "brisk": brisk,
     "alike": Alike,
-    "xfeat": XFeat,
+    "xfeat": xfeat_lighterglue,
+    "aliked_lightglue": aliked_lightglue,
+    "disk_lightglue": disk_lightglue,
     # the best matcher whose licence lets anybody use it
-    "lightglue": XFeat,
+    "lightglue": xfeat_lighterglue,
 }
 
 GEOMETRIC: dict[str, Callable[[FeaturesConfig], GeometricFeature]] = {

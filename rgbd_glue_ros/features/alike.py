@@ -6,6 +6,7 @@ import numpy as np
 
 from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm, convolution
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
+from rgbd_glue_ros.features.score_maps import local_maxima, sample, soft_offsets, strongest
 from rgbd_glue_ros.features.torch_library import F, device_of, inference, torch
 from rgbd_glue_ros.features.visual import DescribedKeypoints, VisualMatches
 from rgbd_glue_ros.features.weights import load
@@ -14,9 +15,6 @@ from rgbd_glue_ros.types import View
 
 _RADIUS = 2
 """Pixels to each side in which a keypoint is the only one, and over which it is placed."""
-
-_TEMPERATURE = 0.1
-"""How soft the maximum is that places a keypoint between pixels."""
 
 _SCORE = 0.2
 """Keypoints below this score are not taken: the authors' demonstration."""
@@ -94,49 +92,10 @@ def keypoints(scores: Tensor, descriptors: Tensor, most: int) -> tuple[Tensor, T
     Returns:
         Pixels [N, 2] and unit descriptors [N, D].
     """
-    height, width = scores.shape
-    if min(height, width) <= 2 * _RADIUS + 1:
+    if min(scores.shape) <= 2 * _RADIUS + 1:
         return scores.new_empty((0, 2)), scores.new_empty((0, len(descriptors)))
-    peaks = local_maxima(scores, _RADIUS)
+    peaks = local_maxima(scores, _RADIUS) & (scores > _SCORE)
     # the window around a keypoint lies in the image
-    inside = torch.zeros_like(peaks)
-    inside[_RADIUS + 1 : -_RADIUS, _RADIUS + 1 : -_RADIUS] = True
-    rows, columns = torch.nonzero(peaks & inside & (scores > _SCORE), as_tuple=True)
-    strongest = torch.argsort(scores[rows, columns], descending=True, stable=True)[:most]
-    rows, columns = rows[strongest], columns[strongest]
-    uv = torch.stack([columns, rows], dim=1) + _soft_offsets(scores, rows, columns)
-    return uv, F.normalize(_sample(descriptors, uv), dim=1)
-
-
-def local_maxima(scores: Tensor, radius: int) -> Tensor:
-    """Mask [H, W] of the greatest scores around; where one rules, lesser ones next to it may too.
-
-    Twice more, maxima are looked for in what no maximum found so far is near to.
-    """
-
-    def greatest(x: Tensor) -> Tensor:
-        return F.max_pool2d(x[None, None], 2 * radius + 1, stride=1, padding=radius)[0, 0]
-
-    maxima = scores == greatest(scores)
-    for _ in range(2):
-        near = greatest(maxima.float()) > 0
-        rest = torch.where(near, 0.0, scores)
-        maxima = maxima | ((rest == greatest(rest)) & ~near)
-    return maxima
-
-
-def _soft_offsets(scores: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
-    """Where in the window around each peak the scores' soft maximum lies, [N, 2] in x and y."""
-    steps = torch.arange(-_RADIUS, _RADIUS + 1, device=scores.device)
-    dy, dx = (grid.reshape(-1) for grid in torch.meshgrid(steps, steps, indexing="ij"))
-    window = scores[rows[:, None] + dy, columns[:, None] + dx]
-    part = torch.softmax(window / _TEMPERATURE, dim=1)
-    return part @ torch.stack([dx, dy], dim=1).to(part.dtype)
-
-
-def _sample(maps: Tensor, uv: Tensor) -> Tensor:
-    """Maps [D, H, W] between pixels, [N, D]."""
-    height, width = maps.shape[1:]
-    size = torch.tensor([width - 1, height - 1], device=uv.device)
-    grid = (uv / size * 2 - 1)[None, None]
-    return F.grid_sample(maps[None], grid, mode="bilinear", align_corners=True)[0, :, 0].T
+    rows, columns = strongest(scores, peaks, most, before=_RADIUS + 1, behind=_RADIUS)
+    uv = torch.stack([columns, rows], dim=1) + soft_offsets(scores, rows, columns, _RADIUS)
+    return uv, F.normalize(sample(descriptors, uv), dim=1)

@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
+import re
 
 from rgbd_glue_ros.features.layers import Tensor, Weights, layer_norm, linear
-from rgbd_glue_ros.features.torch_library import F, inference, torch
-from rgbd_glue_ros.features.visual import VisualMatches
+from rgbd_glue_ros.features.learned import LearnedKeypoints
+from rgbd_glue_ros.features.torch_library import F, torch
 
-_CONFIDENCE = 0.1
+CONFIDENCE = 0.1
 """Matches below this are not taken: the authors' default."""
-
-
-@dataclass(frozen=True)
-class LearnedKeypoints:
-    """Keypoints and descriptors on the device that computed them.
-
-    Attributes:
-        uv: [N, 2], pixels.
-        descriptors: [N, D], unit vectors.
-        width: of the image, pixels.
-        height: of the image, pixels.
-    """
-
-    uv: Tensor
-    descriptors: Tensor
-    width: int
-    height: int
 
 
 class LightGlue:
@@ -38,45 +18,33 @@ class LightGlue:
     So its time depends on the number of keypoints alone, and every match has seen every keypoint.
     """
 
-    def __init__(self, weights: Weights, heads: int, device: Any) -> None:
-        self._weights = weights
-        self._heads = heads
-        self._device = device
+    def __init__(self, weights: Weights) -> None:
+        self._weights = named_as_today(weights)
 
-    def match(self, source: LearnedKeypoints, target: LearnedKeypoints) -> VisualMatches:
-        """Matches one to one, weighted by the network's confidence."""
-        if len(source.uv) == 0 or len(target.uv) == 0:
-            return VisualMatches.empty()
-        with inference(self._device):
-            log_probability = log_assignment(source, target, self._weights, self._heads)
-            rows, columns, confidence = mutual(log_probability)
-        return VisualMatches(
-            source.uv[rows].cpu().numpy(),
-            target.uv[columns].cpu().numpy(),
-            confidence.cpu().numpy().astype(np.float64),
-        )
+    def __call__(self, source: LearnedKeypoints, target: LearnedKeypoints) -> Tensor:
+        """The logarithm of the probability that keypoints match, [N, M]."""
+        return log_assignment(source, target, self._weights)
 
 
-def mutual(log_probability: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Rows and columns of the entries that are greatest in both, and their probabilities."""
-    best, columns = log_probability.max(dim=1)
-    back = log_probability.argmax(dim=0)
-    confidence = best.exp()
-    every = torch.arange(len(columns), device=columns.device)
-    rows = torch.nonzero((back[columns] == every) & (confidence > _CONFIDENCE))[:, 0]
-    return rows, columns[rows], confidence[rows]
+def named_as_today(w: Weights) -> Weights:
+    """The weights by the names of the authors' code: checkpoints may still have older ones."""
+    before = re.compile(r"^(self_attn|cross_attn)\.(\d+)\.")
+    names = (name for name in w.tensors if name.startswith(w.prefix))
+    return Weights(
+        {
+            before.sub(r"transformers.\2.\1.", name.removeprefix(w.prefix)): w.tensors[name]
+            for name in names
+        }
+    )
 
 
-def log_assignment(
-    source: LearnedKeypoints, target: LearnedKeypoints, w: Weights, heads: int
-) -> Tensor:
+def log_assignment(source: LearnedKeypoints, target: LearnedKeypoints, w: Weights) -> Tensor:
     """The network: the logarithm of the probability that keypoints match.
 
     Args:
         source: N of them.
         target: M of them.
         w: of LightGlue, its layers called as its authors do today.
-        heads: of the attention.
 
     Returns:
         [N, M].
@@ -85,6 +53,8 @@ def log_assignment(
         (_projected(points.descriptors, w), _rotation(points, w)) for points in (source, target)
     ]
     (x0, r0), (x1, r1) = sets
+    # a head is as wide as the encoding of a position
+    heads = x0.shape[-1] // r0[0].shape[-1]
     for layer in range(_layers(w)):
         block = w.below("transformers", layer)
         x0 = _self_attention(x0, r0, block.below("self_attn"), heads)

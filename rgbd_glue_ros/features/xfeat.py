@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm, convolution
-from rgbd_glue_ros.features.lightglue import LearnedKeypoints, LightGlue
-from rgbd_glue_ros.features.torch_library import F, device_of, inference, torch
-from rgbd_glue_ros.features.visual import VisualMatches
+from rgbd_glue_ros.features.learned import LearnedFeature, most_keypoints
+from rgbd_glue_ros.features.lightglue import CONFIDENCE, LightGlue
+from rgbd_glue_ros.features.torch_library import F, device_of, torch
 from rgbd_glue_ros.features.weights import load
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import UInt8, View
+from rgbd_glue_ros.types import UInt8
 
 _STRIDE = 32
 """The network halves an image five times; images are resized to multiples of this."""
@@ -19,39 +21,25 @@ _CELL = 8
 _SCORE = 0.05
 """Pixels below this are no keypoints: the authors' default."""
 
-_HEADS = 1
+
+def xfeat_lighterglue(config: FeaturesConfig) -> LearnedFeature:
+    """XFeat's sparse keypoints, matched by LighterGlue."""
+    device = device_of(config.device)
+    matcher = LightGlue(load("xfeat-lighterglue.pt", config, device).below("matcher"))
+    extractor = XFeat(load("xfeat.pt", config, device), most_keypoints(config), device)
+    return LearnedFeature(extractor, matcher, CONFIDENCE, device)
 
 
 class XFeat:
-    """XFeat's sparse keypoints, matched by LighterGlue.
+    """XFeat's sparse keypoints."""
 
-    Attributes:
-        matcher_weights: of LighterGlue.
-    """
+    def __init__(self, weights: Weights, most: int, device: Any) -> None:
+        self._weights = weights
+        self._most = most
+        self._device = device
 
-    def __init__(self, config: FeaturesConfig) -> None:
-        self._device = device_of(config.device)
-        self._weights = load("xfeat.pt", config, self._device)
-        matcher = load("xfeat-lighterglue.pt", config, self._device).below("matcher")
-        self.matcher_weights = matcher
-        self._matcher = LightGlue(matcher, _HEADS, self._device)
-        self._most = config.keypoints
-
-    def extract(self, view: View) -> LearnedKeypoints:
-        """The keypoints with the greatest scores."""
-        height, width = view.grey.shape
-        with inference(self._device):
-            if min(height, width) < _STRIDE:
-                nothing = torch.empty((0, 2), device=self._device)
-                return LearnedKeypoints(nothing, nothing.new_empty((0, 64)), width, height)
-            uv, descriptors = self._keypoints(view.grey)
-        return LearnedKeypoints(uv, descriptors, width, height)
-
-    def match(self, source: LearnedKeypoints, target: LearnedKeypoints) -> VisualMatches:
-        """What LighterGlue matches, weighted by its confidence; no ratio test (section 3.1)."""
-        return self._matcher.match(source, target)
-
-    def _keypoints(self, grey: UInt8) -> tuple[Tensor, Tensor]:
+    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
+        """Pixels, descriptors and scores, the greatest first."""
         height, width = grey.shape
         image = torch.from_numpy(grey).to(self._device).float()[None, None]
         inner = height // _STRIDE * _STRIDE, width // _STRIDE * _STRIDE
@@ -61,7 +49,7 @@ class XFeat:
         strongest = torch.argsort(scores, descending=True, stable=True)[: self._most]
         uv = uv[strongest]
         found = F.normalize(_sample(F.normalize(maps.float(), dim=1), uv, inner, "bicubic"), dim=1)
-        return uv * uv.new_tensor([width / inner[1], height / inner[0]]), found
+        return uv * uv.new_tensor([width / inner[1], height / inner[0]]), found, scores[strongest]
 
 
 def xfeat(image: Tensor, w: Weights) -> tuple[Tensor, Tensor, Tensor]:

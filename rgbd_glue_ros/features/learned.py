@@ -1,0 +1,109 @@
+"""Learned visual features: one network finds and describes keypoints, another matches them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from rgbd_glue_ros.features.layers import Tensor
+from rgbd_glue_ros.features.torch_library import inference, torch
+from rgbd_glue_ros.features.visual import VisualMatches
+from rgbd_glue_ros.parameters import FeaturesConfig
+from rgbd_glue_ros.types import UInt8, View
+
+_SMALLEST_IMAGE_PX = 32
+"""The networks halve an image up to five times; of a smaller one nothing is left."""
+
+
+@dataclass(frozen=True)
+class LearnedKeypoints:
+    """Keypoints and descriptors on the device that computed them.
+
+    Attributes:
+        uv: [N, 2], pixels.
+        descriptors: [N, D], unit vectors.
+        scores: [N], how much each is a keypoint, by the measure of its network.
+        width: of the image, pixels.
+        height: of the image, pixels.
+    """
+
+    uv: Tensor
+    descriptors: Tensor
+    scores: Tensor
+    width: int
+    height: int
+
+
+class Extractor(Protocol):
+    """A network that finds and describes keypoints."""
+
+    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
+        """Pixels [N, 2], unit descriptors [N, D] and scores [N], the greatest first."""
+
+
+class Matcher(Protocol):
+    """A network that matches keypoints."""
+
+    def __call__(self, source: LearnedKeypoints, target: LearnedKeypoints) -> Tensor:
+        """The logarithm of the probability that keypoints match, [N, M]; neither is empty."""
+
+
+def most_keypoints(config: FeaturesConfig) -> int:
+    """Keypoints that a matcher is given, at most: its time grows with their square."""
+    return min(config.keypoints, config.matcher_keypoints)
+
+
+class LearnedFeature:
+    """A visual feature made of two networks; no ratio test (section 3.1).
+
+    Attributes:
+        matcher: the second of them.
+    """
+
+    def __init__(
+        self, extractor: Extractor, matcher: Matcher, confidence: float, device: Any
+    ) -> None:
+        self._extractor = extractor
+        self.matcher = matcher
+        self._confidence = confidence
+        self._device = device
+
+    def extract(self, view: View) -> LearnedKeypoints:
+        """The keypoints with the greatest scores; an image of a few pixels has none."""
+        height, width = view.grey.shape
+        with inference(self._device):
+            if min(height, width) < _SMALLEST_IMAGE_PX:
+                nothing = torch.empty((0, 2), device=self._device)
+                return LearnedKeypoints(nothing, nothing, nothing[:, 0], width, height)
+            uv, descriptors, scores = self._extractor(view.grey)
+        return LearnedKeypoints(uv, descriptors, scores, width, height)
+
+    def match(self, source: LearnedKeypoints, target: LearnedKeypoints) -> VisualMatches:
+        """Matches one to one, weighted by the matcher's confidence."""
+        if len(source.uv) == 0 or len(target.uv) == 0:
+            return VisualMatches.empty()
+        with inference(self._device):
+            log_probability = self.matcher(source, target)
+            rows, columns, confidence = mutual(log_probability, self._confidence)
+        return VisualMatches(
+            source.uv[rows].cpu().numpy(),
+            target.uv[columns].cpu().numpy(),
+            confidence.cpu().numpy().astype(np.float64).clip(0.0, 1.0),
+        )
+
+
+def mutual(log_probability: Tensor, least: float) -> tuple[Tensor, Tensor, Tensor]:
+    """Rows and columns of the entries that are greatest in both, and their probabilities.
+
+    Args:
+        log_probability: [N, M], of matches.
+        least: probability of those that are taken.
+    """
+    best, columns = log_probability.max(dim=1)
+    back = log_probability.argmax(dim=0)
+    confidence = best.exp()
+    every = torch.arange(len(columns), device=columns.device)
+    rows = torch.nonzero((back[columns] == every) & (confidence > least))[:, 0]
+    return rows, columns[rows], confidence[rows]
