@@ -87,6 +87,8 @@ setup(
             "gtsam>=4.2",
             "pyHBST>=0.2",
         ],
+        # recordings for the Rerun viewer
+        "viz": ["rerun-sdk>=0.31"],
         # methods of others, measured beside ours
         "bench": [
             *OPEN3D,

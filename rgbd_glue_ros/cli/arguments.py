@@ -13,7 +13,6 @@ from rgbd_glue_ros.errors import InputError
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
-    from rgbd_glue_ros.experiments.replay.sinks import FrameSink
     from rgbd_glue_ros.parameters import Config, InputConfig, Parameter
     from rgbd_glue_ros.recordings import Recording
 
@@ -64,39 +63,6 @@ def add_ground_truth(parser: argparse.ArgumentParser) -> None:
         help="true trajectory in place of the recording's: lines of a stamp and a pose, as of TUM "
         "or EuRoC",
     )
-
-
-def add_exports(parser: argparse.ArgumentParser) -> None:
-    """``--mcap`` and ``--cloud``."""
-    parser.add_argument(
-        "--mcap",
-        metavar="DIR",
-        type=path,
-        help="write what the node would have published as a rosbag2 in MCAP (Foxglove, RViz)",
-    )
-    parser.add_argument(
-        "--cloud",
-        metavar="FILE.ply",
-        type=path,
-        help="write a coloured cloud of the keyframes along the trajectory",
-    )
-
-
-def exports(args: argparse.Namespace) -> list[FrameSink]:
-    """What the arguments of ``add_exports`` ask for.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
-    from rgbd_glue_ros.experiments.replay.cloud_sink import CloudSink
-
-    sinks: list[FrameSink] = []
-    if args.mcap:
-        sinks.append(BagSink(args.mcap))
-    if args.cloud:
-        sinks.append(CloudSink(args.cloud))
-    return sinks
 
 
 def add_limit(parser: argparse.ArgumentParser) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import logging
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli import arguments, exports
 from rgbd_glue_ros.cli.replay import summary
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_output(parser, None, f"{OUTPUT}/NAME")
     arguments.add_ground_truth(parser)
     arguments.add_limit(parser)
+    exports.add_rerun(parser)
     parser.add_argument(
         "--map",
         metavar="FILE",
@@ -51,8 +53,11 @@ def run(args: argparse.Namespace) -> str:
     before = read_map(args.map) if args.map else None
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
-    with arguments.opener(args)(args.recording) as recording:
+    with ExitStack() as left, arguments.opener(args)(args.recording) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
+        shown = exports.rerun_recording(args, recording, truth)
+        if shown is not None:
+            left.enter_context(shown)
         with tracking_bar(total) as show:
             mapped = map_recording(
                 recording,
@@ -65,6 +70,7 @@ def run(args: argparse.Namespace) -> str:
                 before=before,
                 save_map=args.save_map,
                 inputs=arguments.inputs(args),
+                shown=shown,
             )
     figures = mapped.figures
     loops = "{found} found, {refused} of them refused by the optimiser".format(**figures["loops"])

@@ -8,7 +8,7 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli import arguments, exports
 from rgbd_glue_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_output(parser, None, f"{OUTPUT}/NAME of one SRC, {OUTPUT} of many")
     arguments.add_ground_truth(parser)
     arguments.add_limit(parser)
-    arguments.add_exports(parser)
+    exports.add_exports(parser)
     arguments.add_workers(parser)
 
 
@@ -46,8 +46,8 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 
     if args.ground_truth:
         raise InputError("--ground-truth", "is of one recording", "give one SRC")
-    if args.mcap or args.cloud:
-        raise InputError("--mcap, --cloud", "are of one recording", "give one SRC")
+    if args.mcap or args.cloud or args.rerun:
+        raise InputError("--mcap, --cloud, --rerun", "are of one recording", "give one SRC")
     config = arguments.config(args)
     with (
         pool(args.workers, args.scheduler) as workers,
@@ -97,7 +97,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     ground_truth=truth,
                     limit=args.limit,
                     on_frame=show,
-                    sinks=arguments.exports(args),
+                    sinks=exports.sinks(args, recording, truth),
                     command=arguments.command(args),
                     inputs=arguments.inputs(args),
                 )

@@ -50,6 +50,7 @@ from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
 from rgbd_glue_ros.node.tf import listen
+from rgbd_glue_ros.node.viewer import NodeViewer
 from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_pose
 from rgbd_glue_ros.odometry.gyroscope import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
@@ -115,6 +116,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._imu = ImuInput(self, self._node_config, transforms)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
+        self._viewer = NodeViewer(self._node_config.rerun)
         self._watch = NodeWatch(self, self._synchronizer, self.monitor, self._stamps)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._watch)
         for name, serve in (
@@ -148,6 +150,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         logging.getLogger(cfg.PACKAGE).removeHandler(self._log_handler)
         if ended:
             self._odometry.close()
+            self._viewer.close()
             self.destroy_node()
 
     def _create_worker(self) -> Worker[_Arrival]:
@@ -271,24 +274,28 @@ class OdometryNode(Node):  # type: ignore[misc]
         why = explain_no_pose(estimate, self._config.camera)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
         self._announce(state_before, estimate, why)
-        self._update_map(estimate, pose, extrinsics)
+        is_keyframe = self._update_map(estimate, pose, extrinsics)
+        self._viewer.show(frame, estimate, extrinsics, is_keyframe=is_keyframe)
 
     def _update_map(
         self, estimate: OdometryEstimate, pose: PoseStamped | None, extrinsics: Extrinsics
-    ) -> None:
+    ) -> bool:
         """Does what only the next frame needs, now that the pose is on its way.
 
         Args:
             estimate: of the frame.
             pose: as published; None if there was none.
             extrinsics: that it was published with.
+
+        Returns:
+            Whether the frame became a keyframe.
         """
         try:
             is_keyframe = self._odometry.update_map() or estimate.is_keyframe
         except Exception as error:
             if self.monitor.is_news("a keyframe", repr(error)):
                 logger.exception("A keyframe could not be made; going on without it")
-            return
+            return False
         keyframe = self._odometry.newest_keyframe
         if is_keyframe and pose is not None and keyframe is not None:
             self._outputs.publish_keyframe(pose)
@@ -299,6 +306,7 @@ class OdometryNode(Node):  # type: ignore[misc]
             stamp_ns = self._graph.stamp_ns(edge.child)
             if stamp_ns is not None:
                 self._outputs.publish_edge(between_children, stamp_ns)
+        return is_keyframe
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)
@@ -335,6 +343,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         self._odometry.reset()
         self._extrinsics.start_at(pose_parameter("initial_pose", self._node_config.initial_pose))
         self._outputs.forget_path()
+        self._viewer.start_anew()
         self._graph.clear()
         self._last_stamp_ns = None
 

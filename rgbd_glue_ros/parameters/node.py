@@ -123,6 +123,11 @@ class NodeConfig(InputConfig):
         "File that ~/save_graph writes for g2o. That for GTSAM is beside it, with _gtsam in its "
         "name.",
     )
+    rerun: str = read_once(
+        "",
+        "File that all the node sees is written to for the Rerun viewer, or address of a viewer "
+        "that runs, as rerun+http://127.0.0.1:9876/proxy; empty for none. Needs the extra viz.",
+    )
     map_frame_id: str = read_once("map", "Frame of the map, which the mapping node publishes.")
     map_file: str = read_once(
         "",

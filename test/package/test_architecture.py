@@ -29,6 +29,7 @@ ORDER = """
     recordings
     live
     slam
+    viz
     node
     experiments
     cli
@@ -61,6 +62,7 @@ OPTIONAL_LIBRARIES = {
     "gtsam",
     "g2opy",
     "pyhbst",
+    "rerun",
 }
 ROSDEP_KEYS = {
     "backports": "python3-rosbags-pip",  # comes with rosbags, as lz4

@@ -17,6 +17,9 @@ from rigs.paths import ROOT
 NAME = "rgbd_glue_ros"
 FOLDERS = ("bags", "config", "launch")
 
+# the oldest versions are those with numpy 1
+NUMPY_2_ALONE = {"rerun-sdk"}
+
 
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -106,9 +109,11 @@ def test_pip_and_ros_agree_on_version_and_licence(prefix: Path) -> None:
 def test_every_requirement_is_locked(prefix: Path) -> None:
     metadata = Parser().parsestr(_only(prefix, "*.dist-info/METADATA").read_text())
     required = {_project(line) for line in metadata.get_all("Requires-Dist", [])}
-    for file in ("constraints.txt", "constraints-oldest.txt"):
+    for file, left_out in (("constraints.txt", set()), ("constraints-oldest.txt", NUMPY_2_ALONE)):
         lines = (ROOT / "scripts" / file).read_text().splitlines()
-        assert required <= {_project(line) for line in lines}, f"run scripts/lock for {file}"
+        assert required - left_out <= {_project(line) for line in lines}, (
+            f"run scripts/lock for {file}"
+        )
 
 
 def _project(requirement: str) -> str:

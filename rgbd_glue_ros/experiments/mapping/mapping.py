@@ -20,6 +20,7 @@ from rgbd_glue_ros.experiments.replay.replay import (
     results_of,
     write_results,
 )
+from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.recordings import Recording
@@ -37,6 +38,7 @@ from rgbd_glue_ros.types import (
     RgbdFrame,
     Trajectory,
 )
+from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 ODOMETRY, CLOUD = "odometry.txt", "map.ply"
 """The trajectory before loops were closed, and the coloured cloud."""
@@ -106,6 +108,7 @@ def map_recording(
     command: str = "",
     before: SavedMap | None = None,
     save_map: Path | None = None,
+    shown: RerunRecording | None = None,
 ) -> MappedRun:
     """Runs the odometry, closes loops, and writes what is corrected by them.
 
@@ -123,6 +126,7 @@ def map_recording(
         command: that asks for it, to be quoted in the report.
         before: a map to go on with; None begins one.
         save_map: file to write the map to, for other sessions; None writes none.
+        shown: takes all of it for the Rerun viewer, and stays open; None for none.
 
     Raises:
         InputError: the folder cannot be written, a frame cannot be read, or the recording shows
@@ -143,7 +147,7 @@ def map_recording(
             ground_truth=ground_truth,
             limit=limit,
             on_frame=on_frame,
-            sinks=[sink],
+            sinks=[sink] if shown is None else [sink, LeftOpen(shown)],
             odometry=odometry,
             command=command,
         )
@@ -153,6 +157,8 @@ def map_recording(
         finish_ms = 1000 * (perf_counter() - start)
         mapped = _mapped(run, mapper, optimum)
         write_tum(folder / TRAJECTORY, mapped.trajectory)
+        if shown is not None:
+            shown.correct(mapped.trajectory, mapped.pose_graph)
         if save_map is not None:
             write_map(save_map, mapper.saved(optimum.graph))
         cloud = fused(sink.clouds, optimum.graph.keyframes.poses[mapper.session_start :])

@@ -15,3 +15,17 @@ class FrameSink(Protocol):
 
     def close(self) -> None:
         """Finishes what is written; called however the replay ends."""
+
+
+class LeftOpen:
+    """A sink that a replay does not finish, as more is to come."""
+
+    def __init__(self, sink: FrameSink) -> None:
+        self._sink = sink
+
+    def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        """Takes a frame."""
+        self._sink.add(frame, estimate)
+
+    def close(self) -> None:
+        """Nothing: whoever opened it does."""

@@ -1,0 +1,81 @@
+"""What ``replay`` and ``map`` write for other programs to look at."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from rgbd_glue_ros.cli import arguments
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.replay.sinks import FrameSink
+    from rgbd_glue_ros.recordings import Recording
+    from rgbd_glue_ros.types import Trajectory
+    from rgbd_glue_ros.viz.rerun_recording import RerunRecording
+
+
+def add_rerun(parser: argparse.ArgumentParser) -> None:
+    """``--rerun``."""
+    parser.add_argument(
+        "--rerun",
+        metavar="FILE.rrd",
+        help="write images, scene, matches and plots for the Rerun viewer (extra viz), or show "
+        "them in one that runs: rerun+http://127.0.0.1:9876/proxy",
+    )
+
+
+def rerun_recording(
+    args: argparse.Namespace, recording: Recording, truth: Trajectory | None
+) -> RerunRecording | None:
+    """What ``--rerun`` asks for.
+
+    Raises:
+        InputError: it cannot be written.
+        MissingExtraError: Rerun is not installed.
+    """
+    from rgbd_glue_ros.viz.rerun_recording import RerunRecording
+
+    return RerunRecording(args.rerun, truth or recording.ground_truth) if args.rerun else None
+
+
+def add_exports(parser: argparse.ArgumentParser) -> None:
+    """``--mcap``, ``--cloud`` and ``--rerun``."""
+    parser.add_argument(
+        "--mcap",
+        metavar="DIR",
+        type=arguments.path,
+        help="write what the node would have published as a rosbag2 in MCAP (Foxglove, RViz)",
+    )
+    parser.add_argument(
+        "--cloud",
+        metavar="FILE.ply",
+        type=arguments.path,
+        help="write a coloured cloud of the keyframes along the trajectory",
+    )
+    add_rerun(parser)
+
+
+def sinks(
+    args: argparse.Namespace, recording: Recording, truth: Trajectory | None
+) -> list[FrameSink]:
+    """What the arguments of ``add_exports`` ask for.
+
+    Args:
+        args: as parsed.
+        recording: that is replayed.
+        truth: its true trajectory; None takes what it knows.
+
+    Raises:
+        InputError: it cannot be written.
+        MissingExtraError: a library is not installed.
+    """
+    from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
+    from rgbd_glue_ros.experiments.replay.cloud_sink import CloudSink
+
+    asked: list[FrameSink] = []
+    if args.mcap:
+        asked.append(BagSink(args.mcap))
+    if args.cloud:
+        asked.append(CloudSink(args.cloud))
+    shown = rerun_recording(args, recording, truth)
+    return asked if shown is None else [*asked, shown]

@@ -1,0 +1,310 @@
+"""A run as a recording of Rerun (rerun.io): a file, or straight to a viewer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
+from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.files.writing import not_written
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.camera import project, rectified
+from rgbd_glue_ros.geometry.reduction import reduced
+from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
+from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL, rejected
+from rgbd_glue_ros.slam.cloud import cloud_of
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    CameraIntrinsics,
+    Correspondences,
+    EdgeOrigin,
+    Float64,
+    OdometryEstimate,
+    RegistrationResult,
+    RgbdFrame,
+    TrackingState,
+    Trajectory,
+)
+from rgbd_glue_ros.viz import layout
+
+ADDRESS = "rerun+http"
+"""What the address of a viewer begins with."""
+
+_APPLICATION = "rgbd_glue_ros"
+# Enough to look at; a second of 640x480 at 30 Hz is 4 MB of a file.
+_COLOR_WIDTH, _DEPTH_WIDTH, _JPEG_QUALITY = 640, 320, 80
+# Rerun has the corner of an image at the origin, and pixel centres between whole numbers.
+_HALF_PIXEL = 0.5
+_MILLIMETRES = 1000.0
+_FARTHEST_M = 65.0
+_CLOUD_VOXEL_M = 0.02
+_EYE_M, _KEYFRAME_EYE_M = 0.12, 0.05
+# Chi with three degrees of freedom: the ellipsoid holds 95 % of the positions.
+_HOLDS_95 = 7.815**0.5
+_ESTIMATE_RGB, _TRUTH_RGB, _CORRECTED_RGB = (60, 140, 255), (120, 120, 120), (40, 180, 90)
+_LOOP_RGB, _KEYFRAME_RGB, _COVARIANCE_RGB = (230, 60, 160), (255, 160, 40), (60, 140, 255)
+_LEVELS = {TrackingState.TRACKING: "INFO", TrackingState.LOST: "ERROR"}
+
+
+class RerunRecording(Closing):
+    """Logs frames and what is known of them.
+
+    The scene's z axis is up, its x axis where the camera first looks; below it everything is in
+    the camera's axes.
+    """
+
+    def __init__(self, target: str, truth: Trajectory | None = None) -> None:
+        """Opens the file, or connects to the viewer.
+
+        Args:
+            target: file to write, ``.rrd`` by custom, or address of a viewer that runs, as
+                ``rerun+http://127.0.0.1:9876/proxy``.
+            truth: T_world_camera, drawn beside the trajectory in the end.
+
+        Raises:
+            InputError: the file cannot be written.
+            MissingExtraError: Rerun is not installed.
+        """
+        self._rerun = load_rerun()
+        self._truth = truth
+        self._first_ns: int | None = None
+        self._state: TrackingState | None = None
+        self._poses: dict[int, Float64] = {}
+        self._keyframes = 0
+        self._T_fixed_odom = np.full((4, 4), np.nan)
+        self._stream = self._rerun.RecordingStream(_APPLICATION)
+        blueprint = layout.blueprint(self._rerun)
+        if target.startswith(ADDRESS):
+            self._stream.connect_grpc(target, default_blueprint=blueprint)
+        else:
+            self._stream.save(_writable(Path(target).expanduser()), default_blueprint=blueprint)
+        self._describe()
+        self.place(T_BODY_OPTICAL)
+
+    def close(self) -> None:
+        """Draws the truth, and finishes what is written."""
+        self._draw_truth()
+        self._stream.flush()
+        self._stream.disconnect()
+
+    def place(self, T_fixed_odom: Float64) -> None:
+        """Says where the odom frame of the camera's axes lies, float64 [4, 4]."""
+        if not np.array_equal(T_fixed_odom, self._T_fixed_odom):
+            self._T_fixed_odom = T_fixed_odom
+            self._log(layout.ODOM, self._transform(T_fixed_odom), static=True)
+
+    def start_anew(self) -> None:
+        """Ends the line of the trajectory: the next pose is in another odom frame."""
+        self._poses.clear()
+
+    def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        """Takes a frame and what is known after it."""
+        self._set_time(frame.stamp_ns)
+        self._draw_images(rectified(frame), estimate)
+        self._plot(estimate)
+        if estimate.state is not self._state:
+            self._state = estimate.state
+            level = _LEVELS.get(self._state, "WARN")
+            self._log(layout.STATE, self._rerun.TextLog(self._state.value, level=level))
+        if estimate.T_odom_camera is None:
+            return
+        self._draw_pose(estimate.T_odom_camera, estimate.covariance)
+        self._extend_trajectory(frame.stamp_ns, estimate.T_odom_camera)
+        if estimate.is_keyframe:
+            self._add_keyframe(frame, estimate.T_odom_camera)
+
+    def correct(self, trajectory: Trajectory, graph: PoseGraph) -> None:
+        """Draws what closing loops came to, at the end of the recording.
+
+        Args:
+            trajectory: T_map_camera of all frames.
+            graph: of the keyframes, where the optimum has them, and of the loops.
+        """
+        self._poses = dict(zip(trajectory.stamps_ns.tolist(), trajectory.poses, strict=True))
+        for number, T in enumerate(graph.keyframes.poses):
+            self._log(_keyframe(number), self._transform(T))
+        places = graph.keyframes.poses[:, :3, 3]
+        loops = (edge for edge in graph.edges if edge.origin is EdgeOrigin.LOOP)
+        ends = [places[[loop.parent, loop.child]] for loop in loops]
+        self._draw_lines(layout.LOOPS, ends, _LOOP_RGB)
+        self._draw_lines(layout.CORRECTED, [trajectory.poses[:, :3, 3]], _CORRECTED_RGB)
+
+    def _describe(self) -> None:
+        """Logs what does not change: axes, colours and names of lines."""
+        rr = self._rerun
+        self._log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for path, rgb, name in (
+            (layout.EPSILON, _ESTIMATE_RGB, "epsilon"),
+            (f"{layout.COUNTS}/visual", VISUAL, "visual inliers"),
+            (f"{layout.COUNTS}/credible", CREDIBLE, "credible"),
+            (f"{layout.COUNTS}/rejected", REJECTED, "rejected"),
+            (layout.LATENCY, _ESTIMATE_RGB, "ms"),
+        ):
+            self._log(path, rr.SeriesLines(colors=[rgb], names=[name]), static=True)
+
+    def _set_time(self, stamp_ns: int) -> None:
+        if self._first_ns is None:
+            self._first_ns = stamp_ns
+        elapsed = (stamp_ns - self._first_ns) / NANOSECONDS
+        self._stream.set_time(layout.ELAPSED, duration=elapsed)
+        self._stream.set_time(layout.STAMP, timestamp=np.datetime64(stamp_ns, "ns"))
+
+    def _draw_images(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+        rr = self._rerun
+        shown, small = reduced(frame, _COLOR_WIDTH), reduced(frame, _DEPTH_WIDTH)
+        self._log(layout.CAMERA, self._pinhole(shown.intrinsics, _EYE_M))
+        self._log(layout.COLOR, rr.Image(shown.color).compress(jpeg_quality=_JPEG_QUALITY))
+        self._log(layout.DEPTH_CAMERA, self._pinhole(small.intrinsics, _EYE_M))
+        known = np.where((small.depth > 0) & (small.depth < _FARTHEST_M), small.depth, 0.0)
+        units = np.rint(_MILLIMETRES * known).astype(np.uint16)
+        self._log(layout.DEPTH, rr.DepthImage(units, meter=_MILLIMETRES))
+        result = estimate.registration
+        if result is not None:
+            for name, matches, rgb in _kinds(result):
+                self._draw_matches(f"{layout.MATCHES}/{name}", matches, shown.intrinsics, rgb)
+
+    def _draw_matches(
+        self,
+        path: str,
+        matches: Correspondences,
+        camera: CameraIntrinsics,
+        rgb: tuple[int, int, int],
+    ) -> None:
+        """Lines from where the keyframe saw points to where this frame does."""
+        visible = matches.select((matches.source[:, 2] > 0) & (matches.target[:, 2] > 0))
+        ends = [project(points, camera) for points in (visible.target, visible.source)]
+        lines = np.stack(ends, axis=1) + _HALF_PIXEL
+        self._log(path, self._rerun.LineStrips2D(lines, colors=[rgb]))
+
+    def _plot(self, estimate: OdometryEstimate) -> None:
+        scalars = {layout.LATENCY: sum(estimate.stages_ms.values())}
+        result = estimate.registration
+        if result is not None:
+            for name, matches, _ in _kinds(result):
+                scalars[f"{layout.COUNTS}/{name}"] = len(matches)
+            if np.isfinite(result.epsilon_m):
+                scalars[layout.EPSILON] = 100 * result.epsilon_m
+        for path, value in scalars.items():
+            self._log(path, self._rerun.Scalars([value]))
+
+    def _draw_pose(self, T_odom_camera: Float64, covariance: Float64 | None) -> None:
+        for path in (layout.CAMERA, layout.DEPTH_CAMERA):
+            self._log(path, self._transform(T_odom_camera))
+        if covariance is None:
+            return
+        variances, axes = np.linalg.eigh(covariance[:3, :3])
+        axes[:, 2] *= np.sign(np.linalg.det(axes))  # a rotation, and no reflection
+        ellipsoid = self._rerun.Ellipsoids3D(
+            centers=[T_odom_camera[:3, 3]],
+            half_sizes=[_HOLDS_95 * np.sqrt(np.maximum(variances, 0.0))],
+            quaternions=[self._rerun.Quaternion(xyzw=se3.quaternion(axes))],
+            colors=[_COVARIANCE_RGB],
+        )
+        self._log(layout.COVARIANCE, ellipsoid)
+
+    def _extend_trajectory(self, stamp_ns: int, T_odom_camera: Float64) -> None:
+        if self._poses:
+            last = next(reversed(self._poses.values()))
+            piece = np.stack([last[:3, 3], T_odom_camera[:3, 3]])
+            self._draw_lines(layout.TRAJECTORY, [piece], _ESTIMATE_RGB)
+        self._poses[stamp_ns] = T_odom_camera
+
+    def _add_keyframe(self, frame: RgbdFrame, T_odom_camera: Float64) -> None:
+        path = _keyframe(self._keyframes)
+        self._keyframes += 1
+        self._log(path, self._transform(T_odom_camera))
+        eye = self._pinhole(rectified(frame).intrinsics, _KEYFRAME_EYE_M, color=_KEYFRAME_RGB)
+        self._log(f"{path}/eye", eye)
+        cloud = cloud_of(frame, _CLOUD_VOXEL_M)
+        points = self._rerun.Points3D(cloud.points, colors=cloud.colors, radii=[_CLOUD_VOXEL_M / 2])
+        self._log(f"{path}/cloud", points)
+
+    def _draw_truth(self) -> None:
+        """Draws the truth, laid upon the trajectory as for the absolute error."""
+        if self._truth is None:
+            return
+        poses = np.array(list(self._poses.values())).reshape(-1, 4, 4)
+        try:
+            aligned = evaluate(
+                Trajectory(np.array(list(self._poses), np.int64), poses), self._truth
+            )
+        except InputError:
+            return  # as the figures of the run say
+        T_odom_truth = se3.inverse(aligned.T_reference_estimate)
+        way = se3.transform(T_odom_truth, aligned.reference[:, :3, 3])
+        self._draw_lines(layout.TRUTH, [way], _TRUTH_RGB, static=True)
+
+    def _draw_lines(
+        self,
+        path: str,
+        lines: Sequence[Float64],
+        rgb: tuple[int, int, int],
+        *,
+        static: bool = False,
+    ) -> None:
+        drawn = self._rerun.LineStrips3D(lines, colors=[rgb])
+        self._log(path, drawn, static=static)
+
+    def _transform(self, T: Float64) -> Any:
+        return self._rerun.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
+
+    def _pinhole(self, camera: CameraIntrinsics, eye_m: float, **style: Any) -> Any:
+        return self._rerun.Pinhole(
+            focal_length=[camera.fx, camera.fy],
+            principal_point=[camera.cx + _HALF_PIXEL, camera.cy + _HALF_PIXEL],
+            resolution=[camera.width, camera.height],
+            image_plane_distance=eye_m,
+            **style,
+        )
+
+    def _log(self, path: str, archetype: Any, *, static: bool = False) -> None:
+        self._stream.log(path, archetype, static=static)
+
+
+def load_rerun() -> Any:
+    """The module.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    try:
+        import rerun  # noqa: PLC0415
+        import rerun.blueprint  # noqa: PLC0415
+    except ImportError as error:
+        raise MissingExtraError("rerun-sdk", "viz", "a recording for the Rerun viewer") from error
+    return rerun
+
+
+def _kinds(
+    result: RegistrationResult,
+) -> tuple[tuple[str, Correspondences, tuple[int, int, int]], ...]:
+    """Matches by what became of them, in three colours."""
+    return (
+        ("visual", result.visual_inliers, VISUAL),
+        ("credible", result.credible, CREDIBLE),
+        ("rejected", rejected(result), REJECTED),
+    )
+
+
+def _keyframe(number: int) -> str:
+    return f"{layout.KEYFRAMES}/{number}"
+
+
+def _writable(path: Path) -> Path:
+    """The path, which is of a file that can be written.
+
+    Raises:
+        InputError: it is not.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.open("wb").close()
+    except OSError as error:
+        raise not_written(path, error) from error
+    return path
