@@ -142,6 +142,7 @@ def test_version_is_that_of_the_installed_package_or_says_that_there_is_none() -
     assert done.stdout.startswith("rgbd-glue ")
 
 
+@pytest.mark.slow
 def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -> None:
     done = run("params", "--preset", "paper", "--set", "glue.k=3", "--set", "seed=5")
     tree = yaml.safe_load(done.stdout)["/**"]["ros__parameters"]
@@ -189,6 +190,7 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     assert process.returncode == 128 + signal.SIGPIPE
 
 
+@pytest.mark.slow
 def test_evaluate_prints_a_table_or_json(tmp_path: Path) -> None:
     poses = np.tile(np.eye(4), (40, 1, 1))
     poses[:, 0, 3] = 0.5 / 30 * np.arange(40)
@@ -205,6 +207,8 @@ def test_evaluate_prints_a_table_or_json(tmp_path: Path) -> None:
     assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_replay_prints_a_summary_and_where_the_report_is(tmp_path: Path) -> None:
     calibration = write_data_set(tmp_path / "poster", 12)
     out = tmp_path / "out"
@@ -220,6 +224,7 @@ def test_replay_prints_a_summary_and_where_the_report_is(tmp_path: Path) -> None
     assert json.loads((out / "metrics.json").read_text())["ape"]["rmse_m"] < 0.02
 
 
+@pytest.mark.slow
 def test_a_converted_data_set_replays_to_the_same_trajectory(tmp_path: Path) -> None:
     calibration = write_data_set(tmp_path / "poster", 8)
     bag = tmp_path / "bag"
@@ -233,6 +238,8 @@ def test_a_converted_data_set_replays_to_the_same_trajectory(tmp_path: Path) -> 
     assert (tmp_path / "b" / "trajectory.txt").read_text().splitlines() == lines
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     calibration = write_data_set(tmp_path / "poster", 12)
     # a pipe in place of an image: who opens it for writing learns when the reader has come to it

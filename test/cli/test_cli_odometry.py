@@ -67,6 +67,7 @@ def test_the_words_of_ros_may_come_in_groups_as_launch_gives_them() -> None:
     assert split_ros_arguments(words) == (["a", "c"], ["-p", "b:=1", "-r", "d:=e"])
 
 
+@pytest.mark.slow
 def test_a_camera_gives_topics_and_parameters_and_ros_arguments_win(
     ros_domain: int, tmp_path: Path
 ) -> None:

@@ -182,11 +182,13 @@ def check_against_evo(folder: Path, estimate: Trajectory, reference: Trajectory)
     assert ours.rpe.rot_rmse_deg == pytest.approx(rotation["rmse"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_errors_of_a_random_trajectory_are_those_that_evo_gives(tmp_path: Path) -> None:
     true = wandering(5, 120)
     check_against_evo(tmp_path, disturbed(true, 6), true)
 
 
+@pytest.mark.slow
 def test_errors_of_a_real_trajectory_are_those_that_evo_gives(
     tmp_path: Path, shared_data: Path
 ) -> None:
@@ -198,6 +200,7 @@ def drifting(poses: Float64) -> Float64:
     return np.stack([se3.exp(i * 1e-4 * np.ones(6)) for i in range(len(poses))]) @ poses
 
 
+@pytest.mark.slow
 def test_errors_against_denser_real_ground_truth_are_those_that_evo_gives(
     tmp_path: Path, shared_data: Path
 ) -> None:
@@ -242,6 +245,7 @@ def estimated(
 COVARIANCE = np.diag([4.0, 1.0, 9.0, 1.0, 2.0, 3.0]) * 1e-6 + 1e-7
 
 
+@pytest.mark.slow
 def test_normalised_errors_of_an_honest_covariance_are_chi_squared_with_six_degrees() -> None:
     truth = wandering(0, 3000)
     nees = normalised_errors(estimated(truth, COVARIANCE, 7, seed=1), truth)

@@ -175,6 +175,7 @@ def test_frames_that_show_nothing_have_no_floor() -> None:
     assert floors.figures() == {"floors_ms": {}}
 
 
+@pytest.mark.slow
 def test_robustness_holds_losses_and_errors_of_every_degradation() -> None:
     part = Robustness(Room(), Config())
     counted = 0
@@ -249,6 +250,7 @@ def test_resident_memory_grows_by_what_is_allocated() -> None:
     del block
 
 
+@pytest.mark.slow
 def test_the_node_is_measured_over_dds() -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
     part = Live(Room())
@@ -298,6 +300,7 @@ def test_a_benchmark_leaves_figures_tables_and_a_picture(tmp_path: Path) -> None
     assert {"Error and time", "oracle", "bench room"} <= {text.strip() for text in report.text}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_peers")
 def test_a_limit_holds_for_all_parts(tmp_path: Path) -> None:
     wanted = plan(limit=5, memory_frames=7, robustness=True)
@@ -375,6 +378,7 @@ def test_without_times_or_errors_there_is_no_picture() -> None:
     assert picture({"room": {"contest": {OURS: {"frames": 1}}}}, OURS) is None
 
 
+@pytest.mark.slow
 def test_the_command_measures_the_bundled_recording_when_none_is_given(tmp_path: Path) -> None:
     command = [
         sys.executable,
@@ -393,6 +397,7 @@ def test_the_command_measures_the_bundled_recording_when_none_is_given(tmp_path:
     assert "**rgbd_glue_ros** | 8 |" in (tmp_path / TABLES).read_text()
 
 
+@pytest.mark.slow
 def test_an_unknown_peer_is_bad_input(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "rgbd_glue_ros", "bench", "--peer", "nobody"]
     done = subprocess.run(

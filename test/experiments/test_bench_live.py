@@ -25,6 +25,8 @@ PATIENCE_S = 60.0
 FRAMES = 45
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_the_same_bag_gives_the_same_poses_through_the_node_over_dds_and_through_replay(
     ros_domain: int, tmp_path: Path
 ) -> None:

@@ -29,6 +29,8 @@ def _ros() -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 @pytest.mark.usefixtures("_ros")
 def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
     tmp_path: Path,
@@ -56,6 +58,7 @@ def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
     assert seen[-1].played == seen[-1].frames == result.frames
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_ros")
 def test_a_node_that_does_not_start_is_said_with_its_last_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -70,6 +73,7 @@ def children(pid: int) -> list[int]:
     return [int(word) for word in words]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_ros")
 def test_a_node_that_dies_is_said_and_what_it_did_is_kept(tmp_path: Path) -> None:
     # tests before this one may have left helpers of Python's own
@@ -95,6 +99,7 @@ def thread_count(pid: int) -> int:
     return 0 if "State:\tZ" in status else int(status.partition("Threads:")[2].split()[0])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_ros")
 @pytest.mark.parametrize(
     ("how", "code"), [(signal.SIGTERM, 130), (signal.SIGINT, 130), (signal.SIGKILL, -9)]
@@ -119,6 +124,7 @@ def test_a_demonstration_that_is_ended_leaves_no_node_behind(
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_without_ros_the_demonstration_names_the_extra_that_brings_it(tmp_path: Path) -> None:
     program = f"""
 import sys

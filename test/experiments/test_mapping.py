@@ -26,6 +26,7 @@ def config() -> Config:
     return with_values(load_preset("live"), near)
 
 
+@pytest.mark.every_python
 @pytest.mark.slow
 def test_a_recording_that_comes_back_is_mapped_with_its_loops(tmp_path: Path) -> None:
     seen: list[OdometryEstimate] = []

@@ -146,6 +146,7 @@ def test_frames_without_a_true_pose_are_left_out_and_counted(tmp_path: Path) -> 
     assert figures["problems"] == ["walk: frames without a true pose, left out: 1"]
 
 
+@pytest.mark.slow
 def test_a_frame_in_several_pairs_is_described_once() -> None:
     described: list[View] = []
 
@@ -354,6 +355,7 @@ def test_an_interrupted_experiment_keeps_the_pairs_done(tmp_path: Path) -> None:
 # a real recording
 
 
+@pytest.mark.every_python
 @pytest.mark.slow
 def test_the_command_registers_the_bundled_recording_by_the_papers_method(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -385,6 +387,7 @@ def test_the_command_registers_the_bundled_recording_by_the_papers_method(
     assert row.startswith(" 100.0 | 100.0 | 100.0 |")
 
 
+@pytest.mark.slow
 def test_the_command_fills_in_a_table_of_the_paper(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -83,12 +83,14 @@ def test_severity_is_the_worse_of_rotation_and_translation_by_their_thresholds()
     assert severity(replace(result(0), errors=errors)) == 2.0
 
 
+@pytest.mark.slow
 def test_the_report_of_scannets_test_split_is_smaller_than_five_megabytes() -> None:
     rng = np.random.default_rng(0)
     rows = [result(i, float(e)) for i, e in enumerate(rng.lognormal(size=26_000))]
     assert len(page_of({GLUE: rows, "peer": rows})) < 1_000_000
 
 
+@pytest.mark.slow
 def test_a_run_leaves_a_report_with_pictures_of_its_pairs(tmp_path: Path) -> None:
     config = with_values(Config(), {"features.keypoints": 300})
     experiment = Experiment(config, [10], 30)

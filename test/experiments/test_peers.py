@@ -27,6 +27,7 @@ def made(name: str) -> Peer:
         pytest.skip(str(error))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PEERS)
 def test_a_peer_finds_the_transform_from_source_to_target(name: str) -> None:
     peer = made(name)

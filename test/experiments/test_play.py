@@ -61,6 +61,7 @@ def test_the_transport_to_receive_with_follows_from_the_messages(bag: Path) -> N
         assert sum(len(m.data) for m in small.messages) < sum(len(m.data) for m in raw.messages)
 
 
+@pytest.mark.slow
 def test_a_loop_that_a_node_would_not_see_as_one_is_refused_after_its_first_round(
     bag: Path, ros_domain: int
 ) -> None:
@@ -76,6 +77,7 @@ def test_a_loop_that_a_node_would_not_see_as_one_is_refused_after_its_first_roun
     assert "--loop: 0.30 s are too short" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--raw", "--compressed"])
 def test_a_node_hears_what_is_played_in_a_loop_until_it_is_interrupted(
     ros_domain: int, option: str

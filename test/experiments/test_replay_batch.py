@@ -53,6 +53,7 @@ def test_one_that_fails_is_reported_and_the_others_go_on(
         assert (out / name / REPORT).is_file()
 
 
+@pytest.mark.slow
 def test_a_run_that_broke_off_goes_on(tmp_path: Path) -> None:
     def interrupt(_: str) -> None:
         raise KeyboardInterrupt
@@ -75,6 +76,7 @@ def test_when_none_can_be_replayed_the_first_cause_is_the_error(tmp_path: Path) 
         replayed(tmp_path / "out", a=Pan(4, breaks_after=0), b=Pan(4, breaks_after=0))
 
 
+@pytest.mark.every_python
 @pytest.mark.slow
 def test_the_command_gives_the_same_trajectories_in_this_process_and_on_workers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

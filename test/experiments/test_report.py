@@ -59,6 +59,7 @@ def test_a_single_frame_of_any_state_has_a_report(state: TrackingState) -> None:
     assert Page(page_of(Run("x", Config(), frames=[record(0, state)], wall_s=1.0))).open == []
 
 
+@pytest.mark.slow
 def test_the_report_of_an_hour_is_smaller_than_five_megabytes() -> None:
     frames = [record(i) for i in range(3600 * 30)]
     assert len(page_of(Run("hour", Config(), frames=frames, wall_s=1.0))) < 5_000_000

@@ -44,6 +44,8 @@ def messages(bag: Path) -> dict[str, list[Any]]:
     return found
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_the_bag_has_every_topic_of_the_node(replayed: tuple[Path, Run]) -> None:
     folder, run = replayed
     found = messages(folder / "bag")

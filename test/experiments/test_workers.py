@@ -38,6 +38,7 @@ def test_in_this_process_items_come_one_by_one_and_a_failure_stops_no_other_task
     assert Serial().batch_size(0) == 1
 
 
+@pytest.mark.slow
 def test_workers_are_processes_that_share_the_cores_and_a_failure_stops_no_other_task() -> None:
     pytest.importorskip("distributed")
     with pool(workers=2) as workers:
@@ -177,6 +178,7 @@ def test_a_killed_worker_changes_no_bit_of_the_results(tmp_path: Path) -> None:
     assert parallel["problems"] == []
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
     tmp_path: Path,
 ) -> None:

@@ -191,6 +191,7 @@ def measured(time: float) -> View:
     return replace(seen, depth=seen.depth + rng.normal(0, 0.003, seen.depth.shape).astype("f4"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPED)
 def test_geometry_of_two_views_is_matched_better_than_by_chance(features: Any, name: str) -> None:
     feature = features(name)
@@ -202,6 +203,7 @@ def test_geometry_of_two_views_is_matched_better_than_by_chance(features: Any, n
         assert right(matches) > 3 * right(at_random(matches))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPED)
 def test_the_same_depth_gives_the_same_bits(features: Any, name: str) -> None:
     feature = features(name)

@@ -161,6 +161,8 @@ def open3d_fpfh(open3d: Any, points: Float64, normals: Float64, search: Any) -> 
     return np.asarray(feature.data.T, np.float64)
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_grid_fpfh_is_open3ds_on_the_same_points_normals_and_radius() -> None:
     open3d = pytest.importorskip("open3d")
     points, normals = grid_points_and_normals(room_view(0.0).depth, CAMERA, STEP)
@@ -295,6 +297,7 @@ def test_where_one_view_has_no_depth_no_geometry_is_matched(name: str, known_pix
     )
 
 
+@pytest.mark.slow
 def test_a_large_cloud_is_matched_in_part_to_all_of_the_other() -> None:
     source, target = (VoxelFpfh(CONFIG).extract(view) for view in views())
     whole = VoxelFpfh(CONFIG).match(source, target, None)
@@ -304,6 +307,7 @@ def test_a_large_cloud_is_matched_in_part_to_all_of_the_other() -> None:
     np.testing.assert_array_equal(part.target, whole.target[rows])
 
 
+@pytest.mark.slow
 def test_voxel_fpfh_finds_a_fair_part_of_its_matches_right_and_weights_them_more() -> None:
     feature = VoxelFpfh(CONFIG)
     # walls that are exactly flat look exactly alike, and rounding alone tells their points apart

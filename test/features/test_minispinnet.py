@@ -71,6 +71,7 @@ def test_surroundings_are_what_is_near_with_the_normal_along_z() -> None:
         assert np.argmin((patch**2).sum(axis=0)) == 2
 
 
+@pytest.mark.slow
 def test_a_descriptor_stays_when_the_camera_moves(weights_folder: Path) -> None:
     torch = pytest.importorskip("torch")
     if not (weights_folder / "buffer_3dmatch_desc.pth").is_file():

@@ -26,6 +26,7 @@ def noisy_cloud() -> Float64:
     return cloud((depth + noise).astype(np.float32), CAMERA)
 
 
+@pytest.mark.slow
 def test_the_means_are_those_of_open3d() -> None:
     open3d = pytest.importorskip("open3d")
     points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(noisy_cloud()))

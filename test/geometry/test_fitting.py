@@ -116,6 +116,7 @@ def test_points_of_a_plane_fix_the_transform(T: Float64, seed: int) -> None:
     np.testing.assert_allclose(fit(matches), T, atol=1e-6)
 
 
+@pytest.mark.slow
 @given(transforms(), SEEDS)
 def test_points_of_a_line_are_fitted_by_some_rotation(T: Float64, seed: int) -> None:
     along = np.random.default_rng(seed).uniform(-1, 1, 10)

@@ -30,6 +30,7 @@ def test_a_quarter_turn_about_a_point_is_a_twist_around_it() -> None:
     np.testing.assert_allclose(T[:3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
 
 
+@pytest.mark.slow
 @given(twists())
 @example(np.array([1, 2, 3, 0, 0, 0]))
 @example(np.array([1, 2, 3, 0.99e-5, 0, 0]))  # either side of where the series takes over

@@ -94,6 +94,7 @@ def matrix(covariance: Any) -> Float64:
     return np.asarray(covariance, np.float64).reshape(6, 6)
 
 
+@pytest.mark.slow
 def test_robot_localization_finds_frames_numbers_and_a_rotation(drive: Drive) -> None:
     for odom in drive.odoms:
         assert (odom.header.frame_id, odom.child_frame_id) == ("odom", "base_link")

@@ -65,6 +65,7 @@ def process(program: str, *arguments: object) -> Iterator[subprocess.Popen[str]]
         running.communicate()
 
 
+@pytest.mark.slow
 def test_a_driver_that_is_killed_and_comes_back_with_another_reliability_is_heard_again(
     ros_domain: int,
 ) -> None:
@@ -77,6 +78,7 @@ def test_a_driver_that_is_killed_and_comes_back_with_another_reliability_is_hear
                 listener.wait(lambda: len(listener.poses) > 3, f"poses of a {reliability} camera")
 
 
+@pytest.mark.slow
 def test_two_publishers_of_the_same_images_are_told_and_each_stamp_gets_one_pose(
     ros_domain: int,
 ) -> None:
@@ -92,6 +94,7 @@ def test_two_publishers_of_the_same_images_are_told_and_each_stamp_gets_one_pose
         assert [stamp_ns(pose.header.stamp) for pose in rig.poses] == stamps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap_s", [10, 3600])
 def test_after_a_gap_of_time_in_motion_the_pose_goes_on_where_the_camera_is(
     ros_domain: int, gap_s: int
@@ -129,6 +132,7 @@ def test_a_camera_that_is_unplugged_for_ten_seconds_is_missed_and_taken_up_again
             rig.pose_of(corner_frame(START_NS + 10 * NANOSECONDS + PERIOD_NS))
 
 
+@pytest.mark.slow
 def test_a_camera_whose_frames_are_all_refused_is_an_error_on_diagnostics(ros_domain: int) -> None:
     with node_in(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -152,6 +156,7 @@ def test_a_camera_whose_frames_are_all_refused_is_an_error_on_diagnostics(ros_do
         assert node.is_running
 
 
+@pytest.mark.slow
 def test_without_a_clock_simulated_time_stops_neither_poses_nor_diagnostics(
     ros_domain: int,
 ) -> None:
@@ -255,6 +260,7 @@ def test_120_frames_a_second_are_thinned_to_the_newest_without_a_growing_latency
         assert next_summary(player).drops[Drop.SUPERSEDED] > 0
 
 
+@pytest.mark.slow
 def test_on_half_a_core_frames_are_left_out_and_the_latency_stays_bounded(ros_domain: int) -> None:
     recording = there_and_back(PlayedBag.load(bundled_bag()), 1)
     core = {min(os.sched_getaffinity(0))}
@@ -286,7 +292,8 @@ def test_a_subscriber_that_never_reads_holds_up_nothing(ros_domain: int) -> None
         assert max(memory[half:]) - max(memory[:half]) < BREATH_MB
 
 
-@pytest.mark.parametrize("loops", [6, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("loops", [6, 60])
 def test_a_bag_in_a_loop_takes_no_more_memory_and_time_as_it_goes_on(
     ros_domain: int, loops: int
 ) -> None:

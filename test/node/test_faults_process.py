@@ -25,6 +25,7 @@ from rigs.paths import ROOT
 from rigs.ros import PATIENCE_S, Rig, corner_frame
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [END_SIGNALS, END_SIGNALS[::-1]], ids=str)
 def test_signals_that_keep_coming_end_the_node_with_exit_code_0(
     ros_domain: int, order: tuple[signal.Signals, ...]
@@ -40,6 +41,7 @@ def test_signals_that_keep_coming_end_the_node_with_exit_code_0(
         assert not [line for line in node.lines if "Traceback" in line]
 
 
+@pytest.mark.slow
 def test_a_node_that_could_process_no_frame_ends_with_exit_code_1(ros_domain: int) -> None:
     environment = {
         **ros_environment(ros_domain),
@@ -56,6 +58,8 @@ def leave_empty(files: list[Path], folder: Path) -> None:
         (folder / path.name).write_bytes(b"")
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_a_damaged_cache_of_compiled_code_costs_no_pose(
     ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -72,6 +76,7 @@ def test_a_damaged_cache_of_compiled_code_costs_no_pose(
             rig.pose_of(corner_frame(0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variable", "value", "where"),
     [

@@ -31,6 +31,7 @@ def told(rig: Rig) -> str:
     return str(rig.diagnostics[-1].status[0].message) if rig.diagnostics else ""
 
 
+@pytest.mark.slow
 def test_depth_that_is_of_no_use_is_told_once_for_each_cause_and_is_on_the_diagnostics(
     ros_domain: int,
 ) -> None:
@@ -55,6 +56,7 @@ def test_depth_that_is_of_no_use_is_told_once_for_each_cause_and_is_on_the_diagn
         assert len([line for line in node.lines if "the median depth is" in line]) == 1
 
 
+@pytest.mark.slow
 def test_images_without_a_stamp_are_taken_by_their_receipt_and_that_is_told_once(
     ros_domain: int,
 ) -> None:

@@ -118,6 +118,8 @@ class Session:
         return str(response.message)
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int) -> None:
     keyframes = drifted()
     frames = recorded_frames()
@@ -148,6 +150,7 @@ def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int
     np.testing.assert_allclose(T_map_odom @ last.T_odom_camera, found[-1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
     ros_domain: int, tmp_path: FilePath
 ) -> None:

@@ -59,6 +59,8 @@ def running() -> Iterator[Running]:
         yield Running(node, rig, itertools.count(1_700_000_000 * NANOSECONDS, PERIOD_NS))
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> None:
     frame = running.frame()
     pose = running.rig.pose_of(frame)
@@ -222,6 +224,8 @@ def test_what_cannot_change_while_the_node_runs_is_refused_with_the_reason(
     assert reason in set_parameter(running.rig, name, value)
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -243,6 +247,7 @@ def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_dom
         assert rig.pose_of(corner_frame(5 * PERIOD_NS)).pose.position.x == 5
 
 
+@pytest.mark.slow
 def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_domain: int) -> None:
     given = {"preset": "paper", "glue.k": 3, "odom_frame_id": "map"}
     with running_node(ros_domain, **given), Rig(ros_domain) as rig:
@@ -254,6 +259,8 @@ def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_doma
         assert values == [3.0, "map", "fpfh"]
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -273,6 +280,7 @@ def test_a_bad_parameter_ends_the_node_with_exit_code_2_and_a_line_that_says_why
         assert not [line for line in node.lines if "Traceback" in line]
 
 
+@pytest.mark.slow
 def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_line(
     ros_domain: int,
 ) -> None:
@@ -282,6 +290,8 @@ def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_li
         assert not [line for line in node.lines if "Traceback" in line]
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
     ros_domain: int, how: signal.Signals
@@ -296,6 +306,7 @@ def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
         assert "frames" in node.lines[-1]  # the summary
 
 
+@pytest.mark.slow
 def test_a_robot_starts_at_the_origin_of_odom_wherever_its_camera_is(ros_domain: int) -> None:
     given = {"frame_id": "base_link", "camera_pose": "'0.2 0 0.5 0 0.3 0'"}
     with running_node(ros_domain, **given), Rig(ros_domain) as rig:
@@ -307,6 +318,7 @@ def test_a_robot_starts_at_the_origin_of_odom_wherever_its_camera_is(ros_domain:
         assert rig.odoms[0].child_frame_id == "base_link"
 
 
+@pytest.mark.slow
 def test_compressed_topics_are_those_below_the_remapped_base_topics(ros_domain: int) -> None:
     given = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
     remapped = {**SUBSCRIBED, Channel.COLOR: "/camera/color", Channel.DEPTH: "/camera/depth"}
@@ -321,6 +333,7 @@ def test_compressed_topics_are_those_below_the_remapped_base_topics(ros_domain: 
         rig.pose_of(corner_frame(0))
 
 
+@pytest.mark.slow
 def test_a_publisher_that_comes_back_with_another_reliability_is_heard_again(
     ros_domain: int,
 ) -> None:
@@ -336,6 +349,7 @@ def test_a_publisher_that_comes_back_with_another_reliability_is_heard_again(
                 rig.publish_until_posed(map(corner_frame, stamps))
 
 
+@pytest.mark.slow
 def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
     ros_domain: int,
 ) -> None:
@@ -348,6 +362,7 @@ def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
         assert "/rgbd_odometry subscribes reliable (qos:=1)" in line
 
 
+@pytest.mark.slow
 def test_a_subscription_that_asks_for_more_than_is_published_is_named(ros_domain: int) -> None:
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
@@ -356,6 +371,7 @@ def test_a_subscription_that_asks_for_more_than_is_published_is_named(ros_domain
         assert "/rig (reliable, transient local)" in line
 
 
+@pytest.mark.slow
 def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -370,6 +386,7 @@ def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: i
         assert len([line for line in node.lines if "Lost at" in line]) == 1
 
 
+@pytest.mark.slow
 def test_silence_is_explained_with_the_topic_that_is_missing(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -387,6 +404,8 @@ def call(rig: Rig, service: str) -> None:
     rig.node.destroy_client(client)
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_reset_starts_anew_at_the_initial_pose_whatever_the_time(ros_domain: int) -> None:
     with running_node(ros_domain, initial_pose="'1 2 3 0 0 0.5'") as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -422,6 +441,7 @@ def test_paused_no_frame_is_processed_and_resumed_the_pose_goes_on(running: Runn
     np.testing.assert_allclose(T[:3, 3], 0, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_frames_faster_than_the_update_rate_are_left_out_and_counted(ros_domain: int) -> None:
     with running_node(ros_domain, max_update_rate=10) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -433,6 +453,7 @@ def test_frames_faster_than_the_update_rate_are_left_out_and_counted(ros_domain:
         assert "4 because it came sooner" in node.lines[-1]
 
 
+@pytest.mark.slow
 def test_with_exact_synchronisation_only_equal_stamps_pair(ros_domain: int) -> None:
     with running_node(ros_domain, approx_sync=False), Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -441,6 +462,7 @@ def test_with_exact_synchronisation_only_equal_stamps_pair(ros_domain: int) -> N
         assert len(rig.poses) == 1
 
 
+@pytest.mark.slow
 def test_without_the_newest_frame_first_every_frame_of_a_burst_gets_its_pose(
     ros_domain: int,
 ) -> None:
@@ -454,6 +476,7 @@ def test_without_the_newest_frame_first_every_frame_of_a_burst_gets_its_pose(
             rig.pose_at(stamp)
 
 
+@pytest.mark.slow
 def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int) -> None:
     with running_node(ros_domain, publish_null_when_lost=True) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -470,6 +493,7 @@ def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int)
         assert len(rig.poses) == 1
 
 
+@pytest.mark.slow
 def test_frames_that_never_came_and_stamps_too_far_apart_are_said(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
@@ -484,6 +508,8 @@ def test_frames_that_never_came_and_stamps_too_far_apart_are_said(ros_domain: in
         assert "18.0 ms apart, more than half of the 33.3 ms" in line
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_the_path_is_bounded_and_the_picture_of_the_matches_has_the_frames_stamp(
     ros_domain: int,
 ) -> None:
@@ -508,6 +534,7 @@ def test_the_path_is_bounded_and_the_picture_of_the_matches_has_the_frames_stamp
         assert (color == VISUAL).all(axis=2).sum() > 100
 
 
+@pytest.mark.slow
 def test_an_info_that_was_published_once_before_the_node_came_is_heard(ros_domain: int) -> None:
     with Rig(ros_domain) as rig:
         rig.node.destroy_publisher(rig.info)

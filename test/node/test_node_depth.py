@@ -49,6 +49,7 @@ def publish(rig: Rig, stamp_ns: int, info: Publisher | None = None) -> None:
         info.publish(copy_fields(camera_info(DEPTH_CAMERA, depth_head), CameraInfo()))
 
 
+@pytest.mark.slow
 def test_unregistered_depth_is_refused_with_what_to_switch_on_in_the_driver(
     ros_domain: int,
 ) -> None:
@@ -61,6 +62,8 @@ def test_unregistered_depth_is_refused_with_what_to_switch_on_in_the_driver(
         assert not rig.poses
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_known(
     ros_domain: int,
 ) -> None:
@@ -90,6 +93,7 @@ def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_kno
         np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None:
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
     from rigs.tf import Robot, transform
@@ -107,6 +111,7 @@ def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None
             np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
 
 
+@pytest.mark.slow
 def test_depth_that_is_registered_in_spite_of_its_frame_is_taken_as_it_is(
     ros_domain: int,
 ) -> None:

@@ -47,6 +47,7 @@ def first_pose(
     return pose_from_message(pose, "pose")
 
 
+@pytest.mark.slow
 def test_odom_starts_level_where_an_imu_tells_which_way_is_up(ros_domain: int) -> None:
     still = at_rest(UP, np.zeros(3), 0, START_NS)
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
@@ -58,6 +59,7 @@ def test_odom_starts_level_where_an_imu_tells_which_way_is_up(ros_domain: int) -
         np.testing.assert_allclose(T_next, T, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_how_the_imu_is_turned_in_the_camera_may_be_told(ros_domain: int) -> None:
     still = at_rest(R_CAMERA_IMU.T @ UP, np.zeros(3), 0, START_NS)
     given = {"imu_pose": f"'0 0 0 0 0 {np.pi / 2}'"}
@@ -66,6 +68,7 @@ def test_how_the_imu_is_turned_in_the_camera_may_be_told(ros_domain: int) -> Non
         np.testing.assert_allclose(T[:3, :3] @ UP, [0, 0, 1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_imu_whose_place_is_not_told_is_not_used_and_that_is_said(ros_domain: int) -> None:
     still = at_rest(UP, np.zeros(3), 0, START_NS)
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
@@ -73,6 +76,8 @@ def test_an_imu_whose_place_is_not_told_is_not_used_and_that_is_said(ros_domain:
         np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_how_the_imu_is_turned_may_come_from_tf(ros_domain: int) -> None:
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
     from rigs.tf import Robot, transform
@@ -86,6 +91,7 @@ def test_how_the_imu_is_turned_may_come_from_tf(ros_domain: int) -> None:
             np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_gyroscope_that_turns_while_the_images_stand_still_is_not_used_and_that_is_said(
     ros_domain: int,
 ) -> None:

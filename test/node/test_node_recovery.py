@@ -34,6 +34,8 @@ def poses_of(rig: Rig, frames: Iterable[RgbdFrame]) -> list[Float64]:
     return [pose_from_message(rig.pose_of(frame), "pose") for frame in frames]
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_a_camera_covered_for_five_seconds_is_found_where_it_was_and_nowhere_else(
     ros_domain: int,
 ) -> None:

@@ -27,6 +27,7 @@ from rgbd_glue_ros.node.tf import TF
 PERIOD_NS = NANOSECONDS // 30
 
 
+@pytest.mark.slow
 def test_the_cameras_place_comes_from_tf_once_it_is_there_and_is_never_assumed(
     ros_domain: int,
 ) -> None:
@@ -49,6 +50,7 @@ def test_the_cameras_place_comes_from_tf_once_it_is_there_and_is_never_assumed(
         np.testing.assert_array_equal(pose_from_message(heard, TF), pose_from_message(pose, "pose"))
 
 
+@pytest.mark.slow
 def test_a_static_transform_that_was_told_before_the_node_started_is_known(
     ros_domain: int,
 ) -> None:
@@ -61,6 +63,8 @@ def test_a_static_transform_that_was_told_before_the_node_started_is_known(
             np.testing.assert_allclose(T, np.eye(4), atol=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 @pytest.mark.parametrize(
     "given", [{}, {"frame_id": "base_link", "camera_pose": "'0 0 0 0 0 0'", "publish_tf": False}]
 )
@@ -73,6 +77,7 @@ def test_no_tf_is_published_for_an_optical_frame_or_if_it_is_not_wanted(
         assert robot.node.count_publishers(TF) == 1  # the robot's own
 
 
+@pytest.mark.slow
 def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
     ros_domain: int,
 ) -> None:
@@ -101,6 +106,7 @@ def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
         )
 
 
+@pytest.mark.slow
 def test_images_of_another_camera_start_anew_with_a_place_of_its_own(ros_domain: int) -> None:
     with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
@@ -121,6 +127,7 @@ def test_images_of_another_camera_start_anew_with_a_place_of_its_own(ros_domain:
         np.testing.assert_allclose(T, np.eye(4), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_camera_that_moves_on_the_robot_is_told_while_frames_come(ros_domain: int) -> None:
     with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
@@ -134,6 +141,7 @@ def test_a_camera_that_moves_on_the_robot_is_told_while_frames_come(ros_domain: 
         assert "by 0.100 m" in node.wait_for_line("The camera moves on the robot", PATIENCE_S)
 
 
+@pytest.mark.slow
 def test_one_transform_that_is_none_costs_no_other_of_its_message(ros_domain: int) -> None:
     with running_node(ros_domain, frame_id="base_link"), Robot(ros_domain) as robot:
         broken = []

@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 PERIOD_NS = NANOSECONDS // 30
 
 
+@pytest.mark.slow
 def test_with_simulated_time_poses_come_while_the_clock_stands_and_diagnostics_go_by_it(
     ros_domain: int,
 ) -> None:
@@ -37,6 +38,7 @@ def test_with_simulated_time_poses_come_while_the_clock_stands_and_diagnostics_g
         rig.pose_of(corner_frame(PERIOD_NS))
 
 
+@pytest.mark.slow
 def test_a_frame_that_comes_twice_or_late_is_counted_and_gives_no_second_pose(
     ros_domain: int,
 ) -> None:

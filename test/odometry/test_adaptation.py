@@ -76,6 +76,7 @@ def panned(config: Config) -> list[bool]:
     return [estimate.is_keyframe for estimate in track(frames, config)]
 
 
+@pytest.mark.slow
 def test_a_frame_of_which_little_is_known_becomes_a_keyframe_however_near_it_is() -> None:
     far = {"odometry.keyframe_translation": 100.0, "odometry.keyframe_rotation": 100.0}
     by_distance_alone = panned(with_values(Config(), {**far, "odometry.keyframe_overlap": 0.0}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rigs.bag_frames import errors, recorded_frames, true_poses
@@ -162,5 +163,6 @@ def mean_error_of_the_second_swing(radius: float) -> float:
     return float(np.mean(metres[len(frames) // 2 :]))
 
 
+@pytest.mark.slow
 def test_a_camera_that_swings_to_and_fro_does_not_drift_away() -> None:
     assert mean_error_of_the_second_swing(0.3) < 0.5 * mean_error_of_the_second_swing(0.0)

@@ -33,6 +33,7 @@ def known(depth: Float32) -> float:
     return float(np.isfinite(depth).mean())
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(st.floats(0.0, 3.5), st.floats(0.0, 3.5))
 def test_in_a_still_room_nothing_moves(before: float, now: float) -> None:

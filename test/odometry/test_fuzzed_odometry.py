@@ -93,6 +93,7 @@ ODD: dict[str, tuple[Mutator, Float64 | None]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ODD)
 def test_an_odd_frame_is_refused_or_tracked_and_does_the_good_ones_no_harm(name: str) -> None:
     mutator, guess = ODD[name]
@@ -136,6 +137,7 @@ def changed(frame: RgbdFrame, names: Sequence[str], random: np.random.Generator)
     return frame
 
 
+@pytest.mark.slow
 def test_mixed_odd_frames_raise_nothing_and_leave_an_odometry_that_tracks() -> None:
     random = np.random.default_rng(SEED)
     room = itertools.cycle([*recorded_frames(), *recorded_frames()[::-1]])

@@ -96,6 +96,7 @@ def test_what_is_no_gravity_says_nothing_of_up(acceleration: float) -> None:
     assert Inertial(samples).up(PERIOD_NS) is None
 
 
+@pytest.mark.slow
 def test_the_odometry_turns_with_the_imu_and_learns_its_bias() -> None:
     samples = simulated_imu(true_pose, -0.5, 2.0, BMI055)
     off: dict[bool, list[float]] = {True: [], False: []}

@@ -55,6 +55,7 @@ def test_a_camera_that_was_not_seen_for_long_is_not_expected_to_have_gone_on_for
     assert np.sqrt(predicted.covariance[0, 0]) > 1.0
 
 
+@pytest.mark.slow
 def test_the_predicted_covariance_is_that_of_sampled_predictions() -> None:
     rng = np.random.default_rng(0)
     start = moving(np.array([0.3, -0.2, 0.4, 0.5, -0.3, 0.2]))

@@ -109,6 +109,7 @@ def assert_no_pose(estimate: OdometryEstimate) -> None:
 # what is seen well
 
 
+@pytest.mark.slow
 def test_the_first_frame_is_the_origin() -> None:
     first = tracked()[0]
     assert first.state is TRACKING
@@ -217,6 +218,7 @@ def test_either_feature_may_be_left_out(visual: str, geometric: str) -> None:
     assert metres.max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_method_of_the_paper_alone_registers_frame_to_keyframe() -> None:
     frames = recorded_frames()[:12:4]
     metres, radians = errors(track(frames, load_preset("paper")), true_poses()[:12:4])
@@ -243,6 +245,7 @@ def _quartered(frame: RgbdFrame) -> RgbdFrame:
     return replace(frame, color=color, depth=depth, intrinsics=camera)
 
 
+@pytest.mark.slow
 def test_depth_that_is_said_to_be_late_is_moved_to_the_time_of_its_colour() -> None:
     """In every other frame by 33 ms, in which the camera moves by 13 mm and turns by 0.8 degrees.
 
@@ -260,6 +263,7 @@ def test_depth_that_is_said_to_be_late_is_moved_to_the_time_of_its_colour() -> N
     assert told < untold
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
@@ -346,16 +350,19 @@ def assert_tracked_through(disturbed: list[RgbdFrame], metres_at_most: float) ->
     assert np.nanmax(metres[-10:]) < 0.02
 
 
+@pytest.mark.slow
 def test_a_second_in_the_dark_is_bridged_by_geometry() -> None:
     frames = recorded_frames()
     assert_tracked_through([*frames[:30], *map(blacked_out, frames[30:60]), *frames[60:]], 0.05)
 
 
+@pytest.mark.slow
 def test_a_second_without_depth_is_bridged_by_texture() -> None:
     frames = recorded_frames()
     assert_tracked_through([*frames[:30], *map(without_depth, frames[30:60]), *frames[60:]], 0.05)
 
 
+@pytest.mark.slow
 def test_a_covered_camera_is_lost_and_found_where_it_was() -> None:
     """For two seconds, after which it sees again what it saw before."""
     frames = recorded_frames()
@@ -370,6 +377,7 @@ def test_a_covered_camera_is_lost_and_found_where_it_was() -> None:
     assert np.nanmax(metres) < 0.03
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_carried_elsewhere_in_the_dark_is_found_there() -> None:
     frames = recorded_frames()
     hidden = [covered(frames[30])] * 20
@@ -401,6 +409,7 @@ def test_frames_too_far_apart_for_their_stamps_are_tracked() -> None:
     assert metres.max() < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("somebody", [PasserBy(period=3.5), PasserBy(distance=1.0, period=2.5)])
 def test_somebody_who_walks_by_is_not_followed(somebody: PasserBy) -> None:
     frames = recorded_frames()
@@ -451,6 +460,8 @@ def test_while_nothing_is_seen_the_new_start_waits() -> None:
     assert estimates[44].is_keyframe
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_a_lost_camera_is_found_at_a_place_that_it_left_many_keyframes_ago() -> None:
     config = with_values(PATIENT, {"odometry.relocalisation_attempts": 2})
     way = [panned_frame(radians) for radians in np.arange(0, 1.5, 0.1)]

@@ -11,6 +11,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "centimetres", "degrees"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
 from rigs.paths import ROOT
 
 # In a process of its own, as other tests compile too.
@@ -55,6 +56,7 @@ print(*changed)
 """
 
 
+@pytest.mark.slow
 def test_after_the_warm_up_nothing_is_compiled_for_the_frames_of_a_bag() -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, ROOT / "bags" / "living_room"],

@@ -160,6 +160,8 @@ def test_a_module_is_read_in_one_sitting(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= most
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_everything_but_the_ros_modules_imports_without_ros_and_without_the_extras() -> None:
     modules = [
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
@@ -188,6 +190,7 @@ for name in {modules}:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_without_the_experiments_the_robot_still_drives() -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
     program = """

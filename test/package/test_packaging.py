@@ -52,6 +52,8 @@ def _only(prefix: Path, pattern: str) -> Path:
     return path
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_an_installed_package_has_every_module_and_its_types(prefix: Path) -> None:
     installed = _only(prefix, f"{NAME}/py.typed").parent
     assert {p.relative_to(ROOT / NAME) for p in (ROOT / NAME).rglob("*.py")} == {

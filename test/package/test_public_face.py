@@ -93,6 +93,8 @@ def test_a_camera_that_sees_nothing_is_refused(name: str, value: float) -> None:
         replace(CAMERA, **{name: value})  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_the_example_in_the_readme_runs_as_it_stands(tmp_path: Path) -> None:
     (program,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     write_rosbag2(tmp_path / "recording", recorded(make_frames(3)))
@@ -112,6 +114,7 @@ def test_an_example_is_short(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) < 40
 
 
+@pytest.mark.slow
 def test_the_example_of_arrays_finds_how_the_camera_moved() -> None:
     found, truth, _ = example("arrays_to_pose.py").splitlines()
     np.testing.assert_allclose(
@@ -121,6 +124,7 @@ def test_the_example_of_arrays_finds_how_the_camera_moved() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_example_of_a_bag_leaves_a_trajectory_and_a_picture(tmp_path: Path) -> None:
     example("bag_to_trajectory.py", BAG, tmp_path / "out")
     trajectory: Trajectory = read_tum(tmp_path / "out" / "trajectory.txt")

@@ -85,6 +85,7 @@ def test_a_parameter_is_described_and_its_default_allowed(parameter: Parameter) 
     assert parameter.name in to_markdown(Config()) + to_markdown(NodeConfig())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("config", [Config(), NodeConfig()], ids=["registration", "node"])
 @given(data=st.data())
 @settings(
@@ -101,6 +102,7 @@ def test_every_configuration_survives_its_file(
     assert load_yaml(path, config) == changed
 
 
+@pytest.mark.slow
 @given(st.from_regex(r"[a-z_.]{1,30}", fullmatch=True))
 def test_an_unknown_name_is_refused(name: str) -> None:
     declared = {p.name for p in parameters(Config)}

@@ -123,6 +123,7 @@ def test_a_bag_without_an_imu_has_none(tmp_path: Path) -> None:
         assert recording.imu is None
 
 
+@pytest.mark.slow
 def test_a_replay_turns_with_the_imu_of_its_bag(tmp_path: Path) -> None:
     frames = [room_frame(i / 10) for i in range(9)]
     samples = simulated_imu(true_pose, 0.0, 1.0, BMI055)

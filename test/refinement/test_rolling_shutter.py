@@ -42,6 +42,7 @@ def seen(
     return velocity, covariance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("readout_time", "latency"), [(0.03, 0.0), (0.026, 0.017), (-0.03, 0.0)])
 def test_a_rolling_shutter_shows_how_fast_the_camera_moves(
     readout_time: float, latency: float
@@ -53,6 +54,7 @@ def test_a_rolling_shutter_shows_how_fast_the_camera_moves(
     assert np.linalg.norm(velocity - truth) < 0.4 * np.linalg.norm(truth)
 
 
+@pytest.mark.slow
 def test_a_global_shutter_shows_nothing_and_leaves_the_velocity_as_it_was() -> None:
     start = np.array([0.1, -0.2, 0.3, 0.1, 0.2, -0.3])
     velocity, covariance = seen(0.0, 0.0, start)
@@ -60,6 +62,7 @@ def test_a_global_shutter_shows_nothing_and_leaves_the_velocity_as_it_was() -> N
     assert (np.diag(covariance) > 1e3).all()
 
 
+@pytest.mark.slow
 def test_a_slower_shutter_shows_more() -> None:
     slow, fast = (
         np.diag(seen(readout_time, 0.0, true_twist(TIMES[1]))[1]) for readout_time in (0.03, 0.015)
@@ -67,6 +70,7 @@ def test_a_slower_shutter_shows_more() -> None:
     np.testing.assert_array_less(slow, fast)
 
 
+@pytest.mark.slow
 def test_residuals_that_err_alike_make_the_velocity_less_certain() -> None:
     start = true_twist(TIMES[1])
     sure, unsure = (

@@ -55,6 +55,8 @@ def keyframes(T_map_odom: Float64) -> list[Keyed]:
     return found
 
 
+@pytest.mark.slow
+@pytest.mark.every_python
 def test_a_map_comes_back_from_its_file(tmp_path: Path) -> None:
     saved = first_session()
     write_map(tmp_path / "room.rgbdmap", saved)
@@ -73,6 +75,7 @@ def test_a_map_comes_back_from_its_file(tmp_path: Path) -> None:
         np.testing.assert_array_equal(theirs.twist, ours.twist)
 
 
+@pytest.mark.slow
 def test_another_session_is_placed_where_it_is_once_it_shows_a_place_of_the_map(
     tmp_path: Path,
 ) -> None:
@@ -108,6 +111,7 @@ def test_a_place_that_is_not_in_the_map_has_no_pose_in_it() -> None:
     assert live.loops == 0
 
 
+@pytest.mark.slow
 def test_a_recording_goes_on_with_a_map_in_its_frame(tmp_path: Path) -> None:
     from rgbd_glue_ros.cli.main import main
 
