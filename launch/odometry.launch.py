@@ -2,6 +2,7 @@
 
 ros2 launch rgbd_glue_ros odometry.launch.py camera:=realsense_d400
 ros2 launch rgbd_glue_ros odometry.launch.py color:=/my/color depth:=/my/depth camera_info:=/my/info
+ros2 launch rgbd_glue_ros odometry.launch.py camera:=realsense_d400 mapping:=true
 ros2 launch rgbd_glue_ros odometry.launch.py camera:=oak_d bag:=drive compressed:=true rviz:=true
 """
 
@@ -42,20 +43,23 @@ def actions(context: LaunchContext) -> list[Node | ExecuteProcess]:
         for name, kind in types.items()
         if given(name)
     }
-    odometry = Node(
-        package=PACKAGE,
-        executable="odometry",
-        namespace=given("namespace"),
-        # each wins over those before it
-        parameters=[
-            *([dict(camera.parameters)] if camera else []),
-            *([COMPRESSED] if given("compressed") == "true" else []),
-            *([file] if file else []),
-            {**arguments, "use_sim_time": is_simulated},
-        ],
-        remappings=remappings(camera, {name: given(name) for name in TOPIC_ARGUMENTS}),
-        output="screen",
-    )
+
+    def node(executable: str) -> Node:
+        return Node(
+            package=PACKAGE,
+            executable=executable,
+            namespace=given("namespace"),
+            # each wins over those before it
+            parameters=[
+                *([dict(camera.parameters)] if camera else []),
+                *([COMPRESSED] if given("compressed") == "true" else []),
+                *([file] if file else []),
+                {**arguments, "use_sim_time": is_simulated},
+            ],
+            remappings=remappings(camera, {name: given(name) for name in TOPIC_ARGUMENTS}),
+            output="screen",
+        )
+
     player = ExecuteProcess(cmd=["ros2", "bag", "play", bag, "--clock"], output="screen")
     rviz = Node(
         package="rviz2",
@@ -65,7 +69,8 @@ def actions(context: LaunchContext) -> list[Node | ExecuteProcess]:
         parameters=[{"use_sim_time": is_simulated}],
     )
     return [
-        odometry,
+        node("odometry"),
+        *([node("mapping")] if given("mapping") == "true" else []),
         *([player] if bag else []),
         *([rviz] if given("rviz") == "true" else []),
     ]
@@ -93,6 +98,11 @@ def generate_launch_description() -> LaunchDescription:
         ),
         DeclareLaunchArgument(
             "use_sim_time", **switch, description="Whether time comes from /clock; so with bag."
+        ),
+        DeclareLaunchArgument(
+            "mapping",
+            **switch,
+            description="Whether to start mapping beside it: loops closed, map -> odom on TF.",
         ),
         DeclareLaunchArgument("bag", default_value="", description="Bag to play, with its clock."),
         DeclareLaunchArgument("rviz", **switch, description="Whether to start RViz."),

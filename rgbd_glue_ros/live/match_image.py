@@ -62,6 +62,12 @@ def rejected(result: RegistrationResult) -> Correspondences:
     return result.geometric.select(np.array(rows, bool))
 
 
+def drawn(matches: Correspondences) -> Correspondences:
+    """Those that are drawn: some of what is in front of both cameras."""
+    visible = matches.select((matches.source[:, 2] > 0) & (matches.target[:, 2] > 0))
+    return visible.select(np.arange(0, len(visible), max(1, -(-len(visible) // _DRAWN))))
+
+
 def _rows(matches: Correspondences) -> NDArray[np.float64]:
     return np.hstack([matches.source, matches.target])
 
@@ -69,11 +75,10 @@ def _rows(matches: Correspondences) -> NDArray[np.float64]:
 def _draw(
     image: UInt8, matches: Correspondences, camera: CameraIntrinsics, rgb: tuple[int, int, int]
 ) -> None:
-    visible = matches.select((matches.source[:, 2] > 0) & (matches.target[:, 2] > 0))
-    if not len(visible):
+    some = drawn(matches)
+    if not len(some):
         return
-    visible = visible.select(np.arange(0, len(visible), -(-len(visible) // _DRAWN)))
-    ends = [project(points, camera) for points in (visible.target, visible.source)]
+    ends = [project(points, camera) for points in (some.target, some.source)]
     lines = np.round(np.stack(ends, axis=1) * 2**_SHIFT).astype(np.int32)
     cv2.polylines(image, list(lines), False, rgb, 1, cv2.LINE_AA, _SHIFT)
     for _, end in lines:

@@ -50,11 +50,13 @@ def blueprint(rerun: Any) -> Any:
         views.Spatial2DView(origin=DEPTH_CAMERA, contents=[f"/{DEPTH}"], name="Depth"),
         name="Images",
     )
+    hidden = views.PlotLegend(visible=False)
+    legend = views.PlotLegend(corner=views.Corner2D.LeftTop)
     plots = [
-        views.TimeSeriesView(origin=EPSILON, name="Epsilon, cm"),
-        views.TimeSeriesView(origin=COUNTS, name="Matches"),
+        views.TimeSeriesView(origin=EPSILON, name="Epsilon, cm", plot_legend=hidden),
+        views.TimeSeriesView(origin=COUNTS, name="Matches", plot_legend=legend),
         views.Tabs(
-            views.TimeSeriesView(origin=LATENCY, name="Time per frame, ms"),
+            views.TimeSeriesView(origin=LATENCY, name="Time per frame, ms", plot_legend=hidden),
             views.TextLogView(origin=STATE, name="State"),
             name="More",
         ),

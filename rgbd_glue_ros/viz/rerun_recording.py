@@ -17,7 +17,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project, rectified
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
-from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL, rejected
+from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL, drawn, rejected
 from rgbd_glue_ros.slam.cloud import cloud_of
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -44,6 +44,8 @@ _HALF_PIXEL = 0.5
 _MILLIMETRES = 1000.0
 _FARTHEST_M = 65.0
 _CLOUD_VOXEL_M = 0.02
+# of the lines of matches; negative, in points of the screen
+_THIN = -0.75
 _EYE_M, _KEYFRAME_EYE_M = 0.12, 0.05
 # Chi with three degrees of freedom: the ellipsoid holds 95 % of the positions.
 _HOLDS_95 = 7.815**0.5
@@ -177,10 +179,10 @@ class RerunRecording(Closing):
         rgb: tuple[int, int, int],
     ) -> None:
         """Lines from where the keyframe saw points to where this frame does."""
-        visible = matches.select((matches.source[:, 2] > 0) & (matches.target[:, 2] > 0))
-        ends = [project(points, camera) for points in (visible.target, visible.source)]
+        some = drawn(matches)
+        ends = [project(points, camera) for points in (some.target, some.source)]
         lines = np.stack(ends, axis=1) + _HALF_PIXEL
-        self._log(path, self._rerun.LineStrips2D(lines, colors=[rgb]))
+        self._log(path, self._rerun.LineStrips2D(lines, colors=[rgb], radii=[_THIN]))
 
     def _plot(self, estimate: OdometryEstimate) -> None:
         scalars = {layout.LATENCY: sum(estimate.stages_ms.values())}

@@ -34,7 +34,8 @@ def started(**arguments: str) -> list[Any]:
 def test_every_parameter_of_the_node_is_an_argument_of_the_launch_file() -> None:
     description = runpy.run_path(str(FILE))["generate_launch_description"]()
     names = {argument.name for argument in description.get_launch_arguments()}
-    own = {"camera", "namespace", "params_file", "compressed", "use_sim_time", "bag", "rviz"}
+    own = {"camera", "namespace", "params_file", "compressed", "use_sim_time"}
+    own |= {"bag", "rviz", "mapping"}
     assert names == {p.name for p in parameters(NodeConfig())} | own | set(TOPIC_ARGUMENTS)
 
 
@@ -43,6 +44,22 @@ def test_the_odometry_alone_is_started_beside_a_camera(camera: str) -> None:
     (node,) = started(camera=camera, frame_id="base_link", compressed="true")
     assert node.node_package == "rgbd_glue_ros"
     assert node.node_executable == "odometry"
+
+
+def test_mapping_is_started_beside_the_odometry_with_the_same_topics_and_parameters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("launch_ros.actions.Node", lambda **given: given)
+    given = {"color": "/my/color", "map_file": "room.rgbdmap", "compressed": "true"}
+    odometry, mapping = started(mapping="true", **given)
+    (alone,) = started(mapping="false", **given)
+    assert (odometry["executable"], mapping["executable"]) == ("odometry", "mapping")
+    assert odometry["remappings"] == mapping["remappings"] == [("rgb/image", "/my/color")]
+    compressed, parameters = mapping["parameters"]
+    assert compressed["image_transport"] == "compressed"
+    assert set(parameters) == {"map_file", "use_sim_time"}
+    for node in (mapping, alone):
+        assert [set(part) for part in node["parameters"]] == [set(compressed), set(parameters)]
 
 
 def test_a_bag_and_rviz_are_started_where_asked_for() -> None:

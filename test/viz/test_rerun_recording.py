@@ -124,7 +124,10 @@ def test_matches_are_lines_in_three_colours(rows: Rows, logged: Logged) -> None:
             expected
         }
         plotted = [value for (value,) in column(rows[f"/{layout.COUNTS}/{name}"], ":scalars")]
-        assert plotted == [len(strips) for strips in drawn]
+        # more would hide the image
+        assert [len(strips) for strips in drawn] == [
+            -(-count // -(-count // 200)) if count else 0 for count in map(int, plotted)
+        ]
         if name in counted:
             assert plotted == counted[name]
     # the poster is seen to move to the left, by whole pixels
