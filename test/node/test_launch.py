@@ -49,7 +49,7 @@ def test_the_odometry_alone_is_started_beside_a_camera(camera: str) -> None:
 def test_mapping_is_started_beside_the_odometry_with_the_same_topics_and_parameters(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("launch_ros.actions.Node", lambda **given: given)
+    monkeypatch.setattr("launch_ros.actions.Node", type("Node", (dict,), {}))
     given = {"color": "/my/color", "map_file": "room.rgbdmap", "compressed": "true"}
     odometry, mapping = started(mapping="true", **given)
     (alone,) = started(mapping="false", **given)
