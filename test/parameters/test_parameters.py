@@ -42,7 +42,9 @@ def allowed_values(parameter: Parameter) -> st.SearchStrategy[Value]:
         return st.sampled_from(parameter.choices)
     low, high = parameter.minimum, parameter.maximum
     if parameter.type is int:
-        return st.integers(*(None if limit is None else round(limit) for limit in (low, high)))
+        numbers = st.integers(*(None if limit is None else round(limit) for limit in (low, high)))
+        check = parameter.check
+        return numbers if check is None else numbers.filter(lambda n: check.fault(str(n)) is None)
     if parameter.type is float:
         return st.floats(low, high, allow_nan=False)
     if parameter.check is not None:
