@@ -8,6 +8,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.alike import Alike
 from rgbd_glue_ros.features.aliked import aliked_lightglue
 from rgbd_glue_ros.features.disk import disk_lightglue
+from rgbd_glue_ros.features.fcgf import Fcgf
 from rgbd_glue_ros.features.geometric import (
     GeometricFeature,
     GridFpfh,
@@ -39,6 +40,7 @@ GEOMETRIC: dict[str, Callable[[FeaturesConfig], GeometricFeature]] = {
     "none": lambda _: NoGeometricFeature(),
     "fpfh": VoxelFpfh,
     "fpfh_grid": GridFpfh,
+    "fcgf": Fcgf,
     "minispinnet": MiniSpinNet,
 }
 

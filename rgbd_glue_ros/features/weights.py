@@ -9,9 +9,6 @@ import hashlib
 import importlib.util
 import logging
 import os
-import pickle
-import re
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -19,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.features.checkpoint import read_tensors
 from rgbd_glue_ros.features.layers import Weights
-from rgbd_glue_ros.features.torch_library import torch
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 logger = logging.getLogger(__name__)
@@ -161,13 +158,17 @@ FILES: Mapping[str, WeightsFile] = {
             "da8a5fe78d8d92e741c36aa039b20746541ccd2e646dd1fec1fb4b4bdafd27df",
             url=f"{_BUFFER}/Desc/best.pth",
         ),
+        WeightsFile(
+            "2019-08-19_06-17-41.pth",
+            ("fcgf",),
+            "MIT",
+            0,
+            "",
+            page="github.com/chrischoy/FCGF",
+        ),
     )
 }
 """All files that a learned feature can be made of, by name."""
-
-
-_PARTS = ("state_dict", "extractor")
-"""What authors call the table of tensors in a checkpoint that holds more or could."""
 
 
 def weights_folder(config: FeaturesConfig) -> Path:
@@ -245,22 +246,3 @@ def load(file: str, config: FeaturesConfig, device: Any) -> Weights:
 def _tell_terms(terms: str) -> None:
     """Once a process, however many files and features there are."""
     logger.warning("weights that are read are licensed by %s", terms)
-
-
-def read_tensors(path: Path, device: Any) -> dict[str, Any]:
-    """The tensors of a checkpoint by name.
-
-    Raises:
-        InputError: it is none, or holds what could run code.
-    """
-    try:
-        content = torch.load(path, map_location=device, weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, zipfile.BadZipFile) as error:
-        reason = re.split(r"[.\n]", str(error))[0]
-        raise InputError(path, f"holds no weights ({reason})", "bring it again") from error
-    tensors = content
-    for part in _PARTS:
-        tensors = tensors.get(part, tensors) if isinstance(tensors, dict) else tensors
-    if not isinstance(tensors, dict) or not all(torch.is_tensor(t) for t in tensors.values()):
-        raise InputError(path, "holds no table of weights", "give the file that was published")
-    return {name: t.float() if t.is_floating_point() else t for name, t in tensors.items()}

@@ -24,7 +24,7 @@ VISUAL_FEATURES = (
 DEVICES = ("auto", "cpu", "cuda")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
 FALLBACK_METHODS = ("none", "sc2_pcr")
-GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid", "minispinnet")
+GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid", "fcgf", "minispinnet")
 
 
 @dataclass(frozen=True)
@@ -83,15 +83,15 @@ class FeaturesConfig:
     )
     voxel: float = parameter(
         0.025,
-        "Edge of the voxels that thin the cloud for fpfh.",
+        "Edge of the voxels that thin the cloud for fpfh, fcgf and minispinnet.",
         unit="m",
         minimum=0.001,
         maximum=10.0,
     )
     geometric_matches: int = parameter(
         20000,
-        "Geometric matches of fpfh, at most: of a cloud with more points than this, as many are "
-        "matched, spread evenly, to all of the other cloud.",
+        "Geometric matches of fpfh and fcgf, at most: of a cloud with more points than this, as "
+        "many are matched, spread evenly, to all of the other cloud.",
         minimum=100,
         maximum=1000000,
     )

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.features.weights import FILES, read_tensors, require, weights_folder
+from rgbd_glue_ros.features.checkpoint import read_tensors
+from rgbd_glue_ros.features.weights import FILES, require, weights_folder
 from rgbd_glue_ros.parameters import GEOMETRIC_FEATURES, VISUAL_FEATURES, FeaturesConfig
 
 

@@ -1,0 +1,76 @@
+"""Reading what a network learned out of a checkpoint, without running what else may be in it."""
+
+from __future__ import annotations
+
+import pickle
+import re
+import zipfile
+from collections import OrderedDict
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.features.torch_library import torch
+
+_PARTS = ("state_dict", "extractor")
+"""What authors call the table of tensors in a checkpoint that holds more or could."""
+
+
+class _Table:
+    """A table for one of a type of somebody else's; torch fills no other kind of dictionary."""
+
+    def __new__(cls) -> OrderedDict[str, Any]:  # type: ignore[misc]
+        """An empty one."""
+        return OrderedDict()
+
+
+class _Figure:
+    """Takes what a number of numpy is made of, and keeps nothing."""
+
+    def __init__(self, *_: object) -> None: ...
+
+    def __setstate__(self, _: object) -> None: ...
+
+
+_SETTINGS = (
+    ("easydict", "EasyDict", _Table),
+    ("numpy", "dtype", _Figure),
+    ("numpy.core.multiarray", "scalar", _Figure),
+    ("numpy._core.multiarray", "scalar", _Figure),
+)
+"""Module and name of types that stand beside weights in checkpoints, and what is read instead."""
+
+
+def read_tensors(path: Path, device: Any) -> dict[str, Any]:
+    """The tensors of a checkpoint by name.
+
+    Raises:
+        InputError: it is none, or holds what could run code.
+    """
+    try:
+        with _settings_aside():
+            content = torch.load(path, map_location=device, weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, zipfile.BadZipFile) as error:
+        reason = re.split(r"[.\n]", str(error))[0]
+        raise InputError(path, f"holds no weights ({reason})", "bring it again") from error
+    tensors = content
+    for part in _PARTS:
+        tensors = tensors.get(part, tensors) if isinstance(tensors, dict) else tensors
+    if not isinstance(tensors, dict) or not all(torch.is_tensor(t) for t in tensors.values()):
+        raise InputError(path, "holds no table of weights", "give the file that was published")
+    return {name: t.float() if t.is_floating_point() else t for name, t in tensors.items()}
+
+
+def _settings_aside() -> AbstractContextManager[Any]:
+    """While it lasts, what a training kept beside its weights does not make them unreadable.
+
+    Nothing is imported for it. An older torch, without this, refuses such a checkpoint.
+    """
+    if not hasattr(torch.serialization, "safe_globals"):
+        return nullcontext()
+    stand_ins = [
+        type(name, (stand_in,), {"__module__": module}) for module, name, stand_in in _SETTINGS
+    ]
+    allowed: AbstractContextManager[Any] = torch.serialization.safe_globals(stand_ins)
+    return allowed
