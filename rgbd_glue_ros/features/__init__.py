@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.alike import Alike
@@ -27,6 +28,7 @@ VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "sift": sift,
     "brisk": brisk,
     "alike": Alike,
+    "alike_n": partial(Alike, file="alike_n.pth"),
     "xfeat": xfeat_lighterglue,
     "aliked_lightglue": aliked_lightglue,
     "disk_lightglue": disk_lightglue,

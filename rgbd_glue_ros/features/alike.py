@@ -24,11 +24,16 @@ _STRIDE = 32
 
 
 class Alike:
-    """Keypoints and descriptors of ALIKE, the smallest model; mutual nearest neighbours."""
+    """Keypoints and descriptors of ALIKE; mutual nearest neighbours.
 
-    def __init__(self, config: FeaturesConfig) -> None:
+    Args:
+        config: of the features.
+        file: weights of the tiny or of the normal model.
+    """
+
+    def __init__(self, config: FeaturesConfig, file: str = "alike_t.pth") -> None:
         self._device = device_of(config.device)
-        self._weights = load("alike_t.pth", config, self._device)
+        self._weights = load(file, config, self._device)
         self._most = config.keypoints
 
     def extract(self, view: View) -> DescribedKeypoints:

@@ -71,6 +71,14 @@ FILES: Mapping[str, WeightsFile] = {
             url=f"{_ALIKE}/alike-t.pth",
         ),
         WeightsFile(
+            "alike_n.pth",
+            ("alike_n",),
+            "BSD-3-Clause",
+            1338420,
+            "8bd4789272eec779be280f8fc1007608ff604241440a0a3377c1559199412ee3",
+            url=f"{_ALIKE}/alike-n.pth",
+        ),
+        WeightsFile(
             "xfeat.pt",
             ("xfeat", "lightglue"),
             "Apache-2.0",

@@ -51,6 +51,10 @@ def _width_fault(text: str) -> str | None:
     return None if width == 0 or width >= LEAST_WIDTH_PX else f"{text} pixels show nothing"
 
 
+def _k_fault(text: str) -> str | None:
+    return None if float(text) == 0 or float(text) >= 1 else f"{text} is out of range"
+
+
 def or_nothing(check: Check) -> Check:
     """The same, or an empty text."""
     return Check(f"{check.allowed}, or nothing", lambda text: check.fault(text) if text else None)
@@ -61,6 +65,9 @@ LEAST_WIDTH_PX = 32
 
 WIDTH = Check(f"a whole number of at least {LEAST_WIDTH_PX} (pixels), or 0", _width_fault)
 """The width of an image, or 0 for whatever it has."""
+
+K = Check("a number from 1 to 100, or 0", _k_fault)
+"""How many times RANSAC's threshold, or 0 for the paper's choice."""
 
 POSE = Check("'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'", _pose_fault)
 """A pose: numbers with blanks or commas between; roll, pitch, yaw turn about fixed axes in this

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters.checks import K
 from rgbd_glue_ros.parameters.odometry import OdometryConfig
 from rgbd_glue_ros.parameters.parameter import parameter, section
 
-VISUAL_FEATURES = (
-    "none",
-    "orb",
-    "sift",
-    "brisk",
+LEARNED_VISUAL_FEATURES = (
     "alike",
+    "alike_n",
     "xfeat",
     "aliked_lightglue",
     "disk_lightglue",
@@ -21,6 +19,8 @@ VISUAL_FEATURES = (
     "superpoint_superglue",
     "lightglue",
 )
+VISUAL_FEATURES = ("none", "orb", "sift", "brisk", *LEARNED_VISUAL_FEATURES)
+_K_LEARNED, _K_HAND_CRAFTED = 3.0, 5.0
 DEVICES = ("auto", "cpu", "cuda")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
 FALLBACK_METHODS = ("none", "sc2_pcr")
@@ -129,11 +129,12 @@ class GlueConfig:
         maximum=10.0,
     )
     k: float = parameter(
-        5.0,
-        "K of equation 4: matches within K t_in are assumed inliers. The paper takes 3 for learned "
-        "and 5 for hand-crafted features.",
-        minimum=1.0,
+        0.0,
+        "K of equation 4: matches within K t_in are assumed inliers. 0 takes the paper's: 3 where "
+        "the visual feature is learned, 5 where it is hand-crafted.",
+        minimum=0.0,
         maximum=100.0,
+        check=K,
     )
     confidence: float = parameter(
         0.95,
@@ -334,3 +335,9 @@ class Config:
     )
     motion: MotionConfig = section(MotionConfig)
     odometry: OdometryConfig = section(OdometryConfig)
+
+    @property
+    def k(self) -> float:
+        """K of equation 4: what ``glue.k`` says, or the paper's for the visual feature."""
+        is_learned = self.features.visual in LEARNED_VISUAL_FEATURES
+        return self.glue.k or (_K_LEARNED if is_learned else _K_HAND_CRAFTED)

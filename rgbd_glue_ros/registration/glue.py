@@ -246,7 +246,7 @@ class Glue:
         T, agreeing = ransac(C_vis, glue.inlier_threshold, ransac_config.iterations, rng)
         if T is None or agreeing < ransac_config.min_inliers:
             return _RoughTransform(Correspondences.empty(), float("nan"), prior)
-        C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, glue.k)
+        C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, self._config.k)
         if len(C_vis_in) < glue.min_visual:
             return _RoughTransform(C_vis_in, float("nan"), prior)
         variance = error_variance(C_vis_in, T)
@@ -278,7 +278,9 @@ class Glue:
         prior = FALLBACKS[glue.fallback](unguided, self._config)
         if prior is None:
             return rough, geometric
-        C_vis_in = assumed_inliers(C_vis, prior.T_target_source, glue.inlier_threshold, glue.k)
+        C_vis_in = assumed_inliers(
+            C_vis, prior.T_target_source, glue.inlier_threshold, self._config.k
+        )
         return (
             _RoughTransform(C_vis_in, float("nan"), prior),
             self._filtered(source, target, prior),

@@ -8,9 +8,15 @@ from pathlib import Path
 import pytest
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.checkpoint import read_tensors
 from rgbd_glue_ros.features.weights import FILES, require, weights_folder
-from rgbd_glue_ros.parameters import GEOMETRIC_FEATURES, VISUAL_FEATURES, FeaturesConfig
+from rgbd_glue_ros.parameters import (
+    GEOMETRIC_FEATURES,
+    LEARNED_VISUAL_FEATURES,
+    VISUAL_FEATURES,
+    FeaturesConfig,
+)
 
 
 class Harmful:
@@ -29,6 +35,13 @@ def test_every_file_is_for_features_that_there_are() -> None:
         assert [bool(entry.url), bool(entry.wheel), bool(entry.page)].count(True) == 1
         assert len(entry.sha256) == (64 if entry.bytes else 0)
         assert entry.bytes or entry.page
+
+
+def test_the_features_that_have_weights_are_those_that_are_called_learned() -> None:
+    with_weights = {name for entry in FILES.values() for name in entry.features}
+    assert with_weights & {*VISUAL_FEATURES} == {*LEARNED_VISUAL_FEATURES}
+    assert {*VISUAL} == {*VISUAL_FEATURES}
+    assert {*GEOMETRIC} == {*GEOMETRIC_FEATURES}
 
 
 def test_what_may_not_be_passed_on_is_never_brought_from_anywhere() -> None:

@@ -42,15 +42,22 @@ def allowed_values(parameter: Parameter) -> st.SearchStrategy[Value]:
         return st.sampled_from(parameter.choices)
     low, high = parameter.minimum, parameter.maximum
     if parameter.type is int:
-        numbers = st.integers(*(None if limit is None else round(limit) for limit in (low, high)))
-        check = parameter.check
-        return numbers if check is None else numbers.filter(lambda n: check.fault(str(n)) is None)
+        limits = (None if limit is None else round(limit) for limit in (low, high))
+        return allowed_numbers(st.integers(*limits), parameter)
     if parameter.type is float:
-        return st.floats(low, high, allow_nan=False)
+        return allowed_numbers(st.floats(low, high, allow_nan=False), parameter)
     if parameter.check is not None:
         texts = ["", "map", "1 2 3 0 0 0", "1, 2, 3, 0, 0, 0, 1"]
         return st.sampled_from([t for t in texts if parameter.check.fault(t) is None])
     return st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]))
+
+
+def allowed_numbers(
+    numbers: st.SearchStrategy[Value], parameter: Parameter
+) -> st.SearchStrategy[Value]:
+    """Those that pass the parameter's check, if it has one."""
+    check = parameter.check
+    return numbers if check is None else numbers.filter(lambda n: check.fault(str(n)) is None)
 
 
 def allowed_changes(config: Config | NodeConfig) -> st.SearchStrategy[dict[str, Value]]:
@@ -341,3 +348,21 @@ def test_a_parameter_set_by_both_its_names_is_refused(is_alias_first: bool) -> N
     names = sorted(["odometry.reset_countdown", "reset_countdown"], reverse=is_alias_first)
     with pytest.raises(InputError, match=r"reset_countdown, which is set too"):
         with_values(Config(), dict.fromkeys(names, 3))
+
+
+@pytest.mark.parametrize(
+    ("visual", "k", "taken"),
+    [
+        ("orb", 0.0, 5.0),
+        ("sift", 0.0, 5.0),
+        ("none", 0.0, 5.0),
+        ("xfeat", 0.0, 3.0),
+        ("superpoint_superglue", 0.0, 3.0),
+        ("orb", 3.0, 3.0),
+        ("xfeat", 5.0, 5.0),
+    ],
+)
+def test_k_is_the_papers_for_the_feature_unless_it_is_set(
+    visual: str, k: float, taken: float
+) -> None:
+    assert with_values(Config(), {"features.visual": visual, "glue.k": k}).k == taken
