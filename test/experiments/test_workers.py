@@ -111,6 +111,30 @@ def test_nobody_without_the_certificates_of_the_run_can_send_work_to_its_workers
         assert list(workers.run(digits, [4])) == [(4, "4")]
 
 
+def listening_ports() -> set[int]:
+    """Of this process and those that it has started."""
+    psutil = pytest.importorskip("psutil")
+    this = psutil.Process()
+    return {
+        connection.laddr.port
+        for process in [this, *this.children(recursive=True)]
+        for connection in process.net_connections()
+        if connection.status == psutil.CONN_LISTEN
+    }
+
+
+def test_the_processes_of_a_run_listen_for_certificates_alone_and_answer_no_browser() -> None:
+    pytest.importorskip("distributed")
+    before = listening_ports()
+    with pool(workers=2) as workers:
+        assert isinstance(workers, DaskPool)
+        started = workers._client.scheduler_info()["workers"]
+        addresses = [workers.address, *started, *(w["nanny"] for w in started.values())]
+        assert all(address.startswith("tls://127.0.0.1:") for address in addresses)
+        ports = {int(address.rpartition(":")[2]) for address in addresses}
+        assert listening_ports() - before == ports
+
+
 def test_certificates_for_a_scheduler_are_those_of_dasks_configuration(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     import dask

@@ -21,9 +21,7 @@ Item = TypeVar("Item")
 
 _PACKAGE = "rgbd_glue_ros"
 _CONNECT_S = 20
-_NO_PAGES: dict[str, list[str]] = {
-    f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker", "nanny")
-}
+_NO_PAGES = f"{_PACKAGE}.experiments.batch.no_pages"
 _LARGEST_BATCH = 20
 _BATCHES_PER_WORKER = 4
 # read by BLAS, OpenMP and numba when a worker starts, and by ``_within_threads``
@@ -154,7 +152,11 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
     threads = str(max(1, (os.cpu_count() or 1) // workers))
     environment = dict.fromkeys(_THREADS, threads)
     # on this machine alone, for who has the certificates of this run alone, and with no pages
-    settings = {"distributed.nanny.pre-spawn-environ": environment, **_NO_PAGES}
+    settings = {
+        "distributed.nanny.pre-spawn-environ": environment,
+        **{f"distributed.{part}.preload": [_NO_PAGES] for part in ("scheduler", "worker")},
+        **{f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker")},
+    }
     with (
         dask.config.set(settings),
         LocalCluster(
@@ -163,6 +165,7 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
             host="127.0.0.1",
             security=True,
             dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,
