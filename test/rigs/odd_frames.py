@@ -82,22 +82,29 @@ def _read_only(image: Any, _: Random) -> Any:
     return copy
 
 
+def _columns(image: Any, which: slice, value: int) -> Any:
+    """Some columns of an image of any channels with another value."""
+    copy = image.copy()
+    copy[:, which] = value
+    return copy
+
+
 COLORS: Mapping[str, Mutator] = {
     "black": _color(lambda c, _: np.zeros_like(c)),
     "white": _color(lambda c, _: np.full_like(c, 255)),
     "noise": _color(lambda c, r: r.integers(0, 256, c.shape, np.uint8)),
     "negative": _color(lambda c, _: 255 - c),
-    "half black": _color(lambda c, _: np.where(np.arange(c.shape[1])[:, None] < 160, 0, c)),
+    "half black": _color(lambda c, _: _columns(c, slice(c.shape[1] // 2), 0)),
     "upside down": _color(lambda c, _: c[::-1]),
     "mirrored": _color(lambda c, _: c[:, ::-1]),
-    "stripes": _color(lambda c, _: np.where(np.arange(c.shape[1])[:, None] % 2, 255, 0 * c)),
+    "stripes": _color(lambda c, _: _columns(0 * c, slice(1, None, 2), 255)),
     "over-exposed": _color(lambda c, _: np.clip(c.astype(int) * 8, 0, 255).astype(np.uint8)),
     "grey": _color(lambda c, _: c[..., 0]),
     "not contiguous": _color(lambda c, _: np.asfortranarray(c)),
     "read only": _color(_read_only),
     "floats": _color(lambda c, _: c.astype(np.float32)),
     "16 bits": _color(lambda c, _: c.astype(np.uint16)),
-    "four channels": _color(lambda c, _: np.concatenate([c, c[..., :1]], axis=2)),
+    "four channels": _color(lambda c, _: np.concatenate([c, c[..., :1]], axis=-1)),
     "no image": _color(lambda _, __: None),
     "of another size": _color(lambda c, _: c[::2, ::2]),
 }
