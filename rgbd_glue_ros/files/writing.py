@@ -22,7 +22,7 @@ _NO_LOCKS = {errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
 def not_written(path: Path, error: OSError) -> InputError:
     """What to say where a file or folder cannot be written."""
     is_full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-    remedy = "free some space, or give another folder" if is_full else "give another folder (-o)"
+    remedy = "free some space, or give another place" if is_full else "give another place"
     return InputError(path, f"cannot be written ({error.strerror or error})", remedy)
 
 
@@ -35,7 +35,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
     aside = path.with_name(f".{path.name}.part")
     data = content.encode() if isinstance(content, str) else content
     try:
-        with aside.open("wb") as file:
+        # what lies there is of a run that was killed, or a link that leads elsewhere
+        aside.unlink(missing_ok=True)
+        with aside.open("xb") as file:
             file.write(data)
             file.flush()
             # else a power cut may leave the name, and nothing under it

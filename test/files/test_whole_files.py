@@ -51,6 +51,16 @@ def test_what_does_not_fit_on_the_disk_leaves_the_file_as_it_was(name: str, tmp_
     assert path.stat().st_size > 10_000
 
 
+def test_a_link_in_place_of_a_file_in_the_writing_is_not_followed(tmp_path: Path) -> None:
+    other = tmp_path / "others"
+    other.write_text("not ours")
+    (tmp_path / ".metrics.json.part").symlink_to(other)
+    write_whole(tmp_path / "metrics.json", "{}\n")
+    assert other.read_text() == "not ours"
+    assert (tmp_path / "metrics.json").read_text() == "{}\n"
+    assert not (tmp_path / "metrics.json").is_symlink()
+
+
 def test_a_trajectory_on_a_full_disk_ends_with_a_whole_line(tmp_path: Path) -> None:
     path = tmp_path / "trajectory.txt"
     T = np.eye(4)
