@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+from types import TracebackType
+
+ExceptionInfo = (
+    tuple[type[BaseException], BaseException, TracebackType | None] | tuple[None, None, None]
+)
+
 
 def printable(text: str, kept: str = "") -> str:
     r"""The text with every character that is not printable as its escape, such as ``\x1b``.
@@ -19,3 +26,13 @@ def printable(text: str, kept: str = "") -> str:
         c if c.isprintable() or c in kept else c.encode("unicode_escape").decode("ascii")
         for c in text
     )
+
+
+class PrintableFormatter(logging.Formatter):
+    """A message of a log is one line that is printable; a traceback has lines of its own below."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: D102 - see the base class
+        return printable(super().formatMessage(record))
+
+    def formatException(self, ei: ExceptionInfo) -> str:  # noqa: D102 - see the base class
+        return printable(super().formatException(ei), kept="\n")

@@ -13,7 +13,7 @@ from rgbd_glue_ros.cli.parser import BAD_INPUT, PROGRAM, complete, parse
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.live.end_signals import InterruptOnce
-from rgbd_glue_ros.printable import printable
+from rgbd_glue_ros.printable import PrintableFormatter, printable
 
 logger = logging.getLogger(__name__)
 
@@ -78,16 +78,9 @@ def _print(text: str) -> None:
         raise not_written(Path("standard output"), error) from error
 
 
-class _OneLine(logging.Formatter):
-    """A message is one line that a terminal shows; a traceback below it is left as it is."""
-
-    def formatMessage(self, record: logging.LogRecord) -> str:
-        return printable(super().formatMessage(record))
-
-
 def _log() -> logging.Handler:
     handler = logging.StreamHandler()
-    handler.setFormatter(_OneLine(f"{PROGRAM}: %(levelname)s: %(message)s"))
+    handler.setFormatter(PrintableFormatter(f"{PROGRAM}: %(levelname)s: %(message)s"))
     return handler
 
 

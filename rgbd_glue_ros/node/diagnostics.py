@@ -15,6 +15,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.messages.synchronizer import Synchronizer
 from rgbd_glue_ros.node.input_watch import NodeWatch
+from rgbd_glue_ros.printable import printable
 from rgbd_glue_ros.types import TrackingState
 
 DIAGNOSTIC_LEVELS = {
@@ -84,8 +85,8 @@ class NodeDiagnostics:
         status = DiagnosticStatus(
             level=level,
             name=f"{self._node.get_fully_qualified_name()}: odometry",
-            message=message,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            message=printable(message),
+            values=[KeyValue(key=key, value=printable(str(v))) for key, v in values.items()],
         )
         header = Header(stamp=self._node.get_clock().now().to_msg())
         self._publisher.publish(DiagnosticArray(header=header, status=[status]))

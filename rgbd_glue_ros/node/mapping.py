@@ -19,7 +19,6 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path as PathMessage
-from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from rgbd_glue_ros import parameters as cfg
@@ -36,8 +35,9 @@ from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
 from rgbd_glue_ros.node.inputs import node_inputs
+from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.node.parameters import declare_parameters
-from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
+from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
@@ -53,7 +53,7 @@ KEYFRAMES_WAITING = 100
 CLOSE_S = 4.0
 
 
-class MappingNode(Node):  # type: ignore[misc]
+class MappingNode(LoggedNode):
     """Publishes ``map`` -> ``odom`` and ``map/path``; a context manager, as it owns a thread."""
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class MappingNode(Node):  # type: ignore[misc]
             MissingExtraError: the libraries of the extra slam are not installed.
         """
         super().__init__(NODE_NAME)
-        self._log_handler = RosLogHandler(self.get_logger())
+        self._log_handler = RosLogHandler(self)
         logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
         self._config, config = declare_parameters(self)
         transforms = listen(self, self._config)

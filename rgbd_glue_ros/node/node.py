@@ -21,7 +21,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.exceptions import InvalidHandle
-from rclpy.node import Node
 from std_srvs.srv import Empty, Trigger
 
 from rgbd_glue_ros import parameters as cfg
@@ -46,9 +45,10 @@ from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
 from rgbd_glue_ros.node.imu import ImuInput
 from rgbd_glue_ros.node.input_watch import NodeWatch
 from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
+from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
-from rgbd_glue_ros.node.runtime import RosLogHandler, run_node
+from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.node.viewer import NodeViewer
 from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_pose
@@ -74,7 +74,7 @@ class _Arrival:
     arrived_ns: int
 
 
-class OdometryNode(Node):  # type: ignore[misc]
+class OdometryNode(LoggedNode):
     """RGB-D odometry as a node; a context manager, since it owns a thread.
 
     Attributes:
@@ -92,7 +92,7 @@ class OdometryNode(Node):  # type: ignore[misc]
         """
         super().__init__(NODE_NAME)
         self._give_up = give_up
-        self._log_handler = RosLogHandler(self.get_logger())
+        self._log_handler = RosLogHandler(self)
         logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
 
         self._node_config, self._config = declare_parameters(self)

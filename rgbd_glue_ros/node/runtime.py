@@ -1,14 +1,15 @@
-"""What runs a node and outlives its faults: start of ROS, executor, log."""
+"""What runs a node and outlives its faults: start of ROS, executor."""
 
 from __future__ import annotations
 
 import logging
 import os
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Protocol
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -20,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memory
+from rgbd_glue_ros.node.log import WITHOUT_FILE, PrintableLogger, explain_no_file
 
 # DDS tells of a node's topics before it tells its name.
 NAMES_S = 1.0
@@ -32,19 +34,28 @@ PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 logger = logging.getLogger(__name__)
 
 
-def init(args: list[str] | None) -> None:
+def init(name: str, args: list[str] | None) -> None:
     """Starts ROS, with the signals left to the process.
 
     rclpy's handlers would take the context away from a frame that is still in work.
+
+    Args:
+        name: of the node, for what is to be said before there is one.
+        args: ROS arguments; None takes the process's.
 
     Raises:
         InputError: the ROS arguments, or variables of the environment, make no sense.
     """
     check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
+    no_file = explain_no_file()
+    if no_file is not None:
+        args = [*(sys.argv if args is None else args), *WITHOUT_FILE]
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except (RCLError, UnknownROSArgsError) as error:
+    except (RuntimeError, UnknownROSArgsError) as error:
         raise _init_fault(error) from error
+    if no_file is not None:
+        PrintableLogger(name).warning(no_file)
 
 
 def check_domain(domain: str) -> None:
@@ -65,9 +76,6 @@ def _init_fault(error: Exception) -> InputError:
     """What kept ROS from starting, with the place that it is to be mended at."""
     # what follows are places in rcl's source
     cause = str(error).partition(", at /")[0]
-    if "log" in cause:
-        remedy = "set ROS_LOG_DIR, or HOME, to a folder that can be written to"
-        return InputError("ROS_LOG_DIR or HOME", cause, remedy)
     return InputError("ROS arguments", cause, "give --ros-args -p name:=value")
 
 
@@ -80,7 +88,7 @@ def _warn_of_shared_memory(name: str) -> None:
         return
     doubt = explain_shared_memory(profiles, memory.f_blocks * memory.f_frsize)
     if doubt:
-        rclpy.logging.get_logger(name).warning(doubt)
+        PrintableLogger(name).warning(doubt)
 
 
 class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
@@ -159,7 +167,7 @@ def run_node(
         end_signals.end()
 
     try:
-        init(args)
+        init(name, args)
         _warn_of_shared_memory(name)
         with create(give_up) as node:
             executor = NodeExecutor(node, node.is_news)
@@ -174,12 +182,12 @@ def run_node(
             if not spinning.is_alive():  # else a callback waits for the worker, which is ended next
                 executor.shutdown()
     except (InputError, MissingExtraError) as error:
-        rclpy.logging.get_logger(name).fatal(str(error))
+        PrintableLogger(name).fatal(str(error))
         return 2
     except RCLError as error:
         cause = str(error).partition(", at /")[0]
         remedy = "see the lines above, which the middleware wrote"
-        rclpy.logging.get_logger(name).fatal(f"ROS does not start: {cause}; {remedy}")
+        PrintableLogger(name).fatal(f"ROS does not start: {cause}; {remedy}")
         return 2
     finally:
         rclpy.try_shutdown()
@@ -195,21 +203,3 @@ def say_later(node: Node, line: Callable[[], str]) -> None:
         node.get_logger().error(line())
 
     timer = node.create_timer(NAMES_S, say, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-
-class RosLogHandler(logging.Handler):
-    """Sends what the library logs to the node's logger, and so to /rosout."""
-
-    def __init__(self, logger: Any) -> None:
-        super().__init__(logging.INFO)
-        self._logger = logger
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Logs a record; each severity from a line of its own, as rclpy demands."""
-        text = self.format(record)
-        if record.levelno >= logging.ERROR:
-            self._logger.error(text)
-        elif record.levelno >= logging.WARNING:
-            self._logger.warning(text)
-        else:
-            self._logger.info(text)

@@ -80,7 +80,7 @@ def test_a_damaged_cache_of_compiled_code_costs_no_pose(
 @pytest.mark.parametrize(
     ("variable", "value", "where"),
     [
-        ("ROS_LOG_DIR", f"{__file__}/log", "ROS_LOG_DIR or HOME: failed to initialize logging"),
+        ("ROS_LOG_DIR", f"{__file__}/log", f"ROS_LOG_DIR: {__file__}/log: Not a directory"),
         ("ROS_DOMAIN_ID", "500", "ROS_DOMAIN_ID: is '500'; set it to a whole number from 0 to 232"),
         ("ROS_DOMAIN_ID", "abc", "ROS_DOMAIN_ID: is 'abc'; set it to a whole number from 0 to 232"),
     ],
@@ -92,3 +92,17 @@ def test_a_variable_that_keeps_ros_from_starting_is_named_with_what_to_set(
         node.wait_for_line(where, PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
+
+
+def test_without_a_home_the_node_runs_and_says_that_its_log_is_in_no_file(
+    ros_domain: int,
+) -> None:
+    nowhere = dict.fromkeys(("HOME", "ROS_LOG_DIR", "ROS_HOME"), "")
+    environment = {**ros_environment(ros_domain), **nowhere}
+    with shown(NodeProcess({}, environment)) as node:
+        node.wait_for_line("Warming up", PATIENCE_S)
+        first, *_ = node.lines
+        assert "The log is kept in no file" in first
+        assert "set ROS_LOG_DIR" in first
+        # neither ROS nor anything else has more to say
+        assert all(line.startswith("[") for line in node.lines)
