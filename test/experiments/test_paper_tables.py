@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,8 +20,10 @@ from rgbd_glue_ros.experiments.pairs.paper_tables import (
     render,
 )
 from rgbd_glue_ros.experiments.peers import PEERS
-from rgbd_glue_ros.parameters import Config, load_preset
+from rgbd_glue_ros.features.weights import FILES
+from rgbd_glue_ros.parameters import Config, load_preset, with_values
 
+HAND_CRAFTED = ("none", "sift", "orb", "brisk")
 NUMBERS = ["1", "2", "3", "4", "5", "6", "S1", "S2", "S3"]
 
 
@@ -127,8 +130,23 @@ def test_k_is_the_papers_unless_the_table_is_about_it() -> None:
     estimators, _ = paper_table("5").estimators(base)
     ks = [e.glue.k for e in estimators.values() if isinstance(e, Config)]
     assert ks == [1, 3, 5, 7]
-    learned = [row for row in paper_table("3").rows if "lightglue" in row.features]
-    assert all(row.method.endswith("K=3") for row in learned)
+    estimators, _ = paper_table("3").estimators(base)
+    assert {e.k for e in estimators.values() if isinstance(e, Config)} == {5}
+    assert {row.k for row in paper_table("3").rows} == {None}
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_with_all_weights_every_row_of_features_is_measured(number: str, tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    for name in FILES:
+        (tmp_path / name).touch()
+    base = with_values(load_preset("paper"), {"features.weights": str(tmp_path)})
+    estimators, absent = paper_table(number).estimators(base)
+    assert not absent
+    for row in paper_table(number).rows:
+        estimator = estimators.get(row.method)
+        if isinstance(estimator, Config) and row.k is None:
+            assert estimator.k == (5 if row.features.split()[0] in HAND_CRAFTED else 3)
 
 
 def test_what_was_measured_stands_below_what_the_paper_prints() -> None:

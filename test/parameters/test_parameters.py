@@ -366,3 +366,10 @@ def test_k_is_the_papers_for_the_feature_unless_it_is_set(
     visual: str, k: float, taken: float
 ) -> None:
     assert with_values(Config(), {"features.visual": visual, "glue.k": k}).k == taken
+
+
+def test_the_papers_preset_asks_for_no_more_than_the_paper() -> None:
+    config = load_preset("paper")
+    assert config.glue.over_chance == 0
+    assert config.glue.fallback == "none"
+    assert config.refine.iterations == 0

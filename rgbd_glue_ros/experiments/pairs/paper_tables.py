@@ -24,8 +24,10 @@ from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.parameters import Config, with_values
 
-_LEARNED_VISUAL = frozenset({"lightglue", "superglue"})
-_K_LEARNED, _K_HAND_CRAFTED = 3, 5
+_LIGHTGLUE = (
+    "LightGlue here is LighterGlue on XFeat's features; the paper's is LightGlue on SuperPoint's, "
+    "whose weights are for research alone."
+)
 
 
 @dataclass(frozen=True)
@@ -137,12 +139,7 @@ class Row:
         """Rows of one method are measured by the same registrations; empty if only cited."""
         if not self.features:
             return self.peer
-        return f"{self.features} K={self._k:g}"
-
-    @property
-    def _k(self) -> float:
-        visual = self.features.split()[0]
-        return self.k or (_K_LEARNED if visual in _LEARNED_VISUAL else _K_HAND_CRAFTED)
+        return self.features if self.k is None else f"{self.features} K={self.k:g}"
 
     def estimator(self, base: Config) -> Estimator:
         """What measures the row.
@@ -156,7 +153,11 @@ class Row:
         visual, geometric = self.features.split()
         config = with_values(
             base,
-            {"features.visual": visual, "features.geometric": geometric, "glue.k": float(self._k)},
+            {
+                "features.visual": visual,
+                "features.geometric": geometric,
+                "glue.k": float(self.k or 0),
+            },
         )
         require(config.features)
         return config
@@ -257,6 +258,8 @@ def render(
         "",
         f"Paper: on {table.data}, as printed. Here: on {', '.join(recordings)}.",
     ]
+    if any("lightglue" in row.features for row in table.rows):
+        lines.append(_LIGHTGLUE)
     for group, rows in groupby(table.rows, key=lambda row: row.group):
         cells = [
             line
