@@ -43,6 +43,19 @@ class BoundedLoader(yaml.SafeLoader):
             self._sizes[event.anchor] = self._nodes - before
         return node
 
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """As PyYAML does it, but of a name that is given twice nobody knows which value counts."""
+        node: yaml.MappingNode = super().compose_mapping_node(anchor)
+        lines: dict[tuple[str, str], int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            name, line = (key.tag, key.value), key.start_mark.line + 1
+            if name in lines:
+                raise yaml.YAMLError(f"line {line}: {key.value} is given in line {lines[name]} too")
+            lines[name] = line
+        return node
+
 
 def documents(text: str, loader: type[BoundedLoader] = BoundedLoader) -> Iterator[Any]:
     """The values of every document in a text.
@@ -54,6 +67,10 @@ def documents(text: str, loader: type[BoundedLoader] = BoundedLoader) -> Iterato
         raise yaml.YAMLError(f"more than {MAX_TEXT} characters")
     try:
         yield from yaml.load_all(text, loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f"line {mark.line + 1}: " if mark else ""
+        raise yaml.YAMLError(f"{line}{error.problem or error.context}") from error
     except (ValueError, OverflowError, RecursionError, AttributeError) as error:
         # what PyYAML lets through: dates that are none, numbers of a million digits
         raise yaml.YAMLError(f"a value that is none ({error})") from error

@@ -11,6 +11,8 @@ import yaml
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.bounded_yaml import document
+from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.synchronizer import Channel
 
@@ -73,7 +75,7 @@ def load_camera(name: str) -> Camera:
 
 def _content(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = document(read_text(path))
         return {part: {**content.get(part, {})} for part in ("topics", "parameters")}
     except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, TypeError) as error:
         raise InputError(

@@ -120,6 +120,18 @@ def test_yaml_that_stands_for_more_than_it_holds_is_refused(bomb: str, tmp_path:
         load_calibration(path)
 
 
+def test_a_name_that_is_given_twice_is_refused_with_both_lines() -> None:
+    for text, said in {
+        "a: 1\nb: 2\na: 3": "line 3: a is given in line 1 too",
+        "x:\n  - {b: 1, c: 2,\n     b: 1}": "line 3: b is given in line 2 too",
+    }.items():
+        with pytest.raises(yaml.YAMLError, match=said):
+            document(text)
+    # what is merged may be given anew, and one name in two places
+    merged = "a: &a {x: 1, y: 2}\nb: &b {<<: *a, y: 3}\nc: {<<: *b, x: 4}"
+    assert document(merged)["c"] == {"x": 4, "y": 3}
+
+
 def test_aliases_of_a_few_values_are_read() -> None:
     assert document("a: &a [1, 2]\nb: *a\nc: {d: *a}") == {
         "a": [1, 2],
@@ -189,7 +201,15 @@ def test_what_input_names_is_read_by_the_one_reader() -> None:
     package = ROOT / "rgbd_glue_ros"
     found = {
         path.name
-        for part in ("parameters", "messages", "evaluation", "recordings", "slam", "features")
+        for part in (
+            "parameters",
+            "messages",
+            "evaluation",
+            "recordings",
+            "live",
+            "slam",
+            "features",
+        )
         for path in (package / part).rglob("*.py")
         if path.name not in _OWN and _READS.search(path.read_text())
     }
