@@ -62,7 +62,6 @@ _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
         "kb4",
     ),
 }
-# How many coefficients OpenCV takes of each
 
 
 def intrinsics_of(info: CameraInfo, image_topic: str, where: str) -> CameraIntrinsics:
@@ -198,8 +197,19 @@ def _is_without_size(msg: CameraInfo) -> bool:
     )
 
 
-def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraIntrinsics:
-    """The camera of ``matrix`` [3, 3], cropped and binned, without distortion."""
+def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> CameraIntrinsics:
+    """The camera of a matrix [3, 3], without distortion.
+
+    Args:
+        matrix: fx 0 cx, 0 fy cy, 0 0 1; pixels.
+        width: of its images, pixels; 0 with ``height`` where that is not known.
+        height: the same.
+        name: of the matrix, for errors.
+        where: it is from, for errors.
+
+    Raises:
+        InputError: it is another matrix, askew, or that of no camera with such images.
+    """
     if not matrix.any():
         raise InputError(
             where,
@@ -217,13 +227,32 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
             "calibrate the camera without skew, as camera_calibration and OpenCV do, and give "
             "that (--calibration FILE)",
         )
-    if not (np.isfinite(matrix).all() and np.array_equal(matrix, expected) and min(fx, fy) > 0):
-        raise _no_camera(name, matrix, msg, where)
-    camera = CameraIntrinsics(msg.width, msg.height, fx, fy, cx, cy)
+    if not np.isfinite(matrix).all() or not np.array_equal(matrix, expected):
+        raise _no_camera(f"{name} is {matrix.tolist()}, not fx 0 cx, 0 fy cy, 0 0 1", where)
+    try:
+        camera = CameraIntrinsics(width, height, fx, fy, cx, cy)
+    except InputError as fault:
+        number = fault.where.rpartition(".")[2]
+        raise _no_camera(f"{number} of {name} {fault.cause}", where) from fault
+    if (width or height) and not is_plausible(camera):
+        raise _no_camera(
+            f"fx = {fx:g}, fy = {fy:g}, cx = {cx:g}, cy = {cy:g} of {name} are no camera's whose "
+            f"images have {width}x{height} pixels",
+            where,
+        )
+    return camera
+
+
+def _no_camera(cause: str, where: str) -> InputError:
+    remedy = "give numbers in pixels of the images, or another calibration (--calibration FILE)"
+    return InputError(where, cause, remedy)
+
+
+def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraIntrinsics:
+    """The camera of ``matrix`` [3, 3], cropped and binned, without distortion."""
+    camera = pinhole(matrix, msg.width, msg.height, name, where)
     if _is_without_size(msg):
         return camera
-    if not is_plausible(camera):
-        raise _no_camera(name, matrix, msg, where)
     return _binned(_cropped(camera, msg, where), msg, where)
 
 
@@ -232,14 +261,6 @@ def is_plausible(camera: CameraIntrinsics) -> bool:
     side = max(camera.width, camera.height)
     return side / MAX_SIDES < min(camera.fx, camera.fy) and (
         max(camera.fx, camera.fy, abs(camera.cx), abs(camera.cy)) < side * MAX_SIDES
-    )
-
-
-def _no_camera(name: str, matrix: Float64, msg: CameraInfo, where: str) -> InputError:
-    return InputError(
-        where,
-        f"{name} is no camera matrix of {msg.width}x{msg.height} pixels: {matrix.tolist()}",
-        "calibrate the camera again",
     )
 
 

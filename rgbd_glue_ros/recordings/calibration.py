@@ -114,7 +114,7 @@ def read_calibration(path: Path) -> Calibration:
     values = cameras[0][1]
     try:
         info, depth_scale = _camera_info(values), _depth_scale(values, content)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, OverflowError, TypeError, ValueError) as error:
         raise InputError(path, f"is no camera calibration ({error})", _REMEDY) from error
     return Calibration(intrinsics_from_message(info, str(path)), depth_scale)
 
@@ -127,8 +127,9 @@ def _content(text: str) -> Any:
         return (
             {"resolution": numbers[:-4], "k": numbers[-4:]} if len(numbers) == 6 else {"k": numbers}
         )
+    # of names that are given twice YAML says the line
     with suppress(ValueError):
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=_each_once)
     named = ost_camera(text) or colmap_cameras(text)
     if named is not None:
         return named
@@ -144,6 +145,13 @@ def _numbers(text: str) -> list[float] | None:
         return [float(word) for word in words] or None
     except ValueError:
         return None
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        raise ValueError("a name is given twice")
+    return content
 
 
 class _Loader(BoundedLoader):

@@ -18,7 +18,7 @@ from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, read_text
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
-from rgbd_glue_ros.messages.camera_info import is_plausible, of_image_size
+from rgbd_glue_ros.messages.camera_info import of_image_size, pinhole
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.recordings.faults import Faults
@@ -350,24 +350,9 @@ def camera_of_matrix(where: object, K: Float64, width: int, height: int) -> Came
     """The camera of a matrix [3, 3], or of the upper left of a larger one.
 
     Raises:
-        InputError: it is none: not finite, a focal length not above zero, askew, or of other
-            images.
+        InputError: it is none, as of ``pinhole``.
     """
-    K = K[:3, :3]
-    rest = [K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1]
-    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and not np.any(rest)):
-        raise InputError(
-            where, "is no camera matrix", "restore it, or give the calibration (--calibration)"
-        )
-    fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
-    camera = CameraIntrinsics(width, height, fx, fy, cx, cy)
-    if not is_plausible(camera):
-        raise InputError(
-            where,
-            f"is no camera matrix of {width}x{height} pixels",
-            "restore it, or give the calibration (--calibration)",
-        )
-    return camera
+    return pinhole(K[:3, :3], width, height, "K", str(where))
 
 
 def ground_truth(files: Iterable[tuple[int, Path]]) -> Trajectory | None:

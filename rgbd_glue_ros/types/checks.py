@@ -11,6 +11,8 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 
 _END_OF_TIME_NS = 2**63
+# Pixels: no camera that an image is of has others, and with others numbers overflow.
+_SHORTEST, _LONGEST = 0.01, 1e6
 _CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"
 
 
@@ -26,16 +28,17 @@ def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, c
         cy: the same.
 
     Raises:
-        InputError: a size is negative, a focal length not above zero, or a number not finite.
+        InputError: a size is negative, a focal length not from 0.01 to a million pixels, or the
+            centre farther away.
     """
     for name, size in (("width", width), ("height", height)):
         if size < 0:
             raise _fault(_CAMERA, name, f"is {size}", "give the size in pixels")
     for name, length in (("fx", fx), ("fy", fy)):
-        if not 0 < length < math.inf:
+        if not _SHORTEST <= length <= _LONGEST:
             raise _fault(_CAMERA, name, f"is {length}", "give the focal length in pixels")
     for name, centre in (("cx", cx), ("cy", cy)):
-        if not math.isfinite(centre):
+        if not abs(centre) <= _LONGEST:
             raise _fault(_CAMERA, name, f"is {centre}", "give pixels")
 
 

@@ -185,9 +185,15 @@ def test_cropping_shifts_and_binning_scales_the_camera() -> None:
     ("changes", "cause"),
     [
         ({"k": np.zeros(9), "p": np.zeros(12)}, "K is all zeros: the camera is not calibrated"),
-        ({"k": np.full(9, np.nan)}, "K is no camera matrix"),
-        ({"k": np.array([60, 0, np.inf, 0, 60, 23, 0, 0, 1])}, "K is no camera matrix"),
-        ({"k": np.array([-60.0, 0, 31, 0, 60, 23, 0, 0, 1])}, "K is no camera matrix"),
+        ({"k": np.full(9, np.nan)}, "K is [[nan, nan, nan], ["),
+        ({"k": np.array([60, 0, np.inf, 0, 60, 23, 0, 0, 1])}, "K is [[60.0, 0.0, inf], ["),
+        ({"k": np.array([-60.0, 0, 31, 0, 60, 23, 0, 0, 1])}, "fx of K is -60.0"),
+        ({"k": np.array([60.0, 0, 31, 0, 0, 23, 0, 0, 1])}, "fy of K is 0.0"),
+        ({"k": np.array([60.0, 0, 31, 0, 60, 23, 9, 0, 1])}, "not fx 0 cx, 0 fy cy, 0 0 1"),
+        (
+            {"k": np.array([60.0, 0, 31, 0, 9e4, 23, 0, 0, 1])},
+            "fx = 60, fy = 90000, cx = 31, cy = 23 of K are no camera's whose images have 64x48",
+        ),
         ({"d": np.array([np.nan] * 5)}, "D holds"),
         ({"distortion_model": "equidistant"}, "distortion model 'equidistant' are not supported"),
         ({"width": 0}, "an image of 0x48 pixels"),

@@ -369,5 +369,5 @@ def test_a_camera_matrix_that_is_none_is_named_by_its_file(K: str, tmp_path: Pat
     for kind in ("color", "depth"):
         (tmp_path / f"frame-000000.{kind}.png").write_bytes(b"")
     (tmp_path / "camera-intrinsics.txt").write_text(K)
-    with pytest.raises(InputError, match=r"camera-intrinsics\.txt: is no camera matrix"):
+    with pytest.raises(InputError, match=r"camera-intrinsics\.txt: .*K"):
         open_recording(tmp_path)

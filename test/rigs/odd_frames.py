@@ -149,11 +149,11 @@ SIZES: Mapping[str, Mutator] = {
 }
 
 CAMERAS: Mapping[str, Mutator] = {
-    "hardly a focal length": _camera(fx=1e-9, fy=1e-9),
-    "a huge focal length": _camera(fx=1e12, fy=1e12),
+    "hardly a focal length": _camera(fx=0.01, fy=0.01),
+    "a huge focal length": _camera(fx=1e6, fy=1e6),
     "a focal length beyond all bounds": _camera(fx=1e300, fy=1e300),
-    "focal lengths far apart": _camera(fx=1e-3, fy=1e6),
-    "a centre far away": _camera(cx=1e9, cy=-1e9),
+    "focal lengths far apart": _camera(fx=0.01, fy=1e6),
+    "a centre far away": _camera(cx=1e6, cy=-1e6),
     "a centre beyond all bounds": _camera(cx=1e300),
     "a NaN": _camera(fx=NAN),
     "an infinity": _camera(cy=INF),
