@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.image_codecs import encode_jpeg, encode_png, quantised
 from rgbd_glue_ros.types import (
@@ -156,6 +157,20 @@ class Imu:
     angular_velocity_covariance: Float64
     linear_acceleration: Vector3
     linear_acceleration_covariance: Float64
+
+
+def check_recordable(stamp_ns: int) -> None:
+    """Refuses a time that a bag has no place for: builtin_interfaces/Time ends in 2038.
+
+    Raises:
+        InputError: the stamp is before 1970, or after that.
+    """
+    if not 0 <= stamp_ns < 2**31 * NANOSECONDS:
+        raise InputError(
+            "the recording",
+            f"has a stamp of {stamp_ns / NANOSECONDS:.9g} s, and bags hold those from 0 to 2^31 s",
+            "shift its stamps, or correct the line that has it",
+        )
 
 
 def header(stamp_ns: int, frame_id: str) -> Header:

@@ -100,3 +100,19 @@ def test_a_frame_without_a_frame_name_gets_one(tmp_path: Path) -> None:
         bag.write(bag.encode(replace(FRAMES[0], frame_id="")))
     with BagRecording(tmp_path / "bag") as sequence:
         assert [frame.frame_id for frame in sequence] == [CAMERA_FRAME]
+
+
+@pytest.mark.parametrize("stamp_ns", [-1, 2**31 * 10**9])
+def test_a_time_that_no_bag_holds_is_refused_and_the_bag_is_whole(
+    stamp_ns: int, tmp_path: Path
+) -> None:
+    good, bad = make_frames(1)[0], replace(make_frames(1)[0], stamp_ns=stamp_ns)
+    with BagWriter(tmp_path / "bag", RAW) as bag:
+        bag.write(bag.encode(good))
+        for frame in (bad, replace(good, depth_delay_ns=stamp_ns - good.stamp_ns)):
+            with pytest.raises(InputError, match="bags hold those from 0 to 2\\^31 s"):
+                bag.encode(frame)
+        with pytest.raises(InputError, match="has a stamp of"):
+            bag.write_pose(stamp_ns, np.eye(4))
+    with BagRecording(tmp_path / "bag") as recording:
+        assert [frame.stamp_ns for frame in recording] == [good.stamp_ns]

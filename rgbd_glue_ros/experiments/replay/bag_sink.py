@@ -77,7 +77,12 @@ class BagSink:
         self._topics = {name: self._topic(name, kind) for name, kind in _TYPES.items()}
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Takes a frame."""
+        """Takes a frame.
+
+        Raises:
+            InputError: its time is none that a bag holds.
+        """
+        fields.check_recordable(frame.stamp_ns)
         camera = frame.frame_id or CAMERA_FRAME
         head = fields.header(frame.stamp_ns, camera)
         image = fields.compressed_color_image(match_image(frame, estimate), head, _JPEG_QUALITY)

@@ -25,6 +25,7 @@ from rgbd_glue_ros.messages.fields import (
     Header,
     Image,
     camera_info,
+    check_recordable,
     color_image,
     compressed_color_image,
     compressed_depth_image,
@@ -143,7 +144,12 @@ def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
     Args:
         frame: the frame.
         codec: ``RAW`` or ``COMPRESSED``.
+
+    Raises:
+        InputError: its time is none that a bag holds.
     """
+    for stamp_ns in (frame.stamp_ns, frame.stamp_ns + frame.depth_delay_ns):
+        check_recordable(stamp_ns)
     head = header(frame.stamp_ns, frame.frame_id or CAMERA_FRAME)
     depth_head = header(frame.stamp_ns + frame.depth_delay_ns, head.frame_id)
     serialize = _TYPES.serialize_cdr
@@ -198,7 +204,8 @@ class BagWriter(Closing):
         self._writer.write(self._depth, frame.stamp_ns, frame.depth)
 
     def write_pose(self, stamp_ns: int, T_world_camera: Float64) -> None:
-        """Adds a true pose [4, 4] of the optical frame."""
+        """Adds a true pose [4, 4] of the optical frame; raises InputError as of its time."""
+        check_recordable(stamp_ns)
         if self._pose is None:
             self._pose = self._topic(GROUND_TRUTH_TOPIC, _POSE_TYPE, _POSE_QOS)
         pose = pose_stamped(T_world_camera, header(stamp_ns, WORLD_FRAME))
