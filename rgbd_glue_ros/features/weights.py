@@ -187,6 +187,13 @@ def weights_folder(config: FeaturesConfig) -> Path:
     return Path(data) / "rgbd_glue_ros" / "weights"
 
 
+def learned_features(config: FeaturesConfig) -> tuple[str, ...]:
+    """The parameters that choose a learned feature, as ``features.visual:=xfeat``."""
+    with_weights = {name for entry in FILES.values() for name in entry.features}
+    chosen = (("visual", config.visual), ("geometric", config.geometric))
+    return tuple(f"features.{kind}:={name}" for kind, name in chosen if name in with_weights)
+
+
 def require(config: FeaturesConfig) -> None:
     """Asks for what the configured features need, and reads nothing.
 

@@ -145,7 +145,9 @@ def explain_losses(
     )
 
 
-def explain_slowness(processed: int, left_out: int, period_ns: int, width: int) -> str | None:
+def explain_slowness(
+    processed: int, left_out: int, period_ns: int, width: int, learned: Sequence[str] = ()
+) -> str | None:
     """That frames come faster than they are processed; None while it is less than a tenth.
 
     Args:
@@ -153,20 +155,31 @@ def explain_slowness(processed: int, left_out: int, period_ns: int, width: int) 
         left_out: frames that gave way to a newer one, lately.
         period_ns: between colour images, nanoseconds.
         width: of the colour images as they are processed, pixels; 0 if none came yet.
+        learned: parameters that choose a learned feature, as ``features.visual:=xfeat``.
     """
     frames = processed + left_out
     if left_out <= 1 or left_out < WORTH_A_WARNING * frames:
         return None
-    rate = f" at {NANOSECONDS / period_ns:.0f} Hz" if period_ns else ""
-    remedy = (
-        f"set max_width:={SMALL_WIDTH}, or have the driver send smaller images"
-        if width > SMALL_WIDTH
-        else "give the node more of the processor, or have the driver send fewer frames"
-    )
+    hertz = NANOSECONDS / period_ns if period_ns else 0.0
+    rate = f" at {hertz:.0f} Hz" if hertz else ""
+    kept = f" ({hertz * processed / frames:.1f} Hz)" if hertz else ""
     return (
         f"{left_out} of {frames} frames were left out, since they come faster{rate} than this "
-        f"machine processes them at {width} pixels of width: {remedy}"
+        f"machine processes them{kept} at {width} pixels of width: {_faster(width, learned)}"
     )
+
+
+def _faster(width: int, learned: Sequence[str]) -> str:
+    """What makes frames take less time."""
+    if learned:
+        return (
+            f"{' and '.join(learned)} takes most of it unless there is a GPU; start the node with "
+            "the features of the live preset, or with lower features.matcher_keypoints, "
+            f"features.keypoints and features.geometric_keypoints, or max_width:={SMALL_WIDTH // 2}"
+        )
+    if width > SMALL_WIDTH:
+        return f"set max_width:={SMALL_WIDTH}, or have the driver send smaller images"
+    return "give the node more of the processor, or have the driver send fewer frames"
 
 
 def _names(channels: Sequence[Channel]) -> str:

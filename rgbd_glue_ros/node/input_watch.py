@@ -63,6 +63,7 @@ class NodeWatch:
         synchronizer: Synchronizer[Any],
         monitor: Monitor,
         stamps: StampSource,
+        learned: Sequence[str],
     ) -> None:
         """Has seen nothing yet.
 
@@ -71,9 +72,11 @@ class NodeWatch:
             synchronizer: counts messages.
             monitor: counts frames.
             stamps: tells which messages go by their receipt.
+            learned: parameters that choose a learned feature.
         """
         self.silence = self.drops = ""
         self._stamps = stamps
+        self._learned = learned
         self._monitor = monitor
         self._node = node
         self._synchronizer = synchronizer
@@ -115,6 +118,7 @@ class NodeWatch:
             now.left_out - before.left_out,
             synchronizer.period_ns,
             self._monitor.width,
+            self._learned,
         )
         self._say_if_new("lost", lost)
         self._say_if_new("slow", slow)

@@ -25,6 +25,7 @@ from std_srvs.srv import Empty, Trigger
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.features.weights import learned_features
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live import topics
@@ -117,7 +118,8 @@ class OdometryNode(LoggedNode):
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
         self._viewer = NodeViewer(self._node_config.rerun)
-        self._watch = NodeWatch(self, self._synchronizer, self.monitor, self._stamps)
+        learned = learned_features(self._config.features)
+        self._watch = NodeWatch(self, self._synchronizer, self.monitor, self._stamps, learned)
         self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._watch)
         for name, serve in (
             (topics.RESET_SERVICE, self._serve_reset),

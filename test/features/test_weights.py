@@ -10,7 +10,12 @@ import pytest
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.checkpoint import read_tensors
-from rgbd_glue_ros.features.weights import FILES, require, weights_folder
+from rgbd_glue_ros.features.weights import (
+    FILES,
+    learned_features,
+    require,
+    weights_folder,
+)
 from rgbd_glue_ros.parameters import (
     GEOMETRIC_FEATURES,
     LEARNED_VISUAL_FEATURES,
@@ -42,6 +47,12 @@ def test_the_features_that_have_weights_are_those_that_are_called_learned() -> N
     assert with_weights & {*VISUAL_FEATURES} == {*LEARNED_VISUAL_FEATURES}
     assert {*VISUAL} == {*VISUAL_FEATURES}
     assert {*GEOMETRIC} == {*GEOMETRIC_FEATURES}
+
+
+def test_learned_features_are_told_by_their_parameters() -> None:
+    both = FeaturesConfig(visual="xfeat", geometric="minispinnet")
+    assert learned_features(both) == ("features.visual:=xfeat", "features.geometric:=minispinnet")
+    assert learned_features(FeaturesConfig(visual="orb", geometric="none")) == ()
 
 
 def test_what_may_not_be_passed_on_is_never_brought_from_anywhere() -> None:

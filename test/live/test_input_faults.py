@@ -113,5 +113,10 @@ def test_frames_that_come_too_fast_are_said_with_the_parameter_that_makes_them_s
     small = explain_slowness(67, 83, 33_333_333, 640)
     assert small is not None
     assert "max_width" not in small
+    learned = explain_slowness(20, 130, 33_333_333, 640, ["features.visual:=xfeat"])
+    assert learned is not None
+    assert "processes them (4.0 Hz)" in learned
+    assert "features.visual:=xfeat takes most of it" in learned
+    assert "features.matcher_keypoints" in learned
     assert explain_slowness(140, 10, 33_333_333, 1280) is None
     assert explain_slowness(0, 0, 0, 0) is None
