@@ -21,9 +21,16 @@ from rigs.room import panned_frame, room_frame, true_pose
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
+from rgbd_glue_ros.features import VISUAL
+from rgbd_glue_ros.features.visual import (
+    DescribedKeypoints,
+    OpenCvFeature,
+    VisualMatches,
+    orb_detector,
+)
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.parameters import Config, load_preset, with_values
+from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -32,6 +39,7 @@ from rgbd_glue_ros.types import (
     RgbdFrame,
     TrackingState,
     Trajectory,
+    View,
 )
 
 PERIOD_NS = NANOSECONDS // 30
@@ -216,6 +224,34 @@ def test_either_feature_may_be_left_out(visual: str, geometric: str) -> None:
     estimates = track(recorded_frames()[:30], config)
     metres, _ = errors(estimates, true_poses()[:30])
     assert metres.max() < 0.02
+
+
+class CountingFeature(OpenCvFeature):
+    """ORB that counts what is asked of it."""
+
+    extracted = 0
+    matched = 0
+
+    def extract(self, view: View) -> DescribedKeypoints:
+        self.extracted += 1
+        return super().extract(view)
+
+    def match(self, source: DescribedKeypoints, target: DescribedKeypoints) -> VisualMatches:
+        self.matched += 1
+        return super().match(source, target)
+
+
+def test_a_frame_is_described_once_and_a_keyframe_keeps_what_describes_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What a slow network says of an image is asked for once."""
+    feature = CountingFeature(orb_detector(FeaturesConfig()), FeaturesConfig())
+    monkeypatch.setitem(VISUAL, "orb", lambda _: feature)
+    config = with_values(PATIENT, {"odometry.keyframe_translation": 0.005})
+    estimates = track((room_frame(time) for time in np.arange(6) / 30), config)
+    assert len({estimate.keyframe_id for estimate in estimates}) > 1
+    assert feature.extracted == len(estimates)
+    assert feature.matched >= len(estimates) - 1
 
 
 @pytest.mark.slow
