@@ -14,7 +14,14 @@ from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, path_length
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.types import Float64, OdometryEstimate, PoseGraphEdge, TrackingState, Trajectory
+from rgbd_glue_ros.types import (
+    Float64,
+    ImuCalibration,
+    OdometryEstimate,
+    PoseGraphEdge,
+    TrackingState,
+    Trajectory,
+)
 
 
 @dataclass(frozen=True)
@@ -77,6 +84,7 @@ class Run:
         unanswered_ns: stamps of frames that were played to a node and came back without a pose.
         thumbnails: small JPEGs of some frames, by stamp.
         up: which way is up in the frame of the trajectory, a unit vector [3]; None if no IMU told.
+        imu: what was learnt of it in the end; None if there was none.
         command: that asked for the run, to be quoted; "" where a program did.
     """
 
@@ -88,6 +96,7 @@ class Run:
     unanswered_ns: tuple[int, ...] = ()
     thumbnails: dict[int, bytes] = field(default_factory=dict)
     up: Float64 | None = None
+    imu: ImuCalibration | None = None
     command: str = ""
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
@@ -147,6 +156,8 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     }
     if run.up is not None:
         content["up"] = run.up.tolist()
+    if run.imu is not None:
+        content["imu"] = run.imu.values()
     if evaluation is not None:
         content["ape"] = asdict(evaluation.ape)
         content["rpe"] = asdict(evaluation.rpe) if evaluation.rpe else None

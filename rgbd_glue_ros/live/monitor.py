@@ -12,7 +12,14 @@ from enum import Enum
 import numpy as np
 
 from rgbd_glue_ros.errors import without_numbers
-from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RegistrationResult, TrackingState
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    ImuCalibration,
+    ImuUse,
+    OdometryEstimate,
+    RegistrationResult,
+    TrackingState,
+)
 
 # Frames that the latency is taken over: the last half minute.
 LATENCY_WINDOW = 1000
@@ -124,6 +131,7 @@ class Monitor:
         self._latencies_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._evidence: dict[str, str] = {}
+        self._imu: ImuCalibration | None = None
         self._last_pose_ns = clock()
         self._refused: Drop | None = None
         self._last_error = ""
@@ -158,6 +166,11 @@ class Monitor:
             self._published_ns.append(published_ns)
             if estimate.registration is not None:
                 self._evidence |= _evidence(estimate.registration)
+
+    def learnt(self, imu: ImuCalibration) -> None:
+        """What is known of the IMU now."""
+        with self._lock:
+            self._imu = imu
 
     def dropped(self, reason: Drop) -> None:
         """A frame got no estimate."""
@@ -198,6 +211,7 @@ class Monitor:
                 "without_pose_s": f"{self._without_pose_ns(now_ns) / NANOSECONDS:.3f}",
                 "why_no_pose": self._why_no_pose,
                 **self._evidence,
+                **_imu_values(self._imu),
                 "last_error": self._last_error,
             }
 
@@ -243,6 +257,21 @@ class Monitor:
                 float(p50),
                 float(p95),
             )
+
+
+def _imu_values(imu: ImuCalibration | None) -> dict[str, str]:
+    if imu is None:
+        return {}
+    if imu.use is ImuUse.NONE:
+        return {"imu_use": imu.use.value}
+    return {f"imu_{name}": _rounded(value) for name, value in imu.values().items()}
+
+
+def _rounded(value: str | float | list[float]) -> str:
+    """Numbers to a part in a million of their unit, several with blanks between."""
+    if isinstance(value, str):
+        return value
+    return " ".join(f"{number:.6f}" for number in np.atleast_1d(value))
 
 
 def _evidence(result: RegistrationResult) -> dict[str, str]:

@@ -272,6 +272,7 @@ class OdometryNode(LoggedNode):
             if self.monitor.is_news("a frame", repr(error)):
                 logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
             return
+        self.monitor.learnt(self._odometry.inertial.calibration)
         self._say_once("imu", explain_distrust(self._odometry.inertial.gyroscope))
         why = explain_no_pose(estimate, self._config.camera)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gravity import up_direction
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, camera_covariance
 from rgbd_glue_ros.parameters import MotionConfig, RefineConfig
-from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuCalibration, ImuSamples, ImuUse
 
 # A turn over a longer time has gathered more of the bias than it is worth.
 _LONGEST_TURN_NS = 10 * NANOSECONDS
@@ -62,6 +64,25 @@ class Inertial:
         if turn is None:
             return motion.predicted(stamp_ns, config)
         return motion.predicted_by(turn, stamp_ns, config)
+
+    @property
+    def calibration(self) -> ImuCalibration:
+        """What was learnt of the IMU so far, and what it is used for."""
+        sigmas = np.sqrt(np.diag(self.gyroscope.covariance))
+        return ImuCalibration(
+            self._use(),
+            self.gyroscope.bias,
+            sigmas[:3],
+            self.gyroscope.time_offset,
+            float(sigmas[3]),
+        )
+
+    def _use(self) -> ImuUse:
+        if not len(self.samples):
+            return ImuUse.NONE
+        if np.isnan(self.samples.angular_velocity).all():
+            return ImuUse.GRAVITY
+        return ImuUse.TURNS if self.gyroscope.is_trusted else ImuUse.DISTRUSTED
 
     def up(self, stamp_ns: int) -> Float64 | None:
         """The direction away from the earth at a stamp, as of ``up_direction``."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from rgbd_glue_ros.types.arrays import NANOSECONDS, Float32, Float64, Int64, UInt8
 from rgbd_glue_ros.types.camera import CameraIntrinsics, LensModel
 from rgbd_glue_ros.types.frames import RgbdFrame, View
-from rgbd_glue_ros.types.imu import ImuSamples
+from rgbd_glue_ros.types.imu import ImuCalibration, ImuSamples, ImuUse
 from rgbd_glue_ros.types.odometry import (
     DepthSummary,
     EdgeOrigin,
@@ -28,7 +28,9 @@ __all__ = [
     "EdgeOrigin",
     "Float32",
     "Float64",
+    "ImuCalibration",
     "ImuSamples",
+    "ImuUse",
     "Int64",
     "LensModel",
     "OdometryEstimate",

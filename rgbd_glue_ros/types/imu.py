@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
@@ -59,3 +60,42 @@ class ImuSamples:
     def empty() -> ImuSamples:
         """No samples."""
         return ImuSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)))
+
+
+class ImuUse(Enum):
+    """What an IMU beside the camera is used for."""
+
+    NONE = "no samples"
+    GRAVITY = "gravity alone: it measures no angular velocity"
+    TURNS = "turns and gravity"
+    DISTRUSTED = "not for turns: it turns otherwise than the images do"
+
+
+@dataclass(frozen=True)
+class ImuCalibration:
+    """What was learnt of an IMU beside the images.
+
+    Attributes:
+        use: made of it.
+        bias: float64 [3], what the gyroscope shows at rest, in the axes of the camera's optical
+            frame, rad/s.
+        bias_sigmas: float64 [3], standard deviations of it.
+        time_offset: the IMU's stamp of a moment less the camera's, seconds.
+        time_offset_sigma: standard deviation of it.
+    """
+
+    use: ImuUse
+    bias: Float64
+    bias_sigmas: Float64
+    time_offset: float
+    time_offset_sigma: float
+
+    def values(self) -> dict[str, str | float | list[float]]:
+        """By name and unit, as ``metrics.json`` and diagnostics have them."""
+        return {
+            "use": self.use.value,
+            "bias_rad_s": self.bias.tolist(),
+            "bias_sigmas_rad_s": self.bias_sigmas.tolist(),
+            "time_offset_s": self.time_offset,
+            "time_offset_sigma_s": self.time_offset_sigma,
+        }

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.live.monitor import FAULTS_WINDOW_NS, MAX_FAULTS, Drop, Monitor, Summary
-from rgbd_glue_ros.types import OdometryEstimate, TrackingState
+from rgbd_glue_ros.types import ImuCalibration, ImuUse, OdometryEstimate, TrackingState
 
 MS = 1_000_000
 POSE = OdometryEstimate(0, TrackingState.TRACKING, T_odom_camera=np.eye(4))
@@ -111,3 +111,24 @@ def test_frames_that_somebody_asked_to_leave_out_are_no_error() -> None:
     monitor.dropped(Drop.PAUSED)
     monitor.dropped(Drop.TOO_SOON)
     assert monitor.why_refused(7000 * MS) == ""
+
+
+def test_what_is_known_of_an_imu_is_told_with_units_and_nothing_of_one_that_sends_nothing() -> None:
+    monitor = Monitor()
+    assert not [name for name in monitor.values(0) if name.startswith("imu")]
+    known = ImuCalibration(
+        ImuUse.TURNS, np.array([0.01, -0.02, 0.0]), np.full(3, 1e-3), 0.005, 2e-3
+    )
+    monitor.learnt(known)
+    assert (
+        monitor.values(0).items()
+        >= {
+            "imu_use": "turns and gravity",
+            "imu_bias_rad_s": "0.010000 -0.020000 0.000000",
+            "imu_time_offset_s": "0.005000",
+            "imu_time_offset_sigma_s": "0.002000",
+        }.items()
+    )
+    monitor.learnt(replace(known, use=ImuUse.NONE))
+    told = {name: v for name, v in monitor.values(0).items() if name.startswith("imu")}
+    assert told == {"imu_use": "no samples"}

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import make_bag
 import numpy as np
 import pytest
+from raycast_room.imu import BMI055, simulated_imu
+from raycast_room.motion import hand_held
+from rigs.bag_frames import recorded_frames
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
 from rgbd_glue_ros.geometry import se3
@@ -103,3 +109,40 @@ def test_a_gyroscope_that_turns_while_the_images_stand_still_is_not_used_and_tha
         node.wait_for_line("the gyroscope turns otherwise than the images do", PATIENCE_S)
         first = pose_from_message(rig.poses[0], "pose")
         np.testing.assert_allclose(pose_from_message(pose, "pose"), first, atol=5e-3)
+
+
+@pytest.mark.slow
+def test_bias_and_time_offset_of_the_imu_are_on_the_diagnostics(ros_domain: int) -> None:
+    frames = recorded_frames()[:30]
+    start_ns = frames[0].stamp_ns - round(make_bag.time_s(0) * NANOSECONDS)
+    errors = replace(BMI055, time_offset=0.01)
+    samples = simulated_imu(lambda time_s: hand_held(time_s).matrix, -0.5, 2.0, errors, start_ns)
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
+        imu = rig.publisher(Imu, IMU)
+        rig.wait_until_matched()
+        rig.wait(imu.get_subscription_count, "the subscription to the IMU")
+        sent = 0
+        for frame in frames:
+            # as a driver does, a little ahead of the images
+            while sent < len(samples) and samples.stamps_ns[sent] < frame.stamp_ns + PERIOD_NS:
+                message = fields.imu(samples, sent, frame.frame_id)
+                imu.publish(fields.copy_fields(message, Imu()))
+                sent += 1
+            rig.pose_of(frame)
+
+        def learnt() -> dict[str, str]:
+            pairs = (p for d in rig.diagnostics[-1:] for s in d.status for p in s.values)
+            return {pair.key: pair.value for pair in pairs}
+
+        rig.wait(lambda: learnt().get("frames") == str(len(frames)), "diagnostics of all frames")
+        told = learnt()
+        assert told["imu_use"] == "turns and gravity"
+        node.wait_for_line("Turning with", PATIENCE_S)
+    bias, sigmas = (
+        np.array(told[f"imu_{name}_rad_s"].split(), np.float64) for name in ("bias", "bias_sigmas")
+    )
+    assert (sigmas < 0.025).all()  # from 0.03
+    assert (np.abs(bias - errors.bias) < 4 * sigmas).all()
+    offset, sigma = (float(told[f"imu_time_offset{name}_s"]) for name in ("", "_sigma"))
+    assert sigma < 0.03  # as it began
+    assert abs(offset - errors.time_offset) < 4 * sigma

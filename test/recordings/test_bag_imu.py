@@ -138,7 +138,10 @@ def test_a_replay_turns_with_the_imu_of_its_bag(tmp_path: Path) -> None:
     assert gyroscope.is_trusted
     off = np.linalg.norm(gyroscope.bias - BMI055.bias)
     assert off < 0.5 * np.linalg.norm(BMI055.bias)
-    up = json.loads((tmp_path / "out" / METRICS).read_text())["up"]
+    metrics = json.loads((tmp_path / "out" / METRICS).read_text())
+    assert metrics["imu"]["use"] == "turns and gravity"
+    assert metrics["imu"]["bias_rad_s"] == pytest.approx(gyroscope.bias)
+    up = metrics["up"]
     # at the first frame there was one sample of the moving sensor
     true_up = true_pose(0.0)[:3, :3].T @ [0, 0, 1]
     assert np.degrees(np.arccos(up @ true_up)) < 10

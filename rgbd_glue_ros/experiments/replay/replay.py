@@ -31,7 +31,15 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
-from rgbd_glue_ros.types import ImuSamples, OdometryEstimate, RgbdFrame, TrackingState, Trajectory
+from rgbd_glue_ros.types import (
+    ImuCalibration,
+    ImuSamples,
+    ImuUse,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+    Trajectory,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -123,6 +131,7 @@ def replay_into(
                 now = perf_counter()
                 run.add(estimate, 1000 * (now - before))
                 run.wall_s = now - start
+                run.imu = _learnt(odometry)
                 if estimate.T_odom_camera is not None:
                     run.up = odometry.inertial.up(estimate.stamp_ns) if starts else run.up
                     trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
@@ -150,6 +159,11 @@ def replay_into(
             f"what there is to see of them is in {folder}",
         )
     return run
+
+
+def _learnt(odometry: Odometry) -> ImuCalibration | None:
+    imu = odometry.inertial.calibration
+    return None if imu.use is ImuUse.NONE else imu
 
 
 def _warn_of_scale(frame: RgbdFrame, name: str) -> None:
