@@ -191,8 +191,8 @@ class KeyframeMap:
         radius = self._config.odometry.drift_radius
         anchors = self._keyframes.anchors(T_odom_camera, radius)[:_ANCHORS_COMPARED]
         if anchors:
-            config = replace(self._config, refine=calibration.refine_config())
-            self._drift.update_later(DriftCorrection.after_revisit, keyframe, anchors, config)
+            learnt = calibration.learnt_config()
+            self._drift.update_later(DriftCorrection.after_revisit, keyframe, anchors, learnt)
 
     def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
         """What a frame that should become a keyframe shows of the room; None if it should not."""

@@ -20,7 +20,7 @@ from rgbd_glue_ros.odometry.progress import Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
-from rgbd_glue_ros.parameters import Config, RefineConfig
+from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import blend
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
@@ -155,9 +155,9 @@ class Odometry(Closing):
         """The keyframe made last; None before the first."""
         return self._map.newest()
 
-    def refine_config(self) -> RefineConfig:
-        """How poses are refined, by what is known of the camera now."""
-        return self._calibration.refine_config()
+    def learnt_config(self) -> Config:
+        """The parameters by what is known of the camera now: how poses are refined, and err."""
+        return self._calibration.learnt_config()
 
     def new_edges(self) -> tuple[PoseGraphEdge, ...]:
         """What was measured between keyframes since the last call.
@@ -219,7 +219,10 @@ class Odometry(Closing):
         T_odom_track = self._map.advance_correction(
             fix.reference, last.T_track_camera, motion.T_track_camera
         )
-        covariance = tracked_covariance(motion, fix.reference, self._config.odometry)
+        learnt = self._calibration.learnt_config()
+        # the filter smooths by what is common to cameras; what is said of a pose is of this one
+        said = corrected_motion(predicted, fix.estimate, learnt.refine)
+        covariance = tracked_covariance(said, fix.reference, learnt.odometry)
         # with its pose known, the twist of the frame is known better than when it was predicted
         view = replace(attempt.features.view, twist=motion.twist)
         is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS

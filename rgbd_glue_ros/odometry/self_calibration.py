@@ -9,8 +9,12 @@ from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
 from rgbd_glue_ros.odometry.tracking import PoseFix
 from rgbd_glue_ros.parameters import Config, RefineConfig
+from rgbd_glue_ros.refinement.agreement import BandAgreement
 from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, View
+
+# Every so many frames it is seen how far the parts of an image agree: it changes slowly.
+_COMPARED_EVERY = 2
 
 
 class SelfCalibration:
@@ -24,6 +28,8 @@ class SelfCalibration:
         self._config = config
         self._time_offsets = BackgroundValue(background, TimeOffsets.start(config.time_offsets, ""))
         self._depth_color_check = BackgroundValue(background, DepthColorCheck.start())
+        self._agreement = BackgroundValue(background, BandAgreement())
+        self._frames = 0
 
     def reconfigure(self, config: Config) -> None:
         """Takes other parameters; what was learnt stays."""
@@ -52,6 +58,23 @@ class SelfCalibration:
             return config
         return replace(config, pixel_weight=min(config.pixel_weight, config.unregistered_weight))
 
+    def learnt_config(self) -> Config:
+        """The parameters as this camera has shown them to be, for covariances.
+
+        How many residuals count as one follows from how far parts of its images agree; the error of
+        time, from how long an image takes to be read.
+        """
+        refine, odometry = self.refine_config(), self._config.odometry
+        count = self._agreement.current().residuals_per_independent_one(
+            refine.residuals_per_independent_one
+        )
+        share = self._time_offsets.current().readout_share
+        return replace(
+            self._config,
+            refine=replace(refine, residuals_per_independent_one=count),
+            odometry=replace(odometry, timing_error=share * odometry.timing_error),
+        )
+
     def learn_from(
         self, fix: PoseFix, view: View, T_track_camera: Float64, *, twist_is_certain: bool
     ) -> None:
@@ -71,6 +94,15 @@ class SelfCalibration:
                 view,
                 self.refine_config(),
                 self._config.time_offsets,
+            )
+        self._frames += 1
+        if self._frames % _COMPARED_EVERY == 0:
+            self._agreement.update_later(
+                BandAgreement.after_frame,
+                fix.estimate.refinement,
+                fix.model,
+                view,
+                self.refine_config(),
             )
         if self._depth_color_check.current().needs_view_from(T_track_camera):
             self._depth_color_check.update_later(DepthColorCheck.after_view, view, T_track_camera)

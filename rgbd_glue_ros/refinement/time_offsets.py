@@ -66,6 +66,12 @@ class TimeOffsets:
         """Whether it is known, so that images have nothing to add."""
         return not self.covariance.any()
 
+    @property
+    def readout_share(self) -> float:
+        """How long an image may take to be read, as a part of what a Kinect's takes."""
+        longest = abs(self.readout_time) + float(np.sqrt(self.covariance[1, 1]))
+        return longest / _PRIMESENSE_READOUT_TIME_S
+
     def corrected(
         self,
         refinement: Refinement,

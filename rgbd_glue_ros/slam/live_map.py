@@ -144,7 +144,7 @@ class LiveMap:
                 if edge.parent in self._rows
             )
             self._mapper.add_edges(known)
-            loops = self._mapper.add(self._keyframe(row, keyed), self._config.refine)
+            loops = self._mapper.add(self._keyframe(row, keyed), self._config)
             self.loops += len(loops)
             edges += (*known, *loops)
         self._update(edges)

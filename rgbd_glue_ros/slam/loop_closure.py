@@ -7,12 +7,15 @@ A place that looks like another may pass one of these; two rooms never passed al
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import is_conclusive
 from rgbd_glue_ros.odometry.keyframe_edges import refined_covariance
 from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.agreement import BandAgreement
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
@@ -54,7 +57,12 @@ def loop_edge(
     T = refinement.T_model_source
     if se3.difference(T, se3.inverse(back.T_model_source)) > _SAME:
         return None
-    covariance = refined_covariance(refinement, np.eye(4), child.features.view.twist, config)
+    view = child.features.view
+    # two that were taken long apart may disagree as no neighbours do
+    agreement = BandAgreement().after_frame(refinement, parent.model, view, config.refine)
+    count = agreement.residuals_per_independent_one(config.refine.residuals_per_independent_one)
+    honest = replace(config, refine=replace(config.refine, residuals_per_independent_one=count))
+    covariance = refined_covariance(refinement, np.eye(4), view.twist, honest)
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
 

@@ -11,7 +11,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.features.visual import orb
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import Config, RefineConfig
+from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import Appearance, Likeness
 from rgbd_glue_ros.slam.loop_closure import loop_edge
@@ -67,17 +67,17 @@ class Mapper:
         """Takes what the odometry measured."""
         self.edges += edges
 
-    def add(self, keyframe: MapKeyframe, refine: RefineConfig) -> tuple[PoseGraphEdge, ...]:
+    def add(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
         """Takes a keyframe, and looks for places that it looks like.
 
         Args:
             keyframe: its number is the next one.
-            refine: how poses are refined, as the odometry knows the camera by now.
+            config: with what the odometry knows of the camera by now.
 
         Returns:
             The loops found.
         """
-        self._config = replace(self._config, refine=refine)
+        self._config = config
         descriptors = self._descriptors(keyframe)
         alike = self._appearance.like(descriptors)
         self._appearance.add(keyframe.number, descriptors)

@@ -98,3 +98,12 @@ def test_a_frame_that_gives_no_finite_number_leaves_the_timing_as_it_was() -> No
     poisoned = replace(found, affine_brightness=np.full(3, np.nan))
     assert timing.corrected(found, model, view, REFINE, SURE) is not timing
     assert timing.corrected(poisoned, model, view, REFINE, SURE) is timing
+
+
+def test_the_share_of_a_readout_is_what_it_may_be_of_a_kinects() -> None:
+    kinect = TimeOffsets.start(TimeOffsetsConfig(), "openni_rgb_optical_frame")
+    assert kinect.readout_share == 1.0
+    assert TimeOffsets(0.0, 0.0, np.zeros((2, 2))).readout_share == 0.0
+    # read from below, and not yet known to 5 ms
+    backwards = TimeOffsets(0.0, -0.021, np.diag([0.0, 0.005**2]))
+    assert backwards.readout_share == pytest.approx(1.0)

@@ -22,6 +22,10 @@ CHANGED = {
 }
 """Keyframes near each other, and drift left in: what loops are to find."""
 
+_DRIFT_M, _DRIFT_RAD = 0.005, 0.002
+# of somebody who drifts so, and knows
+_DRIFT_COVARIANCE = np.diag([_DRIFT_M**2] * 3 + [_DRIFT_RAD**2] * 3)
+
 
 @dataclass(frozen=True)
 class Drifted:
@@ -64,7 +68,13 @@ def drifted() -> tuple[Drifted, ...]:
         edges = []
         for edge in estimate.edges:
             T_parent = found[edge.parent].T_odom_camera
-            edges.append(replace(edge, T_parent_child=se3.inverse(T_parent) @ T))
+            edges.append(
+                replace(
+                    edge,
+                    T_parent_child=se3.inverse(T_parent) @ T,
+                    covariance=edge.covariance + _DRIFT_COVARIANCE,
+                )
+            )
         kept = MapKeyframe.of(newest, estimate.T_odom_camera)
         found.append(Drifted(row, kept, T, true_poses()[row], tuple(edges)))
     return tuple(found)
@@ -77,5 +87,5 @@ def rmse(poses: Float64, truth: Float64) -> float:
 
 
 def _drifting(T: Float64, number: int) -> Float64:
-    step = se3.exp(np.array([0.005, 0, 0, 0, 0.002, 0]))
+    step = se3.exp(np.array([_DRIFT_M, 0, 0, 0, _DRIFT_RAD, 0]))
     return np.linalg.matrix_power(step, number) @ T

@@ -22,7 +22,7 @@ def mapped_with_drift() -> Mapper:
     mapper = Mapper(config(), HammingVotes())
     for known in drifted():
         mapper.add_edges(known.edges)
-        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config().refine)
+        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config())
     return mapper
 
 
@@ -89,6 +89,6 @@ def test_without_a_loop_poses_stay_where_the_odometry_has_them() -> None:
     mapper = Mapper(config(), HammingVotes())
     for known in drifted()[:2]:
         mapper.add_edges(known.edges)
-        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config().refine)
+        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config())
     optimum = mapper.finish()
     np.testing.assert_array_equal(optimum.graph.keyframes.poses, mapper.graph.keyframes.poses)

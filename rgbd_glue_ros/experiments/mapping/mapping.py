@@ -73,7 +73,7 @@ class MappingSink:
         start = perf_counter()
         kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
         kept = replace(kept, number=start_row + kept.number)
-        self._mapper.add(kept, self._odometry.refine_config())
+        self._mapper.add(kept, self._odometry.learnt_config())
         self.ms.append(1000 * (perf_counter() - start))
         self.clouds.append(cloud_of(frame))
 

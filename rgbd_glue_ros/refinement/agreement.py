@@ -1,0 +1,114 @@
+"""How far the parts of an image agree on a pose: what its residuals do not show by their number.
+
+Thousands of residuals would make a pose exact to micrometres, were they independent. They are not:
+a lens or a registration that is a little off, or noise that neighbours share, moves whole parts of
+the image alike. Each part then has an optimum of its own, and how far these lie apart, by what its
+residuals promise, is how many residuals count as one (Cochran's Q of a meta-analysis).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, log
+
+import numpy as np
+
+from rgbd_glue_ros.parameters import RefineConfig
+from rgbd_glue_ros.refinement.gauss_newton import DAMPING, Refinement
+from rgbd_glue_ros.refinement.level_problem import level_problem
+from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.residual_rows import (
+    Rows,
+    normal_equations,
+    pixel_rows,
+    plane_rows,
+)
+from rgbd_glue_ros.types import Float64, View
+
+# Bands of rows: each sees of the scene what fixes a pose.
+_BANDS = 3
+# Frames that are remembered; a camera's faults change with the scene, and not at once.
+_MEMORY = 30
+# What is expected of a camera counts as much as so many of them, until they are seen.
+_EXPECTATION = 1
+# What the bands have in common, as the pose and the faults of the model, no disagreement shows. It
+# is this many times as much, in squares, over all sequences of docs/benchmarks.md.
+_IN_COMMON = 50.0
+
+
+@dataclass(frozen=True)
+class BandAgreement:
+    """What is known of it from some frames.
+
+    Attributes:
+        frames: that were looked at, those remembered at most.
+        log_excess: mean logarithm of their Q per degree of freedom.
+    """
+
+    frames: int = 0
+    log_excess: float = 0.0
+
+    def residuals_per_independent_one(self, expected: float) -> float:
+        """How many residuals count as one; ``expected`` before a frame was looked at."""
+        seen = self.frames / (self.frames + _EXPECTATION)
+        return exp(seen * (log(_IN_COMMON) + self.log_excess) + (1 - seen) * log(expected))
+
+    def after_frame(
+        self, refinement: Refinement, model: Model, source: View, config: RefineConfig
+    ) -> BandAgreement:
+        """What is known after a frame.
+
+        Args:
+            refinement: the frame's pose in the model.
+            model: which it was refined against.
+            source: the frame.
+            config: weights of the residuals.
+        """
+        T = refinement.T_model_source
+        problem = level_problem(model, source.grey, 0, source, config)
+        rows = (
+            plane_rows(T, problem),
+            pixel_rows(T, problem, refinement.affine_brightness),
+        )
+        excess = disagreement(rows)
+        if excess is None:
+            return self
+        frames = min(self.frames + 1, _MEMORY)
+        change = (log(max(excess, 1.0)) - self.log_excess) / frames
+        return BandAgreement(frames, self.log_excess + change)
+
+
+def disagreement(rows: Sequence[Rows]) -> float | None:
+    """Q per degree of freedom of the optima of bands of rows; None where one alone has any.
+
+    1 in the mean, where residuals err independently by what they are divided by.
+
+    Args:
+        rows: residuals of one pose, of several kinds.
+    """
+    bands = [_of_band(rows, band) for band in range(_BANDS)]
+    # one that leaves a direction open has no optimum
+    known = [(H, g) for H, g in bands if np.linalg.eigvalsh(H)[0] > DAMPING]
+    if len(known) < 2:
+        return None
+    apart = sum(_explained(H, g) for H, g in known)
+    together = _explained(*(np.sum(terms, axis=0) for terms in zip(*known, strict=True)))
+    return float(apart - together) / (6 * (len(known) - 1))
+
+
+def _of_band(rows: Sequence[Rows], band: int) -> tuple[Float64, Float64]:
+    """Hessian [6, 6] and gradient [6] of a band."""
+    H, g = np.zeros((6, 6)), np.zeros(6)
+    for of_kind in rows:
+        # normalised row time goes from -1/2 at the first row to 1/2 at the last
+        inside = np.floor(_BANDS * (of_kind.row_time + 0.5)).clip(0, _BANDS - 1) == band
+        of_band = (of_kind.jacobian[inside], of_kind.weight[inside], of_kind.residual[inside])
+        H_kind, g_kind = normal_equations(*of_band)
+        H, g = H + H_kind, g + g_kind
+    return H, g
+
+
+def _explained(H: Float64, g: Float64) -> float:
+    """How much a band's own optimum lowers its squared residuals."""
+    return float(g @ np.linalg.solve(H + DAMPING * np.eye(6), g))
