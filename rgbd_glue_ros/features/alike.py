@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm, convolution
+from rgbd_glue_ros.features.layers import (
+    Tensor,
+    Weights,
+    batch_norm,
+    convolution,
+    enlarged,
+    unit_in_place,
+)
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
 from rgbd_glue_ros.features.score_maps import local_maxima, sample, soft_offsets, strongest
 from rgbd_glue_ros.features.torch_library import F, device_of, inference, torch
@@ -67,14 +74,14 @@ def alike(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
     """
     height, width = image.shape[-2:]
     x = F.pad(image, (0, -width % _STRIDE, 0, -height % _STRIDE))
-    size = x.shape[-2:]
+    size = tuple(x.shape[-2:])
     levels = []
     for number, pooling in ((1, 1), (2, 2), (3, 4), (4, 4)):
         x = _block(F.max_pool2d(x, pooling), w.below(f"block{number}"))
         level = F.relu(convolution(x, w.below(f"conv{number}")))
-        levels.append(F.interpolate(level, size, mode="bilinear", align_corners=True))
+        levels.append(enlarged(level, size))
     x = convolution(torch.cat(levels, dim=1), w.below("convhead2"))[..., :height, :width]
-    return torch.sigmoid(x[:, -1:]), F.normalize(x[:, :-1], dim=1)
+    return torch.sigmoid(x[:, -1:]), unit_in_place(x[:, :-1].float())
 
 
 def _block(x: Tensor, w: Weights) -> Tensor:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm, convolution
+from rgbd_glue_ros.features.layers import (
+    Tensor,
+    Weights,
+    batch_norm,
+    convolution,
+    enlarged,
+    unit_in_place,
+)
 from rgbd_glue_ros.features.learned import LearnedFeature, most_keypoints
 from rgbd_glue_ros.features.lightglue import CONFIDENCE, LightGlue
 from rgbd_glue_ros.features.score_maps import local_maxima, soft_offsets, strongest
@@ -68,12 +75,12 @@ def aliked(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
     down, right = -height % _STRIDE, -width % _STRIDE
     top, left = down // 2, right // 2
     x = F.pad(image, (left, right - left, top, down - top), mode="replicate")
-    size = x.shape[-2:]
+    size = tuple(x.shape[-2:])
     levels = []
     for number, pooling in ((1, 1), (2, 2), (3, 4), (4, 4)):
         x = _block(F.avg_pool2d(x, pooling), w.below(f"block{number}"))
         level = F.selu(convolution(x, w.below(f"conv{number}")))
-        levels.append(F.interpolate(level, size, mode="bilinear", align_corners=True))
+        levels.append(enlarged(level, size))
     features = torch.cat(levels, dim=1)
     scores = convolution(features, w.below("score_head", 0))
     for number in (2, 4, 6):
@@ -81,7 +88,7 @@ def aliked(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
     rows, columns = slice(top, top + height), slice(left, left + width)
     return (
         torch.sigmoid(scores[..., rows, columns]),
-        F.normalize(features[..., rows, columns], dim=1),
+        unit_in_place(features[..., rows, columns].float()),
     )
 
 
