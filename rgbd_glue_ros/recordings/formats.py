@@ -110,6 +110,15 @@ def _open_scannet(path: Path, given: Given) -> Recording:
 
 
 def _open_folder(path: Path, given: Given) -> Recording:
+    is_unit_told = given.inputs.metres_per_unit is not None or given.told_scale is not None
+    if tum.has_lost_its_lists(path) and not is_unit_told:
+        raise InputError(
+            path,
+            f"lacks {tum.COLOR_LIST} and {tum.DEPTH_LIST} of a TUM data set, so that the unit of "
+            "its depth is not known",
+            f"restore them, or give it: --set depth_scale={1 / tum.UNITS_PER_METRE:g} as in TUM's "
+            "own, --set depth_scale=0.001 for millimetres",
+        )
     recording = image_folder.open_folder(
         path, given.camera, given.topics.color, given.topics.depth, given.depth_camera
     )

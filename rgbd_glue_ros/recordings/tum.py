@@ -6,6 +6,7 @@ A folder with ``rgb.txt`` and ``depth.txt`` (lines ``stamp file``), and ``ground
 from __future__ import annotations
 
 import logging
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,12 @@ from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
 from rgbd_glue_ros.recordings import icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
-from rgbd_glue_ros.recordings.folder.lists import association_in, paired, scale_in_comments
+from rgbd_glue_ros.recordings.folder.lists import (
+    association_in,
+    lists_in,
+    paired,
+    scale_in_comments,
+)
 from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
 from rgbd_glue_ros.types import CameraIntrinsics, ImuSamples
@@ -36,6 +42,9 @@ CALIBRATION = "camera_info.yaml"
 """Not part of the layout as published; where it is there, it is believed."""
 
 UNITS_PER_METRE = 5000
+
+# How depth images of its sequences are called: by the time, in seconds since 1970
+_STAMPED = re.compile(r"\d{10}\.\d{6}\.png")
 
 _DEPTH = DepthEncoding(units_per_metre=UNITS_PER_METRE, invalid=(0,))
 
@@ -68,6 +77,21 @@ def matches(folder: Path) -> bool:
     images = all((folder / name).is_dir() for name in ("rgb", "depth"))
     is_damaged = images and (folder / GROUND_TRUTH).is_file() and not association_in(folder)
     return all(listed) or is_damaged
+
+
+def has_lost_its_lists(folder: Path) -> bool:
+    """Whether images in TUM's folders, with TUM's names, have no list any more.
+
+    Others name folders and images so too, and keep millimetres: TUM's other files tell, or its
+    name.
+    """
+    depth = next((folder / "depth").glob("*"), None)
+    if depth is None or not (_STAMPED.fullmatch(depth.name) and (folder / "rgb").is_dir()):
+        return False
+    if lists_in(folder) or association_in(folder):
+        return False
+    others = any((folder / name).is_file() for name in (GROUND_TRUTH, ACCELEROMETER))
+    return others or any(part in folder.resolve().name.lower() for part in _CAMERAS)
 
 
 def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:

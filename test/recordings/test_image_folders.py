@@ -546,3 +546,23 @@ def test_an_archive_of_record3d_is_told_what_to_export(tmp_path: Path) -> None:
     archive(tmp_path / "scan.r3d")
     with pytest.raises(InputError, match=r"Record3D.*; export EXR \+ RGB"):
         open_recording(tmp_path / "scan.r3d")
+
+
+@pytest.mark.parametrize("has_truth", [True, False])
+def test_a_tum_data_set_whose_lists_are_lost_is_read_once_its_unit_is_told(
+    has_truth: bool, tmp_path: Path
+) -> None:
+    """Of images alone, so named by many, it is not TUM's that they are."""
+    folder = tmp_path / "set"
+    images(folder, "rgb/{s}.png", "depth/{s}.png", 5000)
+    text(folder / "K.txt", K)
+    if not has_truth:
+        with open_recording(folder) as recording:
+            assert np.nanmedian(next(iter(recording)).depth) == pytest.approx(5 * metres(0))
+        return
+    text(folder / "groundtruth.txt", *tum_lines())
+    with pytest.raises(InputError, match=r"lacks rgb\.txt and depth\.txt .*depth_scale=0\.0002"):
+        open_recording(folder)
+    with open_recording(folder, inputs=InputConfig(depth_scale=0.0002)) as recording:
+        assert np.nanmedian(next(iter(recording)).depth) == pytest.approx(metres(0))
+        assert recording.ground_truth is not None
