@@ -77,10 +77,12 @@ class Calibration:
     Attributes:
         intrinsics: the camera; width and height are 0 where the file does not tell them.
         depth_scale: metres of one unit of the depth images; None if the file does not tell.
+        source: the file, for errors.
     """
 
     intrinsics: CameraIntrinsics
     depth_scale: float | None = None
+    source: str = "the calibration given"
 
 
 def load_calibration(path: Path) -> CameraIntrinsics:
@@ -116,7 +118,7 @@ def read_calibration(path: Path) -> Calibration:
         info, depth_scale = _camera_info(values), _depth_scale(values, content)
     except (KeyError, OverflowError, TypeError, ValueError) as error:
         raise InputError(path, f"is no camera calibration ({error})", _REMEDY) from error
-    return Calibration(intrinsics_from_message(info, str(path)), depth_scale)
+    return Calibration(intrinsics_from_message(info, str(path)), depth_scale, str(path))
 
 
 def _content(text: str) -> Any:

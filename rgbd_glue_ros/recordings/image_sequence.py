@@ -205,7 +205,8 @@ class ImageSequence(Closing):
         """
         size = (self.intrinsics.height, self.intrinsics.width)
         shape = size if any(size) else color.shape[:2]
-        camera = of_image_size(self.intrinsics, shape, self.name, str(pair.color))
+        told = f"the calibration of {self.name}"
+        camera = of_image_size(self.intrinsics, shape, told, str(pair.color))
         color = reduced(color, camera)
         depth_size = camera if self.depth_camera is None else self.depth_camera.intrinsics
         depth = self._depth(pair.depth, (depth_size.width, depth_size.height))

@@ -73,7 +73,7 @@ def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> Im
         for stamp, path in zip(stamps, depth.values(), strict=True)
     )
     color = next(_frames(video)).shape[:2]
-    camera = of_image_size(calibration, color, str(folder), str(video))
+    camera = of_image_size(calibration, color, f"the calibration of {folder}", str(video))
     shape = read_image(pairs[0].depth).shape[:2]
     camera = of_image_size(camera, (shape[0], shape[1]), str(video), str(pairs[0].depth))
     return ImageSequence(

@@ -566,3 +566,11 @@ def test_a_tum_data_set_whose_lists_are_lost_is_read_once_its_unit_is_told(
     with open_recording(folder, inputs=InputConfig(depth_scale=0.0002)) as recording:
         assert np.nanmedian(next(iter(recording)).depth) == pytest.approx(metres(0))
         assert recording.ground_truth is not None
+
+
+def test_a_calibration_of_images_of_another_shape_is_named_by_its_file(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    images(folder, "rgb/{s}.png", "depth/{s}.png")
+    text(folder / "camera_info.yaml", "width: 64", "height: 20", "fx: 60", "cx: 31.5", "cy: 9.5")
+    with pytest.raises(InputError, match=r"camera_info\.yaml: is of 64x20 pixels, but .* 64x48"):
+        open_recording(folder)

@@ -76,9 +76,9 @@ def open_folder(
     told = _calibration(folder) if calibration is None else Calibration(calibration)
     color_shape, depth_shape = _first_readable(pairs)
     if depth_camera is None:
-        camera = _fitted(told.intrinsics, color_shape, depth_shape, pairs[0], folder)
+        camera = _fitted(told, color_shape, depth_shape, pairs[0])
     else:
-        camera = of_image_size(told.intrinsics, color_shape, str(folder), str(pairs[0].color))
+        camera = of_image_size(told.intrinsics, color_shape, told.source, str(pairs[0].color))
     sequence = ImageSequence(
         folder.resolve().name,
         pairs,
@@ -129,17 +129,17 @@ def _calibration(folder: Path) -> Calibration:
 
 
 def _fitted(
-    camera: CameraIntrinsics,
+    told: Calibration,
     color: tuple[int, int],
     depth: tuple[int, int],
     pair: ImagePair,
-    folder: Path,
 ) -> CameraIntrinsics:
     """The camera at the size of the depth images; heights and widths of both."""
+    camera = told.intrinsics
     if color[::-1] != (camera.width, camera.height) == depth[::-1]:
         # a calibration of the depth images: colour of the same view is reduced to them
         return camera
-    camera = of_image_size(camera, color, str(folder), str(pair.color))
+    camera = of_image_size(camera, color, told.source, str(pair.color))
     return of_image_size(camera, depth, str(pair.color), str(pair.depth))
 
 
