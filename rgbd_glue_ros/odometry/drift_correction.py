@@ -45,6 +45,19 @@ class DriftCorrection:
         """Drift that is taken out already."""
         return DriftCorrection(T_odom_track, T_odom_track)
 
+    @property
+    def left(self) -> Float64:
+        """What is known and not yet taken out, twist [6] on the left of poses."""
+        return se3.log(self.target @ se3.inverse(self.T_odom_track))
+
+    def after_shift(self, T_shift: Float64) -> DriftCorrection:
+        """The drift after poses as tracked were shifted, so that those given out are not.
+
+        Args:
+            T_shift: float64 [4, 4], multiplied on the left of poses as tracked.
+        """
+        return replace(self, T_odom_track=self.T_odom_track @ se3.inverse(T_shift))
+
     def advanced(self, T_before: Float64, T_now: Float64, rate: float) -> DriftCorrection:
         """The drift after the camera has moved.
 

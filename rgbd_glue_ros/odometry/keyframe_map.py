@@ -174,6 +174,22 @@ class KeyframeMap:
         self._drift.replace(drift)
         return drift.T_odom_track
 
+    def shift_track(self, T_shift: Float64) -> None:
+        """Goes on with poses that are shifted, and without a jump of those given out.
+
+        Args:
+            T_shift: float64 [4, 4], multiplied on the left of tracked poses from now on.
+        """
+        self._drift.replace(self._drift.current().after_shift(T_shift))
+
+    def uncorrected_covariance(self) -> Float64:
+        """What the drift that is known and not yet taken out adds to a covariance [6, 6].
+
+        Perturbation on the left, in the odom frame.
+        """
+        left = self._drift.current().left
+        return np.outer(left, left)
+
     def _add(
         self,
         stamp_ns: int,

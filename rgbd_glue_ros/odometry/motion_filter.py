@@ -104,6 +104,15 @@ class Motion:
         twist = np.concatenate([predicted.twist[:3], turn.angular_velocity])
         return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
 
+    def shifted(self, T_shift: Float64) -> Motion:
+        """The same motion elsewhere: poses that have T_shift [4, 4] multiplied on the left."""
+        return replace(self, T_track_camera=T_shift @ self.T_track_camera)
+
+    def expects(self, T_track_camera: Float64) -> bool:
+        """Whether the filter finds it possible that the camera is there, at its stamp."""
+        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
+        return mahalanobis_squared(way, self.covariance[_POSE, _POSE]) < SURPRISE
+
     def reaches(self, T_track_camera: Float64, predicted: Motion) -> bool:
         """Whether a camera that was last here can be there now, as ``surprise`` takes the two."""
         return self.surprise(T_track_camera, predicted) < SURPRISE
@@ -118,10 +127,23 @@ class Motion:
         Returns:
             The squared Mahalanobis distance; ``SURPRISE`` is what no camera exceeds.
         """
-        elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
-        covariance = predicted.covariance[:6, :6] + np.diag((_CHANGE_OF_SPEED * elapsed) ** 2)
         way = se3.log(se3.inverse(predicted.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, covariance)
+        return mahalanobis_squared(way, self.spread(predicted))
+
+    def spread(self, predicted: Motion) -> Float64:
+        """How far from where it is expected a camera that was last here may be.
+
+        Args:
+            predicted: where it is expected.
+
+        Returns:
+            The covariance [6, 6], perturbation on the right of the predicted pose.
+        """
+        elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
+        covariance: Float64 = predicted.covariance[_POSE, _POSE] + np.diag(
+            (_CHANGE_OF_SPEED * elapsed) ** 2
+        )
+        return covariance
 
     def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
         """The motion after a measured pose.

@@ -9,6 +9,7 @@ import numpy as np
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
+from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_edges import tracked_covariance
@@ -191,13 +192,23 @@ class Odometry(Closing):
         model = blend([keyframe.model for keyframe in references])
         refine_config, config = self._calibration.refine_config(), self._config.odometry
         problem = PoseProblem(model, view, predicted, refine_config)
-        tracked = track(problem, references, last, self._glue, self._background, config)
+        alternative = self._progress.alternative
+        tracked = track(
+            problem, references, last, alternative, self._glue, self._background, config
+        )
         self._map.finish_revisit()
         if tracked.fix is not None:
             return tracked
         keyframes = self._map.in_turn(self._progress.frames_missed)
         relocalised = relocalise(
-            tracked.features, keyframes, last, predicted, self._glue, refine_config, config
+            tracked.features,
+            keyframes,
+            last,
+            predicted,
+            self._glue,
+            refine_config,
+            config,
+            is_lost=self.state is TrackingState.LOST,
         )
         return tracked if relocalised is None else relocalised
 
@@ -211,8 +222,14 @@ class Odometry(Closing):
         self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: Motion
     ) -> OdometryEstimate:
         """Takes a pose over into the motion, the drift, the calibration and the map."""
+        if fix.T_track_before is not None:
+            # what was tracked was carried along: the images agree on a pose beside it
+            T_shift = fix.estimate.T_track_camera @ se3.inverse(fix.T_track_before)
+            predicted = predicted.shifted(T_shift)
+            last = last.shifted(T_shift)
+            self._map.shift_track(T_shift)
         motion = corrected_motion(predicted, fix.estimate, self._config.refine)
-        self._progress = self._progress.with_pose(motion)
+        self._progress = self._progress.with_pose(motion, fix.alternative)
         self._inertial = self._inertial.after_pose(
             motion.stamp_ns, fix.estimate, self._config.refine
         )
@@ -222,7 +239,9 @@ class Odometry(Closing):
         learnt = self._calibration.learnt_config()
         # the filter smooths by what is common to cameras; what is said of a pose is of this one
         said = corrected_motion(predicted, fix.estimate, learnt.refine)
-        covariance = tracked_covariance(said, fix.reference, learnt.odometry)
+        covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
+            fix.estimate.refinement, fix.alternative, last.spread(predicted), learnt.odometry
+        )
         # with its pose known, the twist of the frame is known better than when it was predicted
         view = replace(attempt.features.view, twist=motion.twist)
         is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
@@ -236,11 +255,12 @@ class Odometry(Closing):
             overlap(view, fix.estimate.refinement, self._config.refine),
         )
         T_odom_camera = T_odom_track @ motion.T_track_camera
+        published = covariance + self._map.uncorrected_covariance()
         return OdometryEstimate(
             motion.stamp_ns,
             self.state,
             T_odom_camera,
-            se3.pose_covariance(T_odom_camera, covariance),
+            se3.pose_covariance(T_odom_camera, published),
             motion.twist,
             motion.covariance[6:, 6:],
             keyframe_id=fix.reference.number,

@@ -107,6 +107,15 @@ class PoseProblem:
         return replace(self, view=replace(self.view, twist=twist))
 
 
+def is_near(T_a: Float64, T_b: Float64, config: OdometryConfig) -> bool:
+    """Whether two poses are so near that refinement gets from one to the other."""
+    T = se3.inverse(T_b) @ T_a
+    return bool(
+        np.linalg.norm(T[:3, 3]) <= config.surprise_translation
+        and se3.rotation_angle(T) <= config.surprise_rotation
+    )
+
+
 def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
     """The covariance [6, 6] of a refined pose, perturbation on the right: in the camera's frame."""
     information = estimate.refinement.information / config.residuals_per_independent_one

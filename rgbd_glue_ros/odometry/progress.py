@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.odometry.contradiction import Alternative
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.types import Float64, TrackingState
 
@@ -16,6 +17,7 @@ class Progress:
     Attributes:
         state: after the last frame.
         motion: at the last frame with a pose; None before the first.
+        alternative: to the pose of that frame, if a part of it contradicted.
         T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if there was.
         last_stamp_ns: of the last frame; None before the first.
         frames_missed: that showed something and had no pose, since the last one that had.
@@ -23,6 +25,7 @@ class Progress:
 
     state: TrackingState = TrackingState.INITIALIZING
     motion: Motion | None = None
+    alternative: Alternative | None = None
     T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
     frames_missed: int = 0
@@ -41,6 +44,12 @@ class Progress:
             )
         return replace(self, last_stamp_ns=stamp_ns)
 
-    def with_pose(self, motion: Motion) -> Progress:
-        """After a frame that has a pose."""
-        return replace(self, state=TrackingState.TRACKING, motion=motion, frames_missed=0)
+    def with_pose(self, motion: Motion, alternative: Alternative | None = None) -> Progress:
+        """After a frame that has a pose, and perhaps an alternative to it."""
+        return replace(
+            self,
+            state=TrackingState.TRACKING,
+            motion=motion,
+            alternative=alternative,
+            frames_missed=0,
+        )

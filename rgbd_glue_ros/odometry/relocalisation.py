@@ -22,6 +22,8 @@ def relocalise(
     glue: Glue,
     refine_config: RefineConfig,
     config: OdometryConfig,
+    *,
+    is_lost: bool,
 ) -> Attempt | None:
     """The pose of a frame by the first keyframe that gives one which is believed.
 
@@ -33,6 +35,8 @@ def relocalise(
         glue: registers.
         refine_config: how poses are refined.
         config: when a pose is believed: on more evidence than tracking asks for.
+        is_lost: whether the frame before had no pose. Poses of two frames in turn are never
+            farther apart than a camera gets: a jump is announced by a frame without one.
 
     Returns:
         None where no keyframe gives one.
@@ -45,14 +49,19 @@ def relocalise(
             continue
         T_track_camera = keyframe.T_track_camera @ T_keyframe_camera
         refinement = refine(T_track_camera, keyframe.model, features.view, refine_config)
-        if _is_believed(refinement, last, predicted, config):
+        if _is_believed(refinement, last, predicted, config, is_lost=is_lost):
             fix = PoseFix(PoseEstimate(refinement), keyframe, keyframe.model)
             return Attempt(features, registration, fix)
     return None
 
 
 def _is_believed(
-    refinement: Refinement, last: Motion, predicted: Motion, config: OdometryConfig
+    refinement: Refinement,
+    last: Motion,
+    predicted: Motion,
+    config: OdometryConfig,
+    *,
+    is_lost: bool,
 ) -> bool:
     """Whether planes and pixels both speak for a pose.
 
@@ -62,6 +71,7 @@ def _is_believed(
         is_plausible(refinement, refinement.planes_seen, config)
         and refinement.brightness_correlation >= config.brightness_correlation
         and (
-            last.reaches(refinement.T_model_source, predicted) or is_conclusive(refinement, config)
+            last.reaches(refinement.T_model_source, predicted)
+            or (is_lost and is_conclusive(refinement, config))
         )
     )

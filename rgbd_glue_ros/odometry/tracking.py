@@ -10,11 +10,18 @@ import numpy as np
 from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
+from rgbd_glue_ros.odometry.acceptance import is_plausible
 from rgbd_glue_ros.odometry.background import BackgroundThread
+from rgbd_glue_ros.odometry.contradiction import Alternative, find_alternative, preferred
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose
-from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
+from rgbd_glue_ros.odometry.pose_refinement import (
+    COARSE_LEVELS,
+    PoseEstimate,
+    PoseProblem,
+    is_near,
+)
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
@@ -30,11 +37,16 @@ class PoseFix:
         estimate: the pose.
         reference: the keyframe that the frame was registered against.
         model: what the pose was refined against, in the track frame.
+        alternative: what else the frame may show, if a part of it contradicts the pose.
+        T_track_before: float64 [4, 4], the pose that tracking would have gone on with, where it
+            turned out to be that of something that moves; None in all other frames.
     """
 
     estimate: PoseEstimate
     reference: Keyframe
     model: Model
+    alternative: Alternative | None = None
+    T_track_before: Float64 | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +68,7 @@ def track(
     problem: PoseProblem,
     references: Sequence[Keyframe],
     last: Motion,
+    alternative: Alternative | None,
     glue: Glue,
     background: BackgroundThread,
     config: OdometryConfig,
@@ -66,6 +79,7 @@ def track(
         problem: the frame, its predicted motion, and the model of the nearest few keyframes.
         references: these keyframes, the nearest first.
         last: the motion at the last frame with a pose.
+        alternative: to that pose, if there was one.
         glue: registers.
         background: refines the predicted pose while the frame is registered.
         config: when a pose is believed.
@@ -83,7 +97,7 @@ def track(
     T_registered = _registered_pose(registration, nearest)
     # in most frames both starts end at the same pose
     if T_registered is not None and not any(
-        _is_near(c.coarse.T_model_source, T_registered, config) for c in candidates
+        is_near(c.coarse.T_model_source, T_registered, config) for c in candidates
     ):
         registered = _candidate(T_registered, problem, last, config)
         candidates.append(registered)
@@ -97,7 +111,47 @@ def track(
     if chosen is None:
         return Attempt(features, registration.refused(RegistrationStatus.INCONSISTENT))
     registration = registration.with_stage("refinement", chosen.milliseconds)
-    return Attempt(features, registration, PoseFix(chosen.estimate, nearest, problem.model))
+    fix = PoseFix(chosen.estimate, nearest, problem.model)
+    weighed = _weighed(fix, chosen, alternative, problem, last, config)
+    return Attempt(features, registration, weighed)
+
+
+def _weighed(
+    fix: PoseFix,
+    chosen: Candidate,
+    before: Alternative | None,
+    problem: PoseProblem,
+    last: Motion,
+    config: OdometryConfig,
+) -> PoseFix:
+    """A pose and what contradicts it; the other way round where more speaks for that.
+
+    That are the larger surface and one more witness: the frame before, or the camera's motion.
+
+    Args:
+        fix: the pose.
+        chosen: the same among the candidates.
+        before: the alternative of the frame before, if that was contradicted too.
+        problem: the frame, and what its pose was refined by.
+        last: the motion at the last frame with a pose.
+        config: when a pose is believed.
+    """
+    alternative = find_alternative(problem, chosen.coarse, before, config)
+    if alternative is None:
+        return fix
+    pose, predicted = fix.estimate, problem.predicted
+    is_likelier = last.surprise(alternative.T_track_camera, predicted) < chosen.surprise
+    if alternative.is_larger and (before is not None or is_likelier):
+        larger = preferred(problem, alternative, chosen.coarse, config)
+        if is_plausible(larger.refinement, larger.refinement.planes_visible, config):
+            alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
+            pose = larger
+    T, T_other = pose.T_track_camera, alternative.T_track_camera
+    was_carried_along = (
+        before is not None and predicted.expects(T_other) and not predicted.expects(T)
+    )
+    T_before = T_other if was_carried_along else None
+    return replace(fix, estimate=pose, alternative=alternative, T_track_before=T_before)
 
 
 def _candidate(
@@ -129,12 +183,3 @@ def _leaves_behind(
         for T in (T_registered, candidate.estimate.T_track_camera)
     )
     return bool(2 * after < before)
-
-
-def _is_near(T_a: Float64, T_b: Float64, config: OdometryConfig) -> bool:
-    """Whether two poses are so near that refinement gets from one to the other."""
-    T = se3.inverse(T_b) @ T_a
-    return bool(
-        np.linalg.norm(T[:3, 3]) <= config.surprise_translation
-        and se3.rotation_angle(T) <= config.surprise_rotation
-    )

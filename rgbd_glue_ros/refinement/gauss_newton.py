@@ -106,6 +106,21 @@ def refine(
     return _refinement(_descend(T, problem, brightness, config.iterations, _CONVERGED))
 
 
+def refine_at(
+    T_model_source: Float64, problem: LevelProblem, affine_brightness: Float64, iterations: int
+) -> Refinement:
+    """Refines a pose at one level, by a problem that may hold a part of a model.
+
+    Args:
+        T_model_source: start, float64 [4, 4].
+        problem: planes, pixels and the frame.
+        affine_brightness: as of ``Refinement``.
+        iterations: Gauss-Newton steps, at most.
+    """
+    brightness = np.array(affine_brightness)
+    return _refinement(_descend(T_model_source, problem, brightness, iterations, _NEAR_ENOUGH))
+
+
 def evaluate_pose(
     T_model_source: Float64, model: Model, source: View, config: RefineConfig, level: int = 0
 ) -> Refinement:

@@ -23,6 +23,8 @@ from rgbd_glue_ros.geometry.motion_compensation import (
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
+Mask = NDArray[np.bool_]
+
 LEVELS = 3
 # Edge of the cells that give one pixel each, at every level of the pyramid: coarse levels have
 # fewer pixels, so their cells are smaller.
@@ -95,6 +97,19 @@ class Model:
     def moved(self, T: Float64) -> Model:
         """The model in the frame that T [4, 4] maps to."""
         return Model(self.planes.moved(T), tuple(p.moved(T) for p in self.pixels))
+
+    def selected(self, planes: Mask, pixels: Sequence[Mask]) -> Model:
+        """A part of the model.
+
+        Args:
+            planes: bool [N], which.
+            pixels: bool [M] for each level, which.
+        """
+        levels = zip(self.pixels, pixels, strict=True)
+        return Model(
+            Planes(*(array[planes] for array in vars(self.planes).values())),
+            tuple(Pixels(*(a[mask] for a in vars(p).values())) for p, mask in levels),
+        )
 
 
 def spacing_px(view: View, grid_step: int) -> int:
