@@ -190,25 +190,17 @@ class Odometry(Closing):
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
-        refine_config, config = self._calibration.refine_config(), self._config.odometry
-        problem = PoseProblem(model, view, predicted, refine_config)
-        alternative = self._progress.alternative
-        tracked = track(
-            problem, references, last, alternative, self._glue, self._background, config
-        )
+        problem = PoseProblem(model, view, predicted, self._calibration.refine_config())
+        config = self._config.odometry
+        before = self._progress.alternative
+        tracked = track(problem, references, last, before, self._glue, self._background, config)
         self._map.finish_revisit()
         if tracked.fix is not None:
             return tracked
         keyframes = self._map.in_turn(self._progress.frames_missed)
+        is_lost = self.state is TrackingState.LOST
         relocalised = relocalise(
-            tracked.features,
-            keyframes,
-            last,
-            predicted,
-            self._glue,
-            refine_config,
-            config,
-            is_lost=self.state is TrackingState.LOST,
+            tracked.features, keyframes, last, problem, self._glue, config, is_lost=is_lost
         )
         return tracked if relocalised is None else relocalised
 
@@ -222,12 +214,9 @@ class Odometry(Closing):
         self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: Motion
     ) -> OdometryEstimate:
         """Takes a pose over into the motion, the drift, the calibration and the map."""
-        if fix.T_track_before is not None:
-            # what was tracked was carried along: the images agree on a pose beside it
-            T_shift = fix.estimate.T_track_camera @ se3.inverse(fix.T_track_before)
-            predicted = predicted.shifted(T_shift)
-            last = last.shifted(T_shift)
-            self._map.shift_track(T_shift)
+        if fix.T_shift is not None:
+            predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
+            self._map.shift_track(fix.T_shift)
         motion = corrected_motion(predicted, fix.estimate, self._config.refine)
         self._progress = self._progress.with_pose(motion, fix.alternative)
         self._inertial = self._inertial.after_pose(
@@ -255,12 +244,11 @@ class Odometry(Closing):
             overlap(view, fix.estimate.refinement, self._config.refine),
         )
         T_odom_camera = T_odom_track @ motion.T_track_camera
-        published = covariance + self._map.uncorrected_covariance()
         return OdometryEstimate(
             motion.stamp_ns,
             self.state,
             T_odom_camera,
-            se3.pose_covariance(T_odom_camera, published),
+            se3.pose_covariance(T_odom_camera, covariance + self._map.uncorrected_covariance()),
             motion.twist,
             motion.covariance[6:, 6:],
             keyframe_id=fix.reference.number,

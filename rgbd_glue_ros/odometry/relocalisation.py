@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
-from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
+from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix
-from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
+from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 
@@ -18,9 +18,8 @@ def relocalise(
     features: FrameFeatures,
     keyframes: Iterable[Keyframe],
     last: Motion,
-    predicted: Motion,
+    problem: PoseProblem,
     glue: Glue,
-    refine_config: RefineConfig,
     config: OdometryConfig,
     *,
     is_lost: bool,
@@ -31,9 +30,8 @@ def relocalise(
         features: of the frame.
         keyframes: to try, in this order.
         last: the motion at the last frame with a pose.
-        predicted: the motion at this frame, as far as it is known.
+        problem: has its predicted motion, and how poses are refined.
         glue: registers.
-        refine_config: how poses are refined.
         config: when a pose is believed: on more evidence than tracking asks for.
         is_lost: whether the frame before had no pose. Poses of two frames in turn are never
             farther apart than a camera gets: a jump is announced by a frame without one.
@@ -48,8 +46,8 @@ def relocalise(
         if T_keyframe_camera is None or inliers < config.relocalisation_inliers:
             continue
         T_track_camera = keyframe.T_track_camera @ T_keyframe_camera
-        refinement = refine(T_track_camera, keyframe.model, features.view, refine_config)
-        if _is_believed(refinement, last, predicted, config, is_lost=is_lost):
+        refinement = refine(T_track_camera, keyframe.model, features.view, problem.config)
+        if _is_believed(refinement, last, problem.predicted, config, is_lost=is_lost):
             fix = PoseFix(PoseEstimate(refinement), keyframe, keyframe.model)
             return Attempt(features, registration, fix)
     return None

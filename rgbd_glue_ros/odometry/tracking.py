@@ -38,15 +38,15 @@ class PoseFix:
         reference: the keyframe that the frame was registered against.
         model: what the pose was refined against, in the track frame.
         alternative: what else the frame may show, if a part of it contradicts the pose.
-        T_track_before: float64 [4, 4], the pose that tracking would have gone on with, where it
-            turned out to be that of something that moves; None in all other frames.
+        T_shift: float64 [4, 4], multiplied on the left of poses as tracked from this frame on,
+            where those before turned out to be carried along; None in all other frames.
     """
 
     estimate: PoseEstimate
     reference: Keyframe
     model: Model
     alternative: Alternative | None = None
-    T_track_before: Float64 | None = None
+    T_shift: Float64 | None = None
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,8 @@ def _weighed(
     was_carried_along = (
         before is not None and predicted.expects(T_other) and not predicted.expects(T)
     )
-    T_before = T_other if was_carried_along else None
-    return replace(fix, estimate=pose, alternative=alternative, T_track_before=T_before)
+    T_shift = T @ se3.inverse(T_other) if was_carried_along else None
+    return replace(fix, estimate=pose, alternative=alternative, T_shift=T_shift)
 
 
 def _candidate(

@@ -166,3 +166,20 @@ def mean_error_of_the_second_swing(radius: float) -> float:
 @pytest.mark.slow
 def test_a_camera_that_swings_to_and_fro_does_not_drift_away() -> None:
     assert mean_error_of_the_second_swing(0.3) < 0.5 * mean_error_of_the_second_swing(0.0)
+
+
+def test_a_shift_of_what_is_tracked_moves_nothing_that_is_given_out_and_is_taken_back() -> None:
+    T_track_camera = se3.exp(np.array([0.3, 0.1, -0.2, 0.1, 0.2, 0.3]))
+    T_shift = se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.01, 0.0]))
+    before = DriftCorrection.at(se3.exp(np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.05])))
+    after = before.after_shift(T_shift)
+    np.testing.assert_allclose(
+        after.T_odom_track @ T_shift @ T_track_camera, before.T_odom_track @ T_track_camera
+    )
+    np.testing.assert_allclose(se3.exp(after.left) @ after.T_odom_track, after.target, atol=1e-12)
+    assert 0.19 < np.linalg.norm(after.left[:3]) < 0.22
+    moved = after
+    for i in range(100):
+        T_from, T_to = (se3.exp(np.array([0.5 * j, 0, 0, 0, 0, 0])) for j in (i, i + 1))
+        moved = moved.advanced(T_from, T_to, 0.01)
+    np.testing.assert_allclose(moved.T_odom_track, before.T_odom_track, atol=1e-12)

@@ -1,0 +1,119 @@
+"""Where a part of the view moves otherwise than the rest, doubt is said and odom stays smooth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rigs.bag_frames import errors, recorded_frames, true_poses
+from rigs.room import room_view, true_pose
+
+from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.odometry.contradiction import Alternative, doubt, find_alternative
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
+from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, View
+
+CONFIG = Config()
+IN_FRONT = PasserBy(distance=1.6, reach=0.4, period=6.0, tall=0.7)
+"""Is half of the view from the first frame on, and walks slowly."""
+CLOSE_BY = PasserBy(distance=1.0, radius=0.3, reach=1.2, period=5.0, tall=9.0)
+"""Covers most of the view for a while."""
+UNSEEN_M = 0.025
+"""What a surface 3 m away may be off by before its depth shows it."""
+
+
+def crossed(somebody: PasserBy, step: int, count: int) -> list[RgbdFrame]:
+    frames = recorded_frames()
+    return [somebody.before(f, frames[0].stamp_ns) for f in frames[: step * count : step]]
+
+
+def doubts(estimates: list[OdometryEstimate], off: Float64) -> Float64:
+    """The standard deviation of each estimate in the direction that it is off, metres."""
+    directions = off / np.maximum(np.linalg.norm(off, axis=1), 1e-9)[:, np.newaxis]
+    covariances = np.array([e.covariance[:3, :3] for e in estimates if e.covariance is not None])
+    squared: Float64 = np.einsum("ni,nij,nj->n", directions, covariances, directions)
+    return np.sqrt(squared)
+
+
+@pytest.mark.parametrize(
+    ("somebody", "step", "count"),
+    [(IN_FRONT, 1, 40), (CLOSE_BY, 1, 60), (CLOSE_BY, 5, 21), (PasserBy(period=3.5), 5, 21)],
+)
+def test_whom_the_camera_sees_it_is_not_carried_along_by_beyond_what_it_says(
+    somebody: PasserBy, step: int, count: int
+) -> None:
+    truth = true_poses()[: step * count : step]
+    with Odometry(CONFIG) as odometry:
+        estimates = [odometry.process(frame) for frame in crossed(somebody, step, count)]
+    poses = np.array([e.T_odom_camera for e in estimates])
+    off = (poses - truth)[:, :3, 3]
+    said = doubts(estimates, off)
+    assert (np.linalg.norm(off, axis=1) < 3 * said + UNSEEN_M).all()
+    metres, _ = errors(estimates, truth)
+    assert metres.max() < 0.12
+    # no step of odom beyond the camera's own is longer than what is said of its two ends
+    steps = np.linalg.norm(np.diff(off, axis=0), axis=1)
+    assert (steps < 3 * np.hypot(said[:-1], said[1:]) + UNSEEN_M).all()
+
+
+def prepared(frame: RgbdFrame) -> View:
+    return view_of(frame, CONFIG.camera)
+
+
+def problem(before: View, now: View) -> PoseProblem:
+    start = Motion.start(0, np.eye(4))
+    return PoseProblem(model_of(before, 8), now, start, CONFIG.refine)
+
+
+def alternative(of: PoseProblem, T: Float64) -> Alternative | None:
+    pose = evaluate_pose(T, of.model, of.view, of.config, COARSE_LEVELS[-1])
+    return find_alternative(of, pose, None, CONFIG.odometry)
+
+
+def test_the_room_behind_somebody_is_found_and_is_the_larger_part() -> None:
+    frames = crossed(IN_FRONT, 1, 5)
+    of = problem(prepared(frames[0]), prepared(frames[4]))
+    truth = true_poses()[4]
+    carried_along = of.refined(np.eye(4), COARSE_LEVELS).T_model_source
+    assert np.linalg.norm((carried_along - truth)[:3, 3]) > 0.05
+    found = alternative(of, carried_along)
+    assert found is not None
+    assert np.linalg.norm((found.T_track_camera - truth)[:3, 3]) < 0.01
+    assert found.is_larger
+
+
+def test_where_all_agrees_there_is_no_alternative() -> None:
+    of = problem(room_view(0.0), room_view(0.3))
+    truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
+    assert alternative(of, truth) is None
+    pose = evaluate_pose(truth, of.model, of.view, of.config)
+    np.testing.assert_array_equal(doubt(pose, None, np.eye(6), CONFIG.odometry), np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
+    of = problem(room_view(0.0), room_view(0.3))
+    truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
+    pose = evaluate_pose(truth, of.model, of.view, of.config)
+    apart = np.array([0.2, 0.0, -0.1, 0.0, 0.03, 0.0])
+    other = Alternative(se3.exp(apart) @ truth, share)
+    added = doubt(pose, other, np.eye(6), CONFIG.odometry)
+    draws = np.random.default_rng(0).random(200_000) < share
+    sampled = np.where(draws[:, np.newaxis], apart, 0.0)
+    np.testing.assert_allclose(added, sampled.T @ sampled / len(draws), atol=5e-4)
+
+
+def test_a_pose_that_most_planes_contradict_may_be_anywhere_in_reach() -> None:
+    of = problem(room_view(0.0), room_view(0.0))
+    wrong = evaluate_pose(se3.exp(np.array([0, 0, 0.5, 0, 0, 0])), of.model, of.view, of.config)
+    assert wrong.planes_agreeing < wrong.planes_visible / 2
+    spread = np.diag([1.0] * 3 + [0.1] * 3)
+    added = doubt(wrong, None, spread, CONFIG.odometry)
+    assert np.linalg.eigvalsh(added).min() > 0
+    assert added[2, 2] > 0.5
