@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rigs.fcgf_weights import write_random_fcgf
-from rigs.room import CAMERA, room_frame, room_view, true_pose
+from rigs.room import CAMERA, room_view, small_room_view, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
@@ -18,9 +18,7 @@ from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import VisualMatches, lift
 from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import grey
 from rgbd_glue_ros.geometry.fitting import distances
-from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import Correspondences, Float32, Float64, UInt8, View
 
@@ -101,18 +99,12 @@ def check(matches: VisualMatches, source: View, target: View) -> None:
     assert ((matches.weights >= 0) & (matches.weights <= 1)).all()
 
 
-def room(time: float) -> View:
-    """A view of the room, small enough for the largest network to take a part of a second."""
-    frame = reduced(room_frame(time), CAMERA.width // 2)
-    return View(grey(frame.color), frame.depth, frame.intrinsics)
-
-
 @pytest.mark.parametrize("name", SOMETHING)
 def test_two_views_of_a_room_are_matched_mostly_right_and_again_with_the_same_bits(
     features: Any, name: str
 ) -> None:
     feature = features(name)
-    source, target = (room(time) for time in TIMES)
+    source, target = (small_room_view(time) for time in TIMES)
     pixels, again = (
         feature.match(feature.extract(source), feature.extract(target)) for _ in range(2)
     )
@@ -128,7 +120,7 @@ def test_two_views_of_a_room_are_matched_mostly_right_and_again_with_the_same_bi
 @pytest.mark.parametrize("name", SOMETHING)
 def test_where_nothing_is_seen_little_is_matched(features: Any, name: str) -> None:
     feature = features(name)
-    views = [room(0.0), blank(), blank(255)]
+    views = [small_room_view(0.0), blank(), blank(255)]
     seen, black, white = (feature.extract(view) for view in views)
     for source, target in ((seen, black), (black, seen), (black, white)):
         matches = feature.match(source, target)
@@ -140,7 +132,7 @@ def test_where_nothing_is_seen_little_is_matched(features: Any, name: str) -> No
 @pytest.mark.parametrize("name", SOMETHING)
 def test_an_image_of_a_few_pixels_breaks_nothing(features: Any, name: str) -> None:
     feature = features(name)
-    large = room(0.0)
+    large = small_room_view(0.0)
     seen = feature.extract(large)
     for size in ((1, 1), (2, 3), (15, 16), (31, 33), (64, 40), (240, 1)):
         small = noise(*size)
@@ -162,7 +154,7 @@ def test_one_spot_and_points_that_all_look_equal_break_nothing(features: Any, na
 @pytest.mark.parametrize("name", SOMETHING)
 def test_without_depth_matches_are_found_and_none_is_lifted(features: Any, name: str) -> None:
     feature = features(name)
-    flat = view(room(0.0).grey)
+    flat = view(small_room_view(0.0).grey)
     described = feature.extract(flat)
     matches = feature.match(described, described)
     assert len(matches) > 50

@@ -12,6 +12,7 @@ from raycast_room.raycaster import Tables
 from raycast_room.render import measure, render
 
 from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
 
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
@@ -55,6 +56,12 @@ def room_view(time_s: float) -> View:
     """The same, prepared for registration."""
     frame = room_frame(time_s)
     return View(camera.grey(frame.color), frame.depth, CAMERA)
+
+
+def small_room_view(time_s: float) -> View:
+    """The same of half the width: the largest network takes a part of a second."""
+    frame = reduced(room_frame(time_s), CAMERA.width // 2)
+    return View(camera.grey(frame.color), frame.depth, frame.intrinsics)
 
 
 _BAND = 4
