@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs.room import room_view, true_pose
+from rigs.bag_frames import recorded_frames, true_poses
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.camera import grey
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement, disagreement
 from rgbd_glue_ros.refinement.gauss_newton import refine
@@ -17,7 +18,8 @@ from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64, View
 
 BANDS, OF_A_BAND = 3, 200
-TIMES = 0.0, 0.3
+# 0.3 s apart
+BEFORE, NOW = 0, 9
 
 
 def rows(rng: np.random.Generator, shifts: Float64) -> Rows:
@@ -90,11 +92,16 @@ def test_what_was_seen_outweighs_what_was_expected_after_some_frames() -> None:
     assert counts == pytest.approx(expected)
 
 
+def recorded(row: int) -> View:
+    frame = recorded_frames()[row]
+    return View(grey(frame.color), frame.depth, frame.intrinsics)
+
+
 def after(view: View, frames: int = 1) -> BandAgreement:
     """What is known after the view was looked at some times, at its pose on an earlier one."""
     config = RefineConfig(iterations=15)
-    model = model_of(room_view(TIMES[0]), 8)
-    start = se3.inverse(true_pose(TIMES[0])) @ true_pose(TIMES[1])
+    model = model_of(recorded(BEFORE), 8)
+    start = se3.inverse(true_poses()[BEFORE]) @ true_poses()[NOW]
     found, known = refine(start, model, view, config), BandAgreement()
     for _ in range(frames):
         known = known.after_frame(found, model, view, config)
@@ -102,7 +109,7 @@ def after(view: View, frames: int = 1) -> BandAgreement:
 
 
 def test_a_depth_whose_scale_changes_over_the_image_makes_fewer_residuals_independent() -> None:
-    view = room_view(TIMES[1])
+    view = recorded(NOW)
     rows = np.linspace(-0.5, 0.5, len(view.depth))[:, None]
     counts = [
         after(
@@ -115,7 +122,7 @@ def test_a_depth_whose_scale_changes_over_the_image_makes_fewer_residuals_indepe
 
 
 def test_the_same_frame_again_changes_nothing_and_an_empty_one_says_nothing() -> None:
-    view = room_view(TIMES[1])
+    view = recorded(NOW)
     once = after(view)
     thrice = after(view, 3)
     assert thrice.frames == 3
