@@ -186,16 +186,23 @@ def _normalised_error(
 def interpolated(reference: Trajectory, stamps_ns: Int64) -> Float64:
     """Poses [N, 4, 4] at any stamps; NaN outside, and where neighbours are a long time apart.
 
-    Positions are interpolated linearly, rotations along the shortest way.
+    Positions are interpolated linearly, rotations along the shortest way. Where there is a pose of
+    the very stamp, it is that.
     """
     poses = np.full((len(stamps_ns), 4, 4), np.nan)
     stamps, rows = np.unique(reference.stamps_ns, return_index=True)
-    if len(stamps) < 2:
+    if not len(stamps):
         return poses
     known = reference.poses[rows]
+    nearest = np.searchsorted(stamps, stamps_ns).clip(0, len(stamps) - 1)
+    exact = stamps[nearest] == stamps_ns
+    poses[exact] = known[nearest[exact]]
+    if len(stamps) < 2:
+        return poses
     after = np.searchsorted(stamps, stamps_ns).clip(1, len(stamps) - 1)
     gap = stamps[after] - stamps[after - 1]
     inside = (stamps_ns >= stamps[0]) & (stamps_ns <= stamps[-1]) & (gap <= _MAX_TRUTH_GAP_NS)
+    inside &= ~exact
     if not inside.any():
         return poses  # older versions of scipy refuse to interpolate at no time
     # floats hold microseconds since the first stamp, not since 1970

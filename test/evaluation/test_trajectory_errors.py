@@ -311,3 +311,12 @@ def test_nothing_is_known_outside_the_truth_nor_in_its_gaps() -> None:
     wanted = np.r_[truth.stamps_ns[0] - 1, truth.stamps_ns[30], truth.stamps_ns[-1] + 1]
     assert np.isnan(interpolated(with_gap, wanted)).all()
     assert np.isnan(interpolated(Trajectory(truth.stamps_ns[:1], truth.poses[:1]), wanted)).all()
+
+
+def test_a_truth_of_few_poses_is_known_at_their_very_stamps() -> None:
+    truth = wandering(0, 60)
+    rare = Trajectory(truth.stamps_ns[::20], truth.poses[::20])
+    wanted = np.r_[truth.stamps_ns[20], truth.stamps_ns[21]]
+    found = interpolated(rare, wanted)
+    np.testing.assert_array_equal(found[0], truth.poses[20])
+    assert np.isnan(found[1]).all()
