@@ -83,6 +83,7 @@ class Run:
         wall_s: time since the start.
         unanswered_ns: stamps of frames that were played to a node and came back without a pose.
         thumbnails: small JPEGs of some frames, by stamp.
+        map_jpeg: picture of the map; empty without one.
         up: which way is up in the frame of the trajectory, a unit vector [3]; None if no IMU told.
         imu: what was learnt of it in the end; None if there was none.
         command: that asked for the run, to be quoted; "" where a program did.
@@ -95,6 +96,7 @@ class Run:
     wall_s: float = 0.0
     unanswered_ns: tuple[int, ...] = ()
     thumbnails: dict[int, bytes] = field(default_factory=dict)
+    map_jpeg: bytes = b""
     up: Float64 | None = None
     imu: ImuCalibration | None = None
     command: str = ""

@@ -45,6 +45,10 @@ def test_a_recording_that_comes_back_is_mapped_with_its_loops(tmp_path: Path) ->
     assert figures["odometry"]["ape"]["rmse_m"] < 0.002
     assert figures["map_points"] > 10_000
 
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Map</h2>" in report
+    assert report.count('class="map"') == 1
+
     graph = read_graph(tmp_path / "keyframes.g2o")
     loops = sum(edge.origin is EdgeOrigin.LOOP for edge in graph.edges)
     assert loops == figures["loops"]["found"]

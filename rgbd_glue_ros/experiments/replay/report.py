@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import groupby
@@ -33,6 +34,7 @@ _STATES: dict[TrackingState | None, tuple[str, str]] = {
     _UNANSWERED: ("dropped, or without a pose", "var(--truth)"),
 }
 _TALL, _LOW = 5, 3
+_CSS = ".map { display: block; width: 100%; border-radius: 6px; }\n"
 
 
 def render(
@@ -52,6 +54,7 @@ def render(
         _summary(run, figures, seconds),
         _tiles(figures),
         _trajectory(run, evaluation),
+        _map(run),
         "<h2>Over time</h2>",
         _states(run),
         *_charts(run, seconds, evaluation),
@@ -63,7 +66,7 @@ def render(
         changed_parameters(run.config),
         str(colophon),
     ]
-    return page(run.sequence, parts, MOMENTS_CSS)
+    return page(run.sequence, parts, MOMENTS_CSS + _CSS)
 
 
 def _summary(run: Run, figures: Mapping[str, Any], seconds: Float64) -> str:
@@ -114,6 +117,18 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
                 ("From the side (forward, up)", beside, times),
             ]
         )
+    )
+
+
+def _map(run: Run) -> str:
+    """The picture of the map, where there is one."""
+    if not run.map_jpeg:
+        return ""
+    jpeg = base64.b64encode(run.map_jpeg).decode()
+    return (
+        "<h2>Map</h2><p>What the keyframes saw, where they are in the end, and the way of the "
+        "camera. Walls and edges that are there twice would show an error.</p>"
+        f'<img class="map" src="data:image/jpeg;base64,{jpeg}" alt="the map from above" />'
     )
 
 
