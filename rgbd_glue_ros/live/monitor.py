@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter, OrderedDict, deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
-from rgbd_glue_ros.errors import without_numbers
+from rgbd_glue_ros.live.fault_news import FaultNews
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     ImuCalibration,
@@ -24,10 +24,6 @@ from rgbd_glue_ros.types import (
 # Frames that the latency is taken over: the last half minute.
 LATENCY_WINDOW = 1000
 RATE_WINDOW_NS = 5 * NANOSECONDS
-# Different faults remembered, and told in so much time at most: a camera gone mad must not fill the
-# memory or the log, nor keep what comes later out of it.
-MAX_FAULTS = 100
-FAULTS_WINDOW_NS = 600 * NANOSECONDS
 # Without a pose for so long, what became of the last frame is the state of the node.
 NO_POSE_S = 2.0
 
@@ -119,22 +115,19 @@ class Monitor:
         Args:
             clock: the time in nanoseconds, which never goes back; that of all times given.
         """
-        self._clock = clock
         self.is_paused = False
         self.width = 0
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0
         self._drops: Counter[Drop] = Counter()
-        self._faults: OrderedDict[tuple[str, str], None] = OrderedDict()
-        self._told_ns: deque[int] = deque(maxlen=MAX_FAULTS)
+        self._faults = FaultNews(clock)
         self._latencies_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._evidence: dict[str, str] = {}
         self._imu: ImuCalibration | None = None
         self._last_pose_ns = clock()
         self._refused: Drop | None = None
-        self._last_error = ""
         self._why_no_pose = ""
 
     def processed(
@@ -180,27 +173,8 @@ class Monitor:
                 self._refused = reason
 
     def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault was not seen before, as far as is remembered, and deserves a line.
-
-        Faults that differ in numbers alone are the same.
-        """
-        kind = without_numbers(where), without_numbers(cause)
-        now_ns = self._clock()
-        with self._lock:
-            self._last_error = f"{where}: {cause}"
-            if kind in self._faults:
-                self._faults.move_to_end(kind)
-                return False
-            is_flood = len(self._told_ns) == MAX_FAULTS and (
-                now_ns - self._told_ns[0] < FAULTS_WINDOW_NS
-            )
-            if is_flood:
-                return False
-            self._told_ns.append(now_ns)
-            self._faults[kind] = None
-            if len(self._faults) > MAX_FAULTS:
-                self._faults.popitem(last=False)
-            return True
+        """As of ``FaultNews``."""
+        return self._faults.is_news(where, cause)
 
     def values(self, now_ns: int) -> dict[str, str]:
         """Name and value of all there is to tell, as diagnostics want them."""
@@ -212,7 +186,7 @@ class Monitor:
                 "why_no_pose": self._why_no_pose,
                 **self._evidence,
                 **_imu_values(self._imu),
-                "last_error": self._last_error,
+                "last_error": self._faults.last,
             }
 
     def why_refused(self, now_ns: int) -> str:
@@ -221,7 +195,7 @@ class Monitor:
             refused, seconds = self._refused, self._without_pose_ns(now_ns) / NANOSECONDS
             if refused is None or seconds < NO_POSE_S:
                 return ""
-            error = f": {self._last_error}" if refused in {Drop.UNUSABLE, Drop.FAILED} else ""
+            error = f": {self._faults.last}" if refused in {Drop.UNUSABLE, Drop.FAILED} else ""
             return f"no pose for {seconds:.0f} s, since {refused.value}{error}"
 
     def is_overdue(self, now_ns: int) -> bool:

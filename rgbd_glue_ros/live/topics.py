@@ -35,6 +35,9 @@ MAP_PATH = "map/path"
 KEYFRAME_FRAME = "keyframe_{}"
 """The frame of a keyframe in ``KEYFRAME_EDGES``, by its number."""
 
+# No odometry makes more keyframes
+_DIGITS = 9
+
 RAW = "raw"
 """The transport of images that are not compressed."""
 
@@ -51,6 +54,7 @@ def keyframe_number(frame_id: str) -> int:
         InputError: it is the frame of none.
     """
     digits = frame_id.removeprefix(KEYFRAME_FRAME.format(""))
-    if not digits.isdecimal() or digits == frame_id:
+    is_number = digits.isdecimal() and len(digits) <= _DIGITS
+    if not is_number or digits == frame_id:
         raise InputError(KEYFRAME_EDGES, f"{frame_id!r} is no keyframe", "take the odometry node's")
     return int(digits)

@@ -19,12 +19,14 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path as PathMessage
+from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.fault_news import FaultNews
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages import fields
@@ -34,6 +36,7 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
+from rgbd_glue_ros.node.input_watch import LOOK_S, explain_namesakes
 from rgbd_glue_ros.node.inputs import node_inputs
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.node.parameters import declare_parameters
@@ -72,7 +75,7 @@ class MappingNode(LoggedNode):
         self._map = LiveMap(config, _map_before(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
-        self._news: set[str] = set()
+        self._faults = FaultNews()
         self._frames: OrderedDict[int, Match[Any]] = OrderedDict()
         approximate_ns = round(self._config.approx_sync_max_interval * NANOSECONDS)
         self._synchronizer: Synchronizer[Any] = Synchronizer(
@@ -89,6 +92,9 @@ class MappingNode(LoggedNode):
         self.create_subscription(PoseStamped, topics.KEYFRAME_POSE, self._take_pose, 100)
         self.create_subscription(OdometryMessage, topics.KEYFRAME_EDGES, self._take_edge, 100)
         self.create_subscription(PoseStamped, topics.POSE, self._broadcast, 10)
+        # not the node's clock: simulated time may stand still
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(LOOK_S, self._look_for_namesakes, clock=steady)
         self.create_service(Trigger, topics.SAVE_MAP_SERVICE, self._serve_save_map)
         frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
         when = "" if self._map.is_placed else " once a place of the map is recognised"
@@ -110,10 +116,14 @@ class MappingNode(LoggedNode):
             self.destroy_node()
 
     def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault has not been said yet."""
-        is_new = f"{where}: {cause}" not in self._news
-        self._news.add(f"{where}: {cause}")
-        return is_new
+        """Whether a fault deserves a line in the log."""
+        return self._faults.is_news(where, cause)
+
+    def _look_for_namesakes(self) -> None:
+        """Says so, once, where another node maps too."""
+        line = explain_namesakes(self)
+        if line is not None and self.is_news("name", line):
+            self.get_logger().warning(line)
 
     def _serve_save_map(self, _request: object, response: Trigger.Response) -> Trigger.Response:
         path = Path(self._config.save_map_file).expanduser()
@@ -266,12 +276,22 @@ def _map_before(config: cfg.NodeConfig) -> SavedMap | None:
 
 
 def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
-    """The edge that ``NodeOutputs.publish_edge`` put into a message."""
+    """The edge that ``NodeOutputs.publish_edge`` put into a message.
+
+    Raises:
+        InputError: its pose or its covariance is none, or it is between no keyframes.
+    """
     T = pose_from_message(message, topics.KEYFRAME_EDGES)
     parent, child = (
         topics.keyframe_number(name) for name in (message.header.frame_id, message.child_frame_id)
     )
     covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
+    if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0):
+        raise InputError(
+            topics.KEYFRAME_EDGES,
+            "a covariance is not positive definite",
+            "take the odometry node's",
+        )
     return PoseGraphEdge(parent, child, T, se3.perturbation_covariance(T, covariance))
 
 

@@ -120,6 +120,9 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
             callback.result()
         except ConditionReachedException:
             pass
+        except InputError as fault:
+            if self._is_news(fault.where, fault.cause):
+                logger.error("%s (said once)", fault)  # noqa: TRY400 - a message's, not ours
         except Exception as error:
             if self._is_news("a callback", repr(error)):
                 logger.exception("A callback failed; going on")

@@ -183,6 +183,39 @@ def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
     assert se3.difference(T_map_odom, T_start) < 0.03
 
 
+@pytest.mark.slow
+def test_edges_that_are_none_are_told_in_a_line_each_and_a_second_mapper_too(
+    ros_domain: int,
+) -> None:
+    good, frame = PoseGraphEdge(0, 1, np.eye(4), 1e-4 * np.eye(6)), recorded_frames()[0]
+    hostile = []
+    for parent, child, covariance in (
+        ("\x1b[2J", "keyframe_1", np.eye(6)),
+        ("keyframe_0", "keyframe_" + "9" * 5000, np.eye(6)),
+        ("keyframe_0", "keyframe_1", np.full((6, 6), np.nan)),
+        ("keyframe_0", "keyframe_1", -np.eye(6)),
+    ):
+        message = edge_message(good, frame.stamp_ns)
+        message.header.frame_id, message.child_frame_id = parent, child
+        message.pose.covariance = covariance.ravel()
+        hostile.append(message)
+    environment = ros_environment(ros_domain)
+    with (
+        NodeProcess({}, environment, module=MODULE) as node,
+        NodeProcess({}, environment, module=MODULE),
+        Robot(ros_domain) as robot,
+    ):
+        edges = robot.publisher(OdometryMessage, KEYFRAME_EDGES)
+        node.wait_for_line("Subscribed", START_S)
+        robot.wait(edges.get_subscription_count, "the node's subscription", START_S)
+        for message in hostile:
+            edges.publish(message)
+        node.wait_for_line("a covariance is not positive definite", START_S)
+        node.wait_for_line("/rgbd_mapping is the name of 1 more", START_S)
+        assert len([line for line in node.lines if "is no keyframe" in line]) == 2
+        assert all(line.startswith("[") for line in node.lines)
+
+
 def test_localising_without_a_map_is_refused(ros_domain: int) -> None:
     environment = ros_environment(ros_domain)
     with NodeProcess({"localize_only": True}, environment, module=MODULE) as node:
