@@ -89,7 +89,8 @@ def _checked(entry: WeightsFile, folder: Path) -> str:
     if not (folder / entry.file).is_file():
         return f"{entry.file}  not here\n"
     check(folder / entry.file)
-    return f"{entry.file}  as published\n"
+    verdict = "as published" if entry.sha256 else "here; no checksum of it is known"
+    return f"{entry.file}  {verdict}\n"
 
 
 def _brought(entries: list[WeightsFile], folder: Path, source: Path | None) -> str:

@@ -103,7 +103,7 @@ def mutual(log_probability: Tensor, least: float) -> tuple[Tensor, Tensor, Tenso
     """
     best, columns = log_probability.max(dim=1)
     back = log_probability.argmax(dim=0)
-    confidence = best.exp()
+    confidence = best.float().exp()
     every = torch.arange(len(columns), device=columns.device)
     rows = torch.nonzero((back[columns] == every) & (confidence > least))[:, 0]
     return rows, columns[rows], confidence[rows]

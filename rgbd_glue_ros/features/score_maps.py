@@ -53,7 +53,8 @@ def soft_offsets(scores: Tensor, rows: Tensor, columns: Tensor, radius: int) -> 
     dy, dx = (grid.reshape(-1) for grid in torch.meshgrid(steps, steps, indexing="ij"))
     window = scores[rows[:, None] + dy, columns[:, None] + dx]
     part = torch.softmax(window / _TEMPERATURE, dim=1)
-    return part @ torch.stack([dx, dy], dim=1).to(part.dtype)
+    # no product of matrices, which would be taken in half precision on a GPU
+    return (part[:, :, None] * torch.stack([dx, dy], dim=1)).sum(dim=1)
 
 
 def sample(maps: Tensor, uv: Tensor) -> Tensor:

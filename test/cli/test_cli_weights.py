@@ -91,6 +91,14 @@ def test_a_damaged_file_is_told_in_one_line(
     assert error.count("\n") == 1
 
 
+def test_what_has_no_known_checksum_is_not_said_to_be_as_published(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "superpoint_lightglue.pth").write_bytes(CONTENT)
+    assert weights_command(tmp_path, "check", "superpoint_lightglue.pth") == OK
+    assert "no checksum of it is known" in capsys.readouterr().out
+
+
 def test_a_feature_without_weights_is_told_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,6 +22,7 @@ from rgbd_glue_ros.features.alike import Alike
 from rgbd_glue_ros.features.aliked import deformable_convolution
 from rgbd_glue_ros.features.layers import Weights
 from rgbd_glue_ros.features.learned import LearnedKeypoints, mutual
+from rgbd_glue_ros.features.score_maps import soft_offsets
 from rgbd_glue_ros.features.weights import FILES
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, View
@@ -212,6 +213,17 @@ def test_superglue_matches_as_its_authors_code(feature: Callable[[str], Any]) ->
         matches(ours.matcher, sides[0], sides[1], superglue.CONFIDENCE),
         _by_pair(pairs, expected["matching_scores0"][0, rows]),
     )
+
+
+def test_keypoints_are_placed_in_single_precision_where_products_are_taken_in_half() -> None:
+    """As on a GPU; half a pixel is all that half precision knows of where 600 is."""
+    scores = torch.rand((40, 40), generator=torch.Generator().manual_seed(0))
+    rows = columns = torch.arange(5, 30)
+    expected = soft_offsets(scores, rows, columns, radius=2)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        found = soft_offsets(scores, rows, columns, radius=2)
+    assert found.dtype == torch.float32
+    torch.testing.assert_close(found, expected, atol=1e-6, rtol=0)
 
 
 def authors_matches(
