@@ -14,6 +14,7 @@ from typing import Protocol
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ConditionReachedException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -186,6 +187,10 @@ def run_node(
                 executor.shutdown()
     except (InputError, MissingExtraError) as error:
         PrintableLogger(name).fatal(str(error))
+        return 2
+    except (ParameterException, NameValidationException) as error:
+        # of a parameter that rclpy declares, such as use_sim_time
+        PrintableLogger(name).fatal(f"ROS arguments: {error}; correct it")
         return 2
     except RCLError as error:
         cause = str(error).partition(", at /")[0]

@@ -106,3 +106,10 @@ def test_without_a_home_the_node_runs_and_says_that_its_log_is_in_no_file(
         assert "set ROS_LOG_DIR" in first
         # neither ROS nor anything else has more to say
         assert all(line.startswith("[") for line in node.lines)
+
+
+def test_a_parameter_of_ros_itself_that_is_none_is_named(ros_domain: int) -> None:
+    with running_node(ros_domain, use_sim_time="maybe") as node:
+        node.wait_for_line("ROS arguments: Trying to set parameter 'use_sim_time'", PATIENCE_S)
+        assert node.wait_for_end(PATIENCE_S) == 2
+        assert not [line for line in node.lines if "Traceback" in line]
