@@ -73,7 +73,8 @@ def milliseconds(work: Callable[[], object]) -> str:
         start = time.process_time()
         work()
         durations.append(time.process_time() - start)
-    return f"{1e3 * statistics.median(durations):.0f}"
+    median_ms = 1e3 * statistics.median(durations)
+    return f"{median_ms:.0f}" if median_ms >= 10 else f"{median_ms:.1f}"
 
 
 if __name__ == "__main__":
