@@ -24,10 +24,14 @@ def path(text: str) -> Path:
     return Path(text).expanduser()
 
 
+# More of frames, gaps or processes there are not
+_DIGITS = 9
+
+
 def positive(text: str) -> int:
-    """A whole number above zero."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number above zero")
+    """A whole number above zero, of nine digits at most."""
+    if not text.isdecimal() or len(text) > _DIGITS or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 999999999")
     return int(text)
 
 

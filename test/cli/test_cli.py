@@ -82,6 +82,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["params", "node"], "node: no such parameter"),
         (["replay", "test", "-o", "out", "--limit", "0"], "'0'"),
         (["replay", "test", "-o", "out", "--limit", "many"], "'many'"),
+        (["replay", "test", "-o", "out", "--limit", "9" * 20], "from 1 to 999999999"),
         (["replay", "test", "-o", "out", "--calibration", "README.md"], "README.md"),
         (["replay", "test", "-o", "out", "--ground-truth", "README.md"], "README.md:"),
     ],

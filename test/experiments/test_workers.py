@@ -57,6 +57,12 @@ def test_without_workers_dask_is_not_even_looked_for(monkeypatch: pytest.MonkeyP
     assert cli.main(["pairs", "absent", "-o", "out", "--workers", "2"]) == 2
 
 
+def test_far_more_workers_than_cores_are_refused_before_one_is_started() -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match=r"--workers: 100000 processes on .* cores"), pool(100_000):
+        pass
+
+
 def test_a_scheduler_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr("rgbd_glue_ros.experiments.batch.workers._CONNECT_S", 1)

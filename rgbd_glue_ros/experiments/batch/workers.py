@@ -23,6 +23,8 @@ _PACKAGE = "rgbd_glue_ros"
 _CONNECT_S = 20
 _NO_PAGES = f"{_PACKAGE}.experiments.batch.no_pages"
 _LARGEST_BATCH = 20
+# Processes for each core: more take memory, and time to start, and none of them gets a core
+_MOST_PER_CORE = 16
 _BATCHES_PER_WORKER = 4
 # read by BLAS, OpenMP and numba when a worker starts, and by ``_within_threads``
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -116,7 +118,8 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
             this process, which needs no Dask.
 
     Raises:
-        InputError: there is no scheduler at the address, or it has no workers.
+        InputError: there is no scheduler at the address, or it has no workers; or workers are far
+            more than cores.
         MissingExtraError: Dask is not installed.
     """
     if workers is None and scheduler is None:
@@ -149,7 +152,11 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
             yield DaskPool(client)
         return
     assert workers is not None  # noqa: S101 - for the type checker
-    threads = str(max(1, (os.cpu_count() or 1) // workers))
+    cores = os.cpu_count() or 1
+    if workers > _MOST_PER_CORE * cores:
+        cause = f"{workers} processes on {cores} cores would only take one another's memory"
+        raise InputError("--workers", cause, f"give {cores}")
+    threads = str(max(1, cores // workers))
     environment = dict.fromkeys(_THREADS, threads)
     # on this machine alone, for who has the certificates of this run alone, and with no pages
     settings = {
