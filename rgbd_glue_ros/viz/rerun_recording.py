@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+import socket
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -33,9 +36,13 @@ from rgbd_glue_ros.types import (
 )
 from rgbd_glue_ros.viz import layout
 
+logger = logging.getLogger(__name__)
+
 ADDRESS = "rerun+http"
 """What the address of a viewer begins with."""
 
+# where a viewer listens, and how long it may take to answer
+_PORT, _PATIENCE_S = 9876, 5.0
 _APPLICATION = "rgbd_glue_ros"
 # Enough to look at; a second of 640x480 at 30 Hz is 4 MB of a file.
 _COLOR_WIDTH, _DEPTH_WIDTH, _JPEG_QUALITY = 640, 320, 80
@@ -70,10 +77,11 @@ class RerunRecording(Closing):
             truth: T_world_camera, drawn beside the trajectory in the end.
 
         Raises:
-            InputError: the file cannot be written.
+            InputError: the file cannot be written, or no viewer answers at the address.
             MissingExtraError: Rerun is not installed.
         """
         self._rerun = load_rerun()
+        self._target = target
         self._truth = truth
         self._first_ns: int | None = None
         self._state: TrackingState | None = None
@@ -83,6 +91,7 @@ class RerunRecording(Closing):
         self._stream = self._rerun.RecordingStream(_APPLICATION)
         blueprint = layout.blueprint(self._rerun)
         if target.startswith(ADDRESS):
+            _check_viewer(target)
             self._stream.connect_grpc(target, default_blueprint=blueprint)
         else:
             self._stream.save(_writable(Path(target).expanduser()), default_blueprint=blueprint)
@@ -90,9 +99,15 @@ class RerunRecording(Closing):
         self.place(T_BODY_OPTICAL)
 
     def close(self) -> None:
-        """Draws the truth, and finishes what is written."""
+        """Draws the truth, and finishes what is written.
+
+        A viewer that has ended meanwhile is not waited for.
+        """
         self._draw_truth()
-        self._stream.flush()
+        try:
+            self._stream.flush(timeout_sec=_PATIENCE_S)
+        except RuntimeError as error:
+            logger.warning("%s: has not got all of it (%s)", self._target, error)
         self._stream.disconnect()
 
     def place(self, T_fixed_odom: Float64) -> None:
@@ -296,6 +311,22 @@ def _kinds(
 
 def _keyframe(number: int) -> str:
     return f"{layout.KEYFRAMES}/{number}"
+
+
+def _check_viewer(address: str) -> None:
+    """Sees whether a viewer listens: Rerun itself would try for ever.
+
+    Raises:
+        InputError: none does.
+    """
+    try:
+        parts = urlsplit(address)
+        place = parts.hostname or "127.0.0.1", parts.port or _PORT
+        socket.create_connection(place, timeout=_PATIENCE_S).close()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            address, f"no viewer answers there ({error})", "start 'rerun' first, or give a file"
+        ) from error
 
 
 def _writable(path: Path) -> Path:

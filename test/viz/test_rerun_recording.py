@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -181,6 +182,27 @@ def test_a_file_that_cannot_be_written_is_refused(needs_rerun: None, tmp_path: P
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
         RerunRecording(str(tmp_path / "file" / "pan.rrd"))
+
+
+def test_an_address_where_nobody_listens_is_refused_at_once(needs_rerun: None) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # and does not listen
+        address = f"rerun+http://127.0.0.1:{taken.getsockname()[1]}/proxy"
+        with pytest.raises(InputError, match="no viewer answers there"):
+            RerunRecording(address)
+
+
+def test_a_viewer_that_has_ended_is_not_waited_for(
+    needs_rerun: None, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("rgbd_glue_ros.viz.rerun_recording._PATIENCE_S", 0.5)
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        port = listening.getsockname()[1]
+        recording = RerunRecording(f"rerun+http://127.0.0.1:{port}/proxy")
+    recording.close()
+    assert "has not got all of it" in caplog.text
 
 
 def test_without_rerun_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
