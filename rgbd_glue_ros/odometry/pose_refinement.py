@@ -20,6 +20,7 @@ from rgbd_glue_ros.refinement.gauss_newton import (
 )
 from rgbd_glue_ros.refinement.level_problem import NO_MATCHES
 from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.reliability import without_feigned
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
 from rgbd_glue_ros.types import Correspondences, Float64, View
 
@@ -100,6 +101,14 @@ class PoseProblem:
             return PoseEstimate(final, twist)
         left = evaluate_pose(coarse.T_model_source, self.model, self.view, self.config)
         return PoseEstimate(left)
+
+    def reliable(self, estimate: PoseEstimate, config: OdometryConfig) -> PoseEstimate:
+        """An estimate without what the images only seem to say, to where another search starts."""
+        reach, refinement = config.surprise_translation, estimate.refinement
+        left = without_feigned(
+            refinement, self.predicted.T_track_camera, self.model, self.view, self.config, reach
+        )
+        return replace(estimate, refinement=left)
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
         """The same, with the twist that the motion filter concludes from an estimate."""

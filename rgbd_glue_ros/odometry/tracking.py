@@ -113,7 +113,8 @@ def track(
     registration = registration.with_stage("refinement", chosen.milliseconds)
     fix = PoseFix(chosen.estimate, nearest, problem.model)
     weighed = _weighed(fix, chosen, alternative, problem, last, config)
-    return Attempt(features, registration, weighed)
+    reliable = replace(weighed, estimate=problem.reliable(weighed.estimate, config))
+    return Attempt(features, registration, reliable)
 
 
 def _weighed(

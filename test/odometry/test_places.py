@@ -37,3 +37,19 @@ def test_a_place_is_walked_without_getting_lost(
     # NaN where there is no pose is no error that is small enough
     assert 100 * metres.max() < centimetres
     assert np.rad2deg(radians.max()) < degrees
+
+
+@pytest.mark.parametrize(
+    ("place", "centimetres"), [("a bare corridor at 10 Hz", 8), ("an empty corridor at 10 Hz", 160)]
+)
+def test_the_noise_of_a_sensor_feigns_nothing_along_a_corridor(
+    place: str, centimetres: float
+) -> None:
+    """Of an empty one nothing is known but that cameras are slow, and that is said."""
+    scene = SCENES[place]
+    with Odometry(Config()) as odometry:
+        estimates = [odometry.process(frame) for frame in scene.noisy_frames(seed=0)]
+    along = np.array([e.T_odom_camera for e in estimates])[:, 2, 3] - scene.true_poses()[:, 2, 3]
+    said = np.sqrt([e.covariance[2, 2] for e in estimates if e.covariance is not None])
+    assert 100 * np.abs(along).max() < centimetres
+    assert (np.abs(along) < 3 * said + 0.01).all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from raycast_room import textures
@@ -65,6 +66,19 @@ class Scene:
                 color = np.zeros_like(color)
             yield RgbdFrame(round(time_s * 1e9), color, depth, self.camera)
 
+    def noisy_frames(self, seed: int) -> Iterator[RgbdFrame]:
+        """The same with the noise of a sensor: that of each depth is its own."""
+        random = np.random.default_rng(seed)
+        for frame in self.frames():
+            sigma = 0.0012 + 0.0019 * (frame.depth - 0.4) ** 2
+            depth = frame.depth + sigma * random.normal(size=frame.depth.shape)
+            color = frame.color + 2.0 * random.normal(size=frame.color.shape)
+            yield replace(
+                frame,
+                color=np.clip(color, 0, 255).astype(np.uint8),
+                depth=depth.astype(np.float32),
+            )
+
 
 @cache
 def _picture(
@@ -96,14 +110,23 @@ def corridor() -> Tables:
 @cache
 def bare_corridor() -> Tables:
     """The same without bricks and doors: a few notices, and nothing else to go by."""
-    white, grey = _white(), Material(textures.plain(), (150, 150, 150))
     places = [(-1, 1.5), (1, 3.0), (-1, 4.5), (1, 5.5), (-1, 7.0), (1, 8.0)]
     notices = [
         box((side * 0.995, y, 1.3), (0.01, 0.3, 0.4), Material(_blots(seed)))
         for seed, (side, y) in enumerate(places)
     ]
-    walls = room((-1.0, -1.0, 0.0), (1.0, 19.0, 2.4), *[white] * 4, grey, white)
-    return pack([walls, *notices])
+    return pack([*_bare_walls(), *notices])
+
+
+@cache
+def empty_corridor() -> Tables:
+    """Not even notices: where along it a camera is, nothing says."""
+    return pack(_bare_walls())
+
+
+def _bare_walls() -> list[Any]:
+    white, grey = _white(), Material(textures.plain(), (150, 150, 150))
+    return [room((-1.0, -1.0, 0.0), (1.0, 19.0, 2.4), *[white] * 4, grey, white)]
 
 
 @cache
@@ -178,6 +201,7 @@ SCENES = {
     "a corridor walked along": Scene(corridor, walk(1.5), VGA_HALVED, 30.0, 24),
     "a corridor at 10 Hz": Scene(corridor, walk(1.0), VGA_HALVED, 10.0, 18),
     "a bare corridor at 10 Hz": Scene(bare_corridor, walk(1.0), VGA_HALVED, 10.0, 18),
+    "an empty corridor at 10 Hz": Scene(empty_corridor, walk(1.0), VGA_HALVED, 10.0, 12),
     "stairs": Scene(stairwell, upstairs, VGA_HALVED, 15.0, 18),
     "a blank wall with one poster": Scene(blank_wall, before_the_poster, VGA_HALVED, 15.0, 15),
     "the depth of a phone": Scene(living_room, carried_by_hand, PHONE_LIDAR, 30.0, 24),

@@ -1,0 +1,92 @@
+"""How much of what residuals seem to say of a pose is feigned by errors of their derivatives.
+
+Normals err: by noise, and where a plane was fitted across an edge. In the normal equations these
+errors do not cancel but add up, as squares, so that thousands of walls seem to hold a camera that
+they let slide. That is the bias of least squares whose regressors have errors. As there, a second
+measurement of the regressors tells it: what the residuals do when the pose is moved, which rests on
+the depth image and hardly on the normals. The regression of the one on the other is the reliability
+ratio (Fuller 1987, Measurement Error Models, 1.1): the part of the information that is there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.parameters import RefineConfig
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
+from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.residual_rows import Rows, plane_rows
+from rgbd_glue_ros.types import Float64, View
+
+
+def without_feigned(
+    refinement: Refinement,
+    T_expected: Float64,
+    model: Model,
+    source: View,
+    config: RefineConfig,
+    reach: float,
+) -> Refinement:
+    """A refined pose whose information has nothing of what is feigned in its weakest direction.
+
+    Where more than half is feigned nothing is left: where the search went in that direction is no
+    measurement, and the pose is where it was expected.
+
+    Args:
+        refinement: the pose.
+        T_expected: the pose before the images were looked at, float64 [4, 4].
+        model: which it was refined against.
+        source: the frame.
+        config: weights of the residuals.
+        reach: how far from the pose, metres and radians, it is of interest whether residuals
+            change. A pose that is better known than that is left as it is.
+    """
+    T, H = refinement.T_model_source, refinement.information
+    # in the camera's frame, where a metre and a radian move what is seen about as much
+    A = se3.adjoint(T)
+    eigenvalues, directions = np.linalg.eigh(A.T @ H @ A)
+    weakest = A @ directions[:, 0]
+    along = H @ weakest
+    whole = float(weakest @ along)
+    if eigenvalues[0] * reach**2 > config.residuals_per_independent_one or not whole > 0:
+        return refinement
+    problem = level_problem(model, source.grey, 0, source, config)
+    feigned = min(_feigned(T, weakest, reach, problem) / whole, 1.0)
+    if feigned < 1 / 2:
+        information = H - feigned * np.outer(along, along) / whole
+        return replace(refinement, information=information)
+    gone = float(along @ se3.log(T @ se3.inverse(T_expected))) / whole
+    return replace(
+        refinement,
+        T_model_source=se3.exp(-gone * weakest) @ T,
+        information=H - np.outer(along, along) / whole,
+    )
+
+
+def _feigned(T: Float64, direction: Float64, reach: float, problem: LevelProblem) -> float:
+    """The information in a direction that planes do not hold though their normals say so.
+
+    That is their information, but for the part by which residuals change as they should.
+    """
+    ahead, behind = (se3.exp(side * reach * direction) @ T for side in (1.0, -1.0))
+    rows = plane_rows(T, problem)
+    derivative = rows.jacobian @ direction
+    residuals = (_residuals(plane_rows(pose, problem), rows) for pose in (ahead, behind))
+    change = (next(residuals) - next(residuals)) / (2 * reach)
+    known = np.isfinite(change)
+    weighted = rows.weight[known] * derivative[known]
+    expected, changed = float(weighted @ derivative[known]), float(weighted @ change[known])
+    reliability = min(max(changed / max(expected, np.finfo(float).tiny), 0.0), 1.0)
+    return (1 - reliability) * float(rows.weight @ derivative**2)
+
+
+def _residuals(moved: Rows, rows: Rows) -> Float64:
+    """The residuals at another pose of the same planes; NaN where they are not seen."""
+    size = 1 + max(moved.point.max(initial=0), rows.point.max(initial=0))
+    residuals = np.full(size, np.nan)
+    residuals[moved.point] = moved.residual
+    return residuals[rows.point]

@@ -1,0 +1,49 @@
+"""What errors of normals feign along a plane is told from what the images hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rigs.room import room_view, true_pose
+from rigs.scenes import SCENES
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
+from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.reliability import without_feigned
+from rgbd_glue_ros.types import Float64, View
+
+CONFIG = Config().refine
+REACH = 0.03
+
+
+def evaluated(before: View, now: View, T: Float64) -> tuple[Refinement, Refinement]:
+    """A pose before and after what is feigned was taken out, where the start was expected."""
+    model = model_of(before, CONFIG.grid_step)
+    pose = evaluate_pose(T, model, now, CONFIG)
+    return pose, without_feigned(pose, np.eye(4), model, now, CONFIG, REACH)
+
+
+def test_a_pose_that_the_images_fix_is_left_as_it_is() -> None:
+    truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
+    pose, left = evaluated(room_view(0.0), room_view(0.3), truth)
+    assert left is pose
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_along_an_empty_corridor_nothing_is_left_and_across_it_everything(seed: int) -> None:
+    camera = Config().camera
+    scene = SCENES["an empty corridor at 10 Hz"]
+    frames = scene.noisy_frames(seed)
+    before, now = view_of(next(frames), camera), view_of(next(frames), camera)
+    wrong = scene.true_poses()[1] @ se3.exp(np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0]))
+    pose, left = evaluated(before, now, wrong)
+    information, left_of_it = np.diag(pose.information), np.diag(left.information)
+    # the camera looks along z
+    assert information[2] > 5000
+    assert np.linalg.eigvalsh(left.information)[0] < 1e-6 * np.linalg.eigvalsh(pose.information)[0]
+    assert (left_of_it[[0, 1, 3, 4, 5]] > 0.9 * information[[0, 1, 3, 4, 5]]).all()
+    # nor does the pose know of the way along it: it is back where it was expected
+    assert abs(left.T_model_source[2, 3]) < 0.02
