@@ -20,6 +20,9 @@ logger = logging.getLogger(__name__)
 OK, FAILED = 0, 1
 # what a shell sees of a program that ended by SIGINT or SIGPIPE
 INTERRUPTED, BROKEN_PIPE = 128 + 2, 128 + 13
+# Of a damaged image or video the libraries that read it have much to say, beside our one line.
+# OpenCV reads these when it is loaded.
+_QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     complete()
     _open_closed_streams()
+    for variable, value in _QUIET.items():
+        os.environ.setdefault(variable, value)
     args = parse(sys.argv[1:] if arguments is None else arguments)
     # a terminal of few characters gets escapes for the others
     for stream in (sys.stdout, sys.stderr):

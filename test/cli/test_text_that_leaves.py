@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from rigs.paths import ROOT
 
@@ -105,6 +107,22 @@ def test_what_cannot_be_printed_is_one_line_and_code_2() -> None:
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert done.stderr.startswith("rgbd-glue: standard output: cannot be written (No space left")
+
+
+def test_of_a_damaged_image_nothing_is_said_but_our_line(tmp_path: Path) -> None:
+    for part in ("rgb", "depth"):
+        (tmp_path / part).mkdir()
+        path = tmp_path / part / "0.tiff"
+        noise = np.random.default_rng(0).integers(0, 9000, (48, 64), np.uint16)
+        assert cv2.imwrite(str(path), noise)
+        whole = path.read_bytes()
+        path.write_bytes(whole[:20] + b"\xff" * 200 + whole[220:])
+    (tmp_path / "K.txt").write_text("60 0 31.5\n0 61 23.5\n0 0 1\n")
+    command = [sys.executable, "-m", "rgbd_glue_ros", "convert", f"{tmp_path}", f"{tmp_path}/bag"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("rgbd-glue: ")
 
 
 def test_a_terminal_of_few_characters_gets_escapes() -> None:
