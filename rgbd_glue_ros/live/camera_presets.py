@@ -77,7 +77,7 @@ def _content(path: Path) -> dict[str, Any]:
     try:
         content = document(read_text(path))
         return {part: {**content.get(part, {})} for part in ("topics", "parameters")}
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, TypeError) as error:
+    except (yaml.YAMLError, AttributeError, TypeError) as error:
         raise InputError(
             path,
             f"is no preset of a camera ({str(error).splitlines()[0]})",

@@ -36,7 +36,7 @@ def test_its_help_shows_how_ros_arguments_are_given() -> None:
         (["rgb"], "rgb: an argument too many"),
         (["--ros-args", "-p", "glue.k:=3", "--", "rgb"], "rgb: an argument too many"),
         (["--camera", "oak"], "camera 'oak': is not known; take one of azure_kinect"),
-        (["--camera", "absent.yaml"], "absent.yaml: is no preset of a camera"),
+        (["--camera", "absent.yaml"], "absent.yaml: cannot be read"),
     ],
 )
 def test_words_that_make_no_sense_end_it_with_one_line(words: list[str], says: str) -> None:
