@@ -149,3 +149,13 @@ def difference(a: Float64, b: Float64) -> float:
     """How differently two cameras see a room: metres plus radians, as a room is metres wide."""
     T = inverse(a) @ b
     return float(np.linalg.norm(T[:3, 3])) + rotation_angle(T)
+
+
+def differences(poses: Float64, T: Float64) -> Float64:
+    """The ``difference`` of each of ``poses`` [N, 4, 4] and one [4, 4], float64 [N]."""
+    apart = inverse(poses) @ T
+    R = apart[:, :3, :3]
+    sine = np.linalg.norm(R - np.swapaxes(R, 1, 2), axis=(1, 2)) / np.sqrt(8.0)
+    cosine = (np.trace(R, axis1=1, axis2=2) - 1) / 2
+    metres = np.linalg.norm(apart[:, :3, 3], axis=1)
+    return np.asarray(metres + np.arctan2(sine, cosine), np.float64)

@@ -169,8 +169,9 @@ class Mapper:
         """
         last = child.number - self._config.odometry.window
         T_child = poses[child.number]
-        apart = {n: se3.difference(T, T_child) for n, T in poses.items() if n < last}
-        near = sorted((n for n in apart if apart[n] < _NEAR), key=apart.__getitem__)
+        earlier = [n for n in poses if n < last]
+        apart = se3.differences(np.array([poses[n] for n in earlier]).reshape(-1, 4, 4), T_child)
+        near = [earlier[row] for row in np.argsort(apart, kind="stable") if apart[row] < _NEAR]
         unlinked = [n for n in near if not self._is_linked(n, child.number)]
         edges = [
             loop_edge(

@@ -120,6 +120,15 @@ def test_the_rotation_angle_is_the_length_of_the_turn(angle: float) -> None:
     assert se3.rotation_angle(T) == pytest.approx(angle, abs=1e-7)
 
 
+@given(T=transforms(), seed=SEEDS)
+def test_many_poses_differ_from_one_as_each_of_them_does(T: Float64, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    poses = np.array([T, *(random_transform(rng) for _ in range(4))])
+    each = [se3.difference(pose, T) for pose in poses]
+    np.testing.assert_allclose(se3.differences(poses, T), each, atol=1e-7)
+    assert se3.differences(poses[:0], T).shape == (0,)
+
+
 def test_the_pose_covariance_is_that_of_sampled_positions_and_rotations() -> None:
     rng = np.random.default_rng(0)
     T = se3.exp(np.array([2.0, -1.0, 0.5, 0.3, 0.2, -0.4]))
