@@ -141,8 +141,9 @@ def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajecto
     """NEES of the transforms from every frame to its keyframe: how honest covariances are.
 
     xi' P^-1 xi with xi = log(T_estimated T_true^-1), T from the frame to its keyframe (Bar-Shalom,
-    Li and Kirubarajan 2001). Of an honest covariance it has the mean 6. The covariance of a
-    transform is what that of the frame has in excess of the keyframe's.
+    Li and Kirubarajan 2001). Of an honest covariance it has the mean 6. Where an estimate does not
+    say how uncertain it is from its keyframe, that is what the covariance of the frame has in
+    excess of the keyframe's.
 
     Args:
         estimates: in order of time.
@@ -178,6 +179,8 @@ def _normalised_error(
     if not np.isfinite(expected).all():
         return float("nan")
     error = se3.log(T @ se3.inverse(expected))
+    if frame.covariance_from_keyframe is not None:
+        return mahalanobis_squared(error, frame.covariance_from_keyframe)
     covariance = se3.perturbation_covariance(T, frame.covariance)
     covariance = covariance - se3.perturbation_covariance(T_keyframe, keyframe.covariance)
     return mahalanobis_squared(error, covariance)

@@ -226,7 +226,6 @@ class Odometry(Closing):
             fix.reference, last.T_track_camera, motion.T_track_camera
         )
         learnt = self._calibration.learnt_config()
-        # the filter smooths by what is common to cameras; what is said of a pose is of this one
         said = corrected_motion(predicted, fix.estimate, learnt.refine)
         covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
             fix.estimate.refinement, fix.alternative, last.spread(predicted), learnt.odometry
@@ -254,6 +253,7 @@ class Odometry(Closing):
             keyframe_id=fix.reference.number,
             registration=attempt.registration,
             stages_ms={**attempt.features.stages_ms, **attempt.registration.stages_ms},
+            covariance_from_keyframe=covariance - fix.reference.covariance,
         )
 
     def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:

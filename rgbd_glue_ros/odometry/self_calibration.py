@@ -61,6 +61,8 @@ class SelfCalibration:
     def learnt_config(self) -> Config:
         """The parameters as this camera has shown them to be, for covariances.
 
+        The motion filter smooths by what is common to cameras; a covariance is of this one.
+
         How many residuals count as one follows from how far parts of its images agree; the error of
         time, from how long an image takes to be read.
         """

@@ -83,6 +83,9 @@ class OdometryEstimate:
         edges: measured between keyframes since the estimate before, this frame's included.
         stages_ms: wall time of each stage, milliseconds, registration included.
         depth: of a frame without a pose, what its depth image holds; None when there is a pose.
+        covariance_from_keyframe: float64 [6, 6] of the pose given that of the keyframe it was
+            registered against; perturbation on the left, in the odom frame. None for a frame that
+            starts anew.
     """
 
     stamp_ns: int
@@ -97,3 +100,4 @@ class OdometryEstimate:
     edges: tuple[PoseGraphEdge, ...] = ()
     stages_ms: dict[str, float] = field(default_factory=dict)
     depth: DepthSummary | None = None
+    covariance_from_keyframe: Float64 | None = None
