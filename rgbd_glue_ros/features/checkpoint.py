@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import pickle
 import re
-import zipfile
+import warnings
 from collections import OrderedDict
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.torch_library import torch
+from rgbd_glue_ros.files.reading import open_file
 
 _PARTS = ("state_dict", "extractor")
 """What authors call the table of tensors in a checkpoint that holds more or could."""
@@ -48,18 +48,27 @@ def read_tensors(path: Path, device: Any) -> dict[str, Any]:
     Raises:
         InputError: it is none, or holds what could run code.
     """
-    try:
-        with _settings_aside():
-            content = torch.load(path, map_location=device, weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, zipfile.BadZipFile) as error:
-        reason = re.split(r"[.\n]", str(error))[0]
-        raise InputError(path, f"holds no weights ({reason})", "bring it again") from error
+    settings, load = _settings_aside(), torch.load
+    with open_file(path) as file, settings, warnings.catch_warnings():
+        # torch warns of an unusual file before it refuses it
+        warnings.simplefilter("ignore")
+        try:
+            content = load(file, map_location=device, weights_only=True)
+        # what is no checkpoint is taken for commands of a pickle, and any of them may fail
+        except Exception as error:
+            raise _no_weights(path, error) from error
     tensors = content
     for part in _PARTS:
         tensors = tensors.get(part, tensors) if isinstance(tensors, dict) else tensors
     if not isinstance(tensors, dict) or not all(torch.is_tensor(t) for t in tensors.values()):
         raise InputError(path, "holds no table of weights", "give the file that was published")
     return {name: t.float() if t.is_floating_point() else t for name, t in tensors.items()}
+
+
+def _no_weights(path: Path, error: Exception) -> InputError:
+    reason = re.split(r"[.\n]", str(error))[0]
+    said = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
+    return InputError(path, f"holds no weights ({said})", "remove it and bring it again")
 
 
 def _settings_aside() -> AbstractContextManager[Any]:

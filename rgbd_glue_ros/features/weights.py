@@ -18,6 +18,7 @@ from typing import Any
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features.checkpoint import read_tensors
 from rgbd_glue_ros.features.layers import Weights
+from rgbd_glue_ros.files.reading import read_bytes
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 logger = logging.getLogger(__name__)
@@ -223,14 +224,32 @@ def check(path: Path) -> None:
     if size != entry.bytes:
         what = f"has {size} bytes of {entry.bytes}"
         raise InputError(path, what, "remove it and bring it again")
-    if hashlib.sha256(path.read_bytes()).hexdigest() != entry.sha256:
+    if hashlib.sha256(read_bytes(path, entry.bytes)).hexdigest() != entry.sha256:
         raise InputError(
             path, "is not the file that was published (SHA-256)", "remove it and bring it again"
         )
 
 
+def is_here(path: Path) -> bool:
+    """Whether a file of weights is in its place; nothing is read.
+
+    Raises:
+        InputError: something else is there, as a folder or a link to nowhere, or the folder may
+            not be looked into.
+    """
+    try:
+        if path.is_file():
+            return True
+    except OSError as error:
+        what = f"cannot be read ({error.strerror})"
+        raise InputError(path, what, "allow this user to read it") from error
+    if os.path.lexists(path):
+        raise InputError(path, "is no file", "remove it and bring it again")
+    return False
+
+
 def _require_file(path: Path) -> None:
-    if path.is_file():
+    if is_here(path):
         return
     entry = FILES[path.name]
     remedy = f"run 'rgbd-glue weights bring {entry.features[0]}'"

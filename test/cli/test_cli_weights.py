@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import http.server
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from rigs.disks import full_after
 
 from rgbd_glue_ros.cli.main import OK, main
 from rgbd_glue_ros.cli.parser import BAD_INPUT
@@ -132,3 +134,67 @@ def test_what_only_its_authors_give_out_is_asked_for_and_taken_from_a_folder(
     assert weights_command(folder, *bring) == OK
     assert "non-commercial research alone" in capsys.readouterr().out
     assert (folder / entry.file).read_bytes() == CONTENT
+
+
+def test_all_that_a_folder_holds_is_brought_from_it_where_nothing_is_named(
+    published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    entry = weights.FILES["alike_t.pth"]
+    elsewhere = replace(entry, file="another.pth")
+    weights.FILES[elsewhere.file] = elsewhere  # type: ignore[index]
+    folder, given = tmp_path / "weights", tmp_path / "given"
+    given.mkdir()
+    bring = "bring", "--from", str(given)
+    assert weights_command(folder, *bring) == BAD_INPUT
+    assert "holds no file of weights by its name" in capsys.readouterr().err
+    (given / entry.file).write_bytes(CONTENT)
+    assert weights_command(folder, *bring) == OK
+    assert [path.name for path in folder.iterdir()] == [entry.file]
+
+
+def test_a_full_disk_is_told_of_the_folder_that_is_full(
+    published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, given = tmp_path / "weights", tmp_path / "given"
+    given.mkdir()
+    (given / "alike_t.pth").write_bytes(CONTENT)
+    with full_after(1000):
+        assert weights_command(folder, "bring", "alike", "--from", str(given)) == BAD_INPUT
+    error = capsys.readouterr().err
+    assert f"{folder}: cannot be written" in error
+    assert "free some space" in error
+    assert [*folder.iterdir()] == []
+
+
+def test_a_folder_in_the_place_of_weights_is_told_and_left(
+    published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "alike_t.pth").mkdir()
+    assert weights_command(tmp_path, "bring", "alike") == BAD_INPUT
+    assert f"{tmp_path / 'alike_t.pth'}: is no file; remove it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        ("ERROR: No matching distribution found for a==1\n", "No matching distribution"),
+        ("ERROR: Exception:\nTraceback:\n  File\nOSError: No space left on device\n", "No space"),
+        ("", "no reason given"),
+    ],
+)
+def test_why_pip_failed_is_told(
+    said: str,
+    reason: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pip = tmp_path / "python"
+    (tmp_path / "said").write_text(said)
+    pip.write_text(f"#!/bin/sh\ncat '{tmp_path / 'said'}' >&2\nexit 1\n")
+    pip.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(pip))
+    assert weights_command(tmp_path / "weights", "bring", "xfeat") == BAD_INPUT
+    error = capsys.readouterr().err
+    assert reason in error
+    assert error.count("\n") == 1

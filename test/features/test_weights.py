@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.checkpoint import read_tensors
 from rgbd_glue_ros.features.weights import (
     FILES,
+    check,
     learned_features,
     require,
     weights_folder,
@@ -92,7 +94,9 @@ def test_code_in_a_file_is_not_run(tmp_path: Path) -> None:
     assert not trap.exists()
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"no weights at all"])
+@pytest.mark.parametrize(
+    "content", [b"", b"PK\x03\x04 cut short", b"no weights at all", b"hello\n"]
+)
 def test_what_is_no_checkpoint_is_told_in_one_line(content: bytes, tmp_path: Path) -> None:
     pytest.importorskip("torch")
     path = tmp_path / "weights.pth"
@@ -100,6 +104,30 @@ def test_what_is_no_checkpoint_is_told_in_one_line(content: bytes, tmp_path: Pat
     with pytest.raises(InputError, match="holds no weights") as told:
         read_tensors(path, "cpu")
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_pickle_of_another_protocol_is_refused_without_a_warning_of_torch(tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    path = tmp_path / "weights.pth"
+    path.write_bytes(pickle.dumps({"layer": Harmful(tmp_path / "ran")}, protocol=4))
+    with pytest.raises(InputError, match="holds no weights"):
+        read_tensors(path, "cpu")
+
+
+@pytest.mark.parametrize("kind", ["folder", "link to itself", "link to nowhere", "pipe"])
+def test_what_lies_in_the_place_of_weights_and_is_no_file_is_not_called_missing(
+    kind: str, tmp_path: Path
+) -> None:
+    place = tmp_path / "alike_t.pth"
+    if kind == "folder":
+        place.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(place)
+    else:
+        place.symlink_to("alike_t.pth" if kind == "link to itself" else "nowhere")
+    with pytest.raises(InputError, match=r"alike_t\.pth: is no file; remove it"):
+        check(place)
 
 
 def test_a_checkpoint_that_is_no_table_of_tensors_is_refused(tmp_path: Path) -> None:
