@@ -199,7 +199,21 @@ def run_node(
         return 2
     finally:
         rclpy.try_shutdown()
-    return 1 if has_failed.is_set() else 0
+    return _ended(1 if has_failed.is_set() else 0)
+
+
+def _ended(code: int) -> int:
+    """The exit code; where a thread is still in work, the process ends by it here.
+
+    The interpreter's end stops such a thread in the middle of a library's C++, as of PyTorch, which
+    aborts the process.
+    """
+    if any(thread.daemon for thread in threading.enumerate()):
+        logging.shutdown()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 def say_later(node: Node, line: Callable[[], str]) -> None:

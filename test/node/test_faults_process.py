@@ -52,6 +52,21 @@ def test_a_node_that_could_process_no_frame_ends_with_exit_code_1(ros_domain: in
         assert node.wait_for_end(PATIENCE_S) == 1
 
 
+def test_a_node_that_is_told_to_end_while_pytorch_computes_ends_with_exit_code_0(
+    ros_domain: int,
+) -> None:
+    pytest.importorskip("torch")
+    environment = {
+        **ros_environment(ros_domain),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
+    }
+    with shown(NodeProcess({}, environment, module="rigs.busy_node")) as node:
+        node.wait_for_line("convolving", PATIENCE_S)
+        os.kill(node.pid, signal.SIGINT)
+        assert node.wait_for_end(PATIENCE_S) == 0
+        assert not [line for line in node.lines if "terminate" in line]
+
+
 def leave_empty(files: list[Path], folder: Path) -> None:
     """Leaves files of these names, as a power cut leaves what was not on the disk yet."""
     for path in files:
