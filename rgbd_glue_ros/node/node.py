@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -56,6 +55,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_po
 from rgbd_glue_ros.odometry.gyroscope import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
+from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, TrackingState
 
 logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
@@ -99,7 +99,8 @@ class OdometryNode(LoggedNode):
         self._node_config, self._config = declare_parameters(self)
         transforms = listen(self, self._node_config)
         self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
-        self._odometry = Odometry(self._config)
+        glue = Glue(self._config)
+        self._odometry = Odometry(self._config, glue)
         self.monitor = Monitor()
         self._camera_frame = CameraFrame()
         self._last_stamp_ns: int | None = None
@@ -131,7 +132,7 @@ class OdometryNode(LoggedNode):
         follow_changes(self, self._node_config, self._config, self._take_parameters)
         self._warmed_up = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
-        threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
+        threading.Thread(target=self._warm_up, args=[glue], name="warm-up", daemon=True).start()
 
     def is_news(self, where: str, cause: str) -> bool:
         """Whether a fault deserves a line in the log."""
@@ -194,10 +195,11 @@ class OdometryNode(LoggedNode):
 
     # Input
 
-    def _warm_up(self) -> None:
+    def _warm_up(self, glue: Glue) -> None:
         self.get_logger().info("Warming up; where nothing is compiled yet, it takes some seconds")
         try:
-            warm_up(self._config)
+            # no frame comes before it has ended, so both may use the features
+            warm_up(self._config, glue)
         except Exception:
             logger.exception("Warming up failed, and so would every frame: giving up")
             self._give_up()
@@ -393,7 +395,3 @@ def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -
         The exit code, as of ``run_node``.
     """
     return run_node(NODE_NAME, OdometryNode, args, end_signals)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -45,11 +45,11 @@ class Odometry(Closing):
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: one
     thread calls. It has one thread of its own, which ``close`` or the end of a ``with`` ends.
+    A ``Glue`` of the same configuration may be given to it, else it makes one.
     """
 
-    def __init__(self, config: Config) -> None:
-        self._config = config
-        self._glue = Glue(config)
+    def __init__(self, config: Config, glue: Glue | None = None) -> None:
+        self._config, self._glue = config, glue or Glue(config)
         self._background = BackgroundThread()
         self.reset()
 

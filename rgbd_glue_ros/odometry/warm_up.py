@@ -6,6 +6,7 @@ import numpy as np
 
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, with_values
+from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 
 _WIDTH, _HEIGHT = 640, 480
@@ -13,10 +14,16 @@ _FOCAL_PX = 525.0
 _PERIOD_NS = NANOSECONDS // 30
 
 
-def warm_up(config: Config) -> None:
-    """Tracks a few synthetic frames; takes long only where no compiled code is cached."""
+def warm_up(config: Config, glue: Glue | None = None) -> None:
+    """Tracks a few synthetic frames; takes long only where no compiled code is cached.
+
+    Args:
+        config: what is to be warmed up.
+        glue: of that configuration, for whom has one; None makes one, which reads its weights.
+    """
     # every frame becomes a keyframe, as that takes code of its own
-    with Odometry(with_values(config, {"odometry.keyframe_translation": 0.001})) as odometry:
+    config = with_values(config, {"odometry.keyframe_translation": 0.001})
+    with Odometry(config, glue) as odometry:
         for i in range(4):
             odometry.process(_frame(i))
 

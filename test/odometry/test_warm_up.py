@@ -8,6 +8,12 @@ import sys
 import pytest
 from rigs.paths import ROOT
 
+from rgbd_glue_ros.features import VISUAL
+from rgbd_glue_ros.features.visual import VisualFeature
+from rgbd_glue_ros.odometry.warm_up import warm_up
+from rgbd_glue_ros.parameters import FeaturesConfig, load_preset
+from rgbd_glue_ros.registration.glue import Glue
+
 # In a process of its own, as other tests compile too.
 PROGRAM = """
 import sys
@@ -67,3 +73,18 @@ def test_after_the_warm_up_nothing_is_compiled_for_the_frames_of_a_bag() -> None
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
+
+
+def test_the_warm_up_runs_the_features_that_it_is_given_and_makes_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    config, made = load_preset("live"), []
+    make = VISUAL[config.features.visual]
+
+    def counted(features: FeaturesConfig) -> VisualFeature:
+        made.append(features)
+        return make(features)
+
+    monkeypatch.setitem(VISUAL, config.features.visual, counted)
+    warm_up(config, Glue(config))
+    assert made == [config.features]

@@ -7,7 +7,7 @@ from rgbd_glue_ros.features.torch_library import F, inference, torch
 from rgbd_glue_ros.node import node
 
 
-def convolve_for_ever(_: object) -> None:
+def convolve_for_ever(*_: object) -> None:
     image, kernel = torch.ones(1, 16, 256, 256), torch.ones(16, 16, 3, 3)
     with inference(torch.device("cpu")):
         sys.stdout.write("convolving\n")
