@@ -162,7 +162,9 @@ def explain_slowness(
         return None
     hertz = NANOSECONDS / period_ns if period_ns else 0.0
     rate = f" at {hertz:.0f} Hz" if hertz else ""
-    kept = f" ({hertz * processed / frames:.1f} Hz)" if hertz else ""
+    # while the first is in work, all that is known is that the rate is lower than one in all these
+    bound = "" if processed else "below "
+    kept = f" ({bound}{hertz * max(processed, 1) / frames:.1f} Hz)" if hertz else ""
     return (
         f"{left_out} of {frames} frames were left out, since they come faster{rate} than this "
         f"machine processes them{kept} at {width} pixels of width: {_faster(width, learned)}"
@@ -172,9 +174,10 @@ def explain_slowness(
 def _faster(width: int, learned: Sequence[str]) -> str:
     """What makes frames take less time."""
     if learned:
+        takes = "takes" if len(learned) == 1 else "take"
         return (
-            f"{' and '.join(learned)} takes most of it unless there is a GPU; start the node with "
-            "the features of the live preset, or with lower features.matcher_keypoints, "
+            f"{' and '.join(learned)} {takes} most of it unless there is a GPU; start the node "
+            "with the features of the live preset, or with lower features.matcher_keypoints, "
             f"features.keypoints and features.geometric_keypoints, or max_width:={SMALL_WIDTH // 2}"
         )
     if width > SMALL_WIDTH:

@@ -120,3 +120,10 @@ def test_frames_that_come_too_fast_are_said_with_the_parameter_that_makes_them_s
     assert "features.matcher_keypoints" in learned
     assert explain_slowness(140, 10, 33_333_333, 1280) is None
     assert explain_slowness(0, 0, 0, 0) is None
+
+
+def test_before_the_first_frame_is_done_a_bound_of_the_rate_is_told() -> None:
+    learned = "features.visual:=alike", "features.geometric:=fcgf"
+    told = explain_slowness(0, 30, 33_333_333, 640, learned) or ""
+    assert "processes them (below 1.0 Hz)" in told
+    assert "features.visual:=alike and features.geometric:=fcgf take most of it" in told
