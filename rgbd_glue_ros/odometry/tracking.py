@@ -149,12 +149,10 @@ def _weighed(
             pose = larger
     T, T_other = pose.T_track_camera, alternative.T_track_camera
     # the pose goes on where the alternative was, and not where the pose was
-    T_last_predicted = se3.inverse(last.T_track_camera) @ predicted.T_track_camera
     was_carried_along = (
         before is not None
         and not predicted.expects(T)
-        and se3.difference(T, before.T_track_camera @ T_last_predicted)
-        < se3.difference(T, predicted.T_track_camera)
+        and predicted.shifted(before.T_track_camera @ se3.inverse(last.T_track_camera)).expects(T)
     )
     T_shift = T @ se3.inverse(T_other) if was_carried_along else None
     return replace(fix, estimate=pose, alternative=alternative, T_shift=T_shift)
