@@ -138,6 +138,13 @@ add_learned_weights() {
   fi
 }
 
+# How many tests run at once: one more than there are cores, as those over DDS mostly wait.
+workers() {
+  local cores
+  cores=$(nproc)
+  echo $((cores < 4 ? cores + 1 : 4))
+}
+
 python=$(find_python)
 version=$(version_of "$python")
 VENV=${VENV:-.venv${PYTHON:+-$version}}
