@@ -15,7 +15,7 @@ from math import exp, log
 import numpy as np
 
 from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.gauss_newton import DAMPING, Refinement
+from rgbd_glue_ros.refinement.gauss_newton import DAMPING, Refinement, damped
 from rgbd_glue_ros.refinement.level_problem import level_problem
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.refinement.residual_rows import (
@@ -111,4 +111,4 @@ def _of_band(rows: Sequence[Rows], band: int) -> tuple[Float64, Float64]:
 
 def _explained(H: Float64, g: Float64) -> float:
     """How much a band's own optimum lowers its squared residuals."""
-    return float(g @ np.linalg.solve(H + DAMPING * np.eye(6), g))
+    return float(g @ np.linalg.solve(damped(H), g))

@@ -35,6 +35,8 @@ COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
 # Keeps a direction that neither planes nor pixels see where the start put it.
 DAMPING = 100.0
+# The same where rounding errors of what they see are greater than that, as at poses far off.
+_ROUNDING = 1e-12
 # What is assumed of the light before anything is compared.
 START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
@@ -143,7 +145,7 @@ def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
     Returns:
         Hessian [K, K] and gradient [K] of the others, with the pose eliminated.
     """
-    elimination = H[6:, :6] @ np.linalg.inv(H[:6, :6] + DAMPING * np.eye(6))
+    elimination = H[6:, :6] @ np.linalg.inv(damped(H[:6, :6]))
     return H[6:, 6:] - elimination @ H[:6, 6:], g[6:] - elimination @ g[:6]
 
 
@@ -192,6 +194,13 @@ def _refinement(descent: _Descent) -> Refinement:
 
 
 @compiled
+def damped(H: Float64) -> Float64:
+    """A Hessian [6, 6] with what it leaves open held, so that it can be inverted."""
+    held: Float64 = H + (DAMPING + _ROUNDING * np.abs(np.diag(H)).sum()) * np.eye(6)
+    return held
+
+
+@compiled
 def _descend(
     T: Float64,
     problem: LevelProblem,
@@ -207,7 +216,7 @@ def _descend(
         brightness = pixels.next_affine_brightness
         if i == iterations:
             break
-        step = np.linalg.solve(H + DAMPING * np.eye(6), -g).astype(np.float64)
+        step = np.linalg.solve(damped(H), -g).astype(np.float64)
         T = se3.exp(step) @ T
         if np.abs(step).max() < converged:
             break

@@ -11,6 +11,7 @@ from rigs.bag_frames import recorded_frames
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
@@ -47,9 +48,9 @@ def test_a_camera_covered_for_five_seconds_is_found_where_it_was_and_nowhere_els
         for late in range(0, COVERED_NS, NANOSECONDS):
             rig.publish(at(now + late, covered(room[30])))
         node.wait_for_line("Lost at", PATIENCE_S)
-        # another room is no place to be found in
+        # another room is no place to be found in; of more frames it would be a place to start anew
         now += COVERED_NS
-        for i in range(5):
+        for i in range(Config().odometry.reset_countdown - 1):
             rig.publish(corner_frame(now + i * PERIOD_NS))
         now += NANOSECONDS
         (found,) = poses_of(rig, [at(now, room[10])])
