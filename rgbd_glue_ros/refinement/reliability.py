@@ -47,24 +47,20 @@ def without_feigned(
     """
     T, H = refinement.T_model_source, refinement.information
     # in the camera's frame, where a metre and a radian move what is seen about as much
-    A = se3.adjoint(T)
+    A, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))
     eigenvalues, directions = np.linalg.eigh(A.T @ H @ A)
     weakest = A @ directions[:, 0]
-    along = H @ weakest
-    whole = float(weakest @ along)
-    if eigenvalues[0] * reach**2 > config.residuals_per_independent_one or not whole > 0:
+    if eigenvalues[0] * reach**2 > config.residuals_per_independent_one or not eigenvalues[0] > 0:
         return refinement
     problem = level_problem(model, source.grey, 0, source, config)
-    feigned = min(_feigned(T, weakest, reach, problem) / whole, 1.0)
-    if feigned < 1 / 2:
-        information = H - feigned * np.outer(along, along) / whole
-        return replace(refinement, information=information)
-    gone = float(along @ se3.log(T @ se3.inverse(T_expected))) / whole
-    return replace(
-        refinement,
-        T_model_source=se3.exp(-gone * weakest) @ T,
-        information=H - np.outer(along, along) / whole,
-    )
+    feigned = min(_feigned(T, weakest, reach, problem) / eigenvalues[0], 1.0)
+    if feigned >= 1 / 2:
+        feigned = 1.0
+        gone = float(directions[:, 0] @ to_camera @ se3.log(T @ se3.inverse(T_expected)))
+        T = se3.exp(-gone * weakest) @ T
+    eigenvalues[0] *= 1 - feigned
+    information = to_camera.T @ (directions * eigenvalues) @ directions.T @ to_camera
+    return replace(refinement, T_model_source=T, information=information)
 
 
 def _feigned(T: Float64, direction: Float64, reach: float, problem: LevelProblem) -> float:
