@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable
 from types import FrameType
@@ -66,8 +67,15 @@ def _handle_by(handler: Callable[[int, FrameType | None], None]) -> None:
 
 
 def _ignore() -> None:
+    sys.unraisablehook = _without_lost_signals
     for number in END_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+
+
+def _without_lost_signals(unraisable: sys.UnraisableHookArgs) -> None:
+    """Prints what the interpreter can't raise, but not that a signal met an exchanged handler."""
+    if "ignored due to race condition" not in str(unraisable.exc_value):
+        sys.__unraisablehook__(unraisable)
 
 
 def _leave_it_to_the_pipe(_number: int, _frame: FrameType | None) -> None:
