@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from rgbd_glue_ros.features.layers import (
     Tensor,
     Weights,
@@ -12,13 +10,11 @@ from rgbd_glue_ros.features.layers import (
     enlarged,
     unit_in_place,
 )
-from rgbd_glue_ros.features.learned import LearnedFeature, most_keypoints
-from rgbd_glue_ros.features.lightglue import CONFIDENCE, LightGlue
+from rgbd_glue_ros.features.learned import LearnedFeature
+from rgbd_glue_ros.features.lightglue import matched_by_lightglue
 from rgbd_glue_ros.features.score_maps import local_maxima, soft_offsets, strongest
-from rgbd_glue_ros.features.torch_library import F, device_of, torch
-from rgbd_glue_ros.features.weights import load
+from rgbd_glue_ros.features.torch_library import F, torch
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import UInt8
 
 _STRIDE = 32
 """The network halves an image five times, so its sides are filled up to multiples of this."""
@@ -35,30 +31,18 @@ _PATCH = 3
 
 def aliked_lightglue(config: FeaturesConfig) -> LearnedFeature:
     """ALIKED's keypoints, the model with 16 places a descriptor, matched by LightGlue."""
-    device = device_of(config.device)
-    matcher = LightGlue(load("aliked_lightglue.pth", config, device))
-    extractor = Aliked(load("aliked-n16.pth", config, device), most_keypoints(config), device)
-    return LearnedFeature(extractor, matcher, CONFIDENCE, device)
+    return matched_by_lightglue(aliked_keypoints, "aliked-n16.pth", "aliked_lightglue.pth", config)
 
 
-class Aliked:
-    """Keypoints and descriptors."""
-
-    def __init__(self, weights: Weights, most: int, device: Any) -> None:
-        self._weights = weights
-        self._most = most
-        self._device = device
-
-    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
-        """Pixels, descriptors and scores, the greatest first."""
-        image = torch.from_numpy(grey).to(self._device).float() / 255
-        score_map, features = aliked(image.expand(1, 3, *image.shape), self._weights)
-        scores = score_map.float()[0, 0]
-        peaks = local_maxima(scores, _RADIUS) & (scores > _SCORE)
-        rows, columns = strongest(scores, peaks, self._most, before=_RADIUS, behind=_RADIUS)
-        uv = torch.stack([columns, rows], dim=1) + soft_offsets(scores, rows, columns, _RADIUS)
-        found = descriptors(features.float()[0], uv, self._weights.below("desc_head"))
-        return uv, found, scores[rows, columns]
+def aliked_keypoints(grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Keypoints of an image, as of ``Extractor``."""
+    score_map, features = aliked((grey / 255).expand(1, 3, *grey.shape), w)
+    scores = score_map.float()[0, 0]
+    peaks = local_maxima(scores, _RADIUS) & (scores > _SCORE)
+    rows, columns = strongest(scores, peaks, most, before=_RADIUS, behind=_RADIUS)
+    uv = torch.stack([columns, rows], dim=1) + soft_offsets(scores, rows, columns, _RADIUS)
+    found = descriptors(features.float()[0], uv, w.below("desc_head"))
+    return uv, found, scores[rows, columns]
 
 
 def aliked(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from rgbd_glue_ros.features.layers import Tensor, Weights, convolution
-from rgbd_glue_ros.features.learned import LearnedFeature, most_keypoints
-from rgbd_glue_ros.features.lightglue import CONFIDENCE, LightGlue
+from rgbd_glue_ros.features.learned import LearnedFeature
+from rgbd_glue_ros.features.lightglue import matched_by_lightglue
 from rgbd_glue_ros.features.score_maps import greatest_around, strongest
-from rgbd_glue_ros.features.torch_library import F, device_of, torch
-from rgbd_glue_ros.features.weights import load
+from rgbd_glue_ros.features.torch_library import F, torch
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import UInt8
 
 _STRIDE = 16
 """The network halves an image four times, so its sides are filled up to multiples of this."""
@@ -22,29 +18,17 @@ _RADIUS = 2
 
 def disk_lightglue(config: FeaturesConfig) -> LearnedFeature:
     """DISK's keypoints, of the model that was trained with depth, matched by LightGlue."""
-    device = device_of(config.device)
-    matcher = LightGlue(load("disk_lightglue.pth", config, device))
-    extractor = Disk(load("disk-depth-save.pth", config, device), most_keypoints(config), device)
-    return LearnedFeature(extractor, matcher, CONFIDENCE, device)
+    return matched_by_lightglue(disk_keypoints, "disk-depth-save.pth", "disk_lightglue.pth", config)
 
 
-class Disk:
-    """Keypoints and descriptors."""
-
-    def __init__(self, weights: Weights, most: int, device: Any) -> None:
-        self._weights = weights
-        self._most = most
-        self._device = device
-
-    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
-        """Pixels, descriptors and scores, the greatest first."""
-        image = torch.from_numpy(grey).to(self._device).float() / 255
-        score_map, features = disk(image.expand(1, 3, *image.shape), self._weights)
-        scores = score_map.float()[0, 0]
-        peaks = (scores == greatest_around(scores, _RADIUS)) & (scores > 0)
-        rows, columns = strongest(scores, peaks, self._most)
-        found = F.normalize(features[0, :, rows, columns].float().T, dim=1)
-        return torch.stack([columns, rows], dim=1).float(), found, scores[rows, columns]
+def disk_keypoints(grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Keypoints of an image, as of ``Extractor``."""
+    score_map, features = disk((grey / 255).expand(1, 3, *grey.shape), w)
+    scores = score_map.float()[0, 0]
+    peaks = (scores == greatest_around(scores, _RADIUS)) & (scores > 0)
+    rows, columns = strongest(scores, peaks, most)
+    found = F.normalize(features[0, :, rows, columns].float().T, dim=1)
+    return torch.stack([columns, rows], dim=1).float(), found, scores[rows, columns]
 
 
 def disk(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:

@@ -7,11 +7,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rgbd_glue_ros.features.layers import Tensor
+from rgbd_glue_ros.features.layers import Tensor, Weights
 from rgbd_glue_ros.features.torch_library import inference, torch
 from rgbd_glue_ros.features.visual import VisualMatches
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import UInt8, View
+from rgbd_glue_ros.types import View
 
 _SMALLEST_IMAGE_PX = 32
 """The networks halve an image up to five times; of a smaller one nothing is left."""
@@ -37,10 +37,19 @@ class LearnedKeypoints:
 
 
 class Extractor(Protocol):
-    """A network that finds and describes keypoints."""
+    """What finds and describes keypoints by a network."""
 
-    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
-        """Pixels [N, 2], unit descriptors [N, D] and scores [N], the greatest first."""
+    def __call__(self, grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Keypoints of an image.
+
+        Args:
+            grey: [H, W], 0 to 255.
+            w: of the network.
+            most: keypoints, at most.
+
+        Returns:
+            Pixels [N, 2], unit descriptors [N, D] and scores [N], the greatest first.
+        """
 
 
 class Matcher(Protocol):
@@ -55,38 +64,44 @@ def most_keypoints(config: FeaturesConfig) -> int:
     return min(config.keypoints, config.matcher_keypoints)
 
 
+@dataclass(frozen=True)
 class LearnedFeature:
     """A visual feature made of two networks; no ratio test (section 3.1).
 
     Attributes:
-        matcher: the second of them.
+        extractor: finds and describes keypoints.
+        weights: of the extractor.
+        matcher: matches them.
+        confidence: of the matches that are taken.
+        most: keypoints, at most.
+        device: that computes.
     """
 
-    def __init__(
-        self, extractor: Extractor, matcher: Matcher, confidence: float, device: Any
-    ) -> None:
-        self._extractor = extractor
-        self.matcher = matcher
-        self._confidence = confidence
-        self._device = device
+    extractor: Extractor
+    weights: Weights
+    matcher: Matcher
+    confidence: float
+    most: int
+    device: Any
 
     def extract(self, view: View) -> LearnedKeypoints:
         """The keypoints with the greatest scores; an image of a few pixels has none."""
         height, width = view.grey.shape
-        with inference(self._device):
+        with inference(self.device):
             if min(height, width) < _SMALLEST_IMAGE_PX:
-                nothing = torch.empty((0, 2), device=self._device)
+                nothing = torch.empty((0, 2), device=self.device)
                 return LearnedKeypoints(nothing, nothing, nothing[:, 0], width, height)
-            uv, descriptors, scores = self._extractor(view.grey)
+            grey = torch.from_numpy(view.grey).to(self.device).float()
+            uv, descriptors, scores = self.extractor(grey, self.weights, self.most)
         return LearnedKeypoints(uv, descriptors, scores, width, height)
 
     def match(self, source: LearnedKeypoints, target: LearnedKeypoints) -> VisualMatches:
         """Matches one to one, weighted by the matcher's confidence."""
         if len(source.uv) == 0 or len(target.uv) == 0:
             return VisualMatches.empty()
-        with inference(self._device):
+        with inference(self.device):
             log_probability = self.matcher(source, target)
-            rows, columns, confidence = mutual(log_probability, self._confidence)
+            rows, columns, confidence = mutual(log_probability, self.confidence)
         return VisualMatches(
             source.uv[rows].cpu().numpy(),
             target.uv[columns].cpu().numpy(),

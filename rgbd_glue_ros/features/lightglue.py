@@ -5,8 +5,15 @@ from __future__ import annotations
 import re
 
 from rgbd_glue_ros.features.layers import Tensor, Weights, layer_norm, linear
-from rgbd_glue_ros.features.learned import LearnedKeypoints
-from rgbd_glue_ros.features.torch_library import F, torch
+from rgbd_glue_ros.features.learned import (
+    Extractor,
+    LearnedFeature,
+    LearnedKeypoints,
+    most_keypoints,
+)
+from rgbd_glue_ros.features.torch_library import F, device_of, torch
+from rgbd_glue_ros.features.weights import load
+from rgbd_glue_ros.parameters import FeaturesConfig
 
 CONFIDENCE = 0.1
 """Matches below this are not taken: the authors' default."""
@@ -24,6 +31,29 @@ class LightGlue:
     def __call__(self, source: LearnedKeypoints, target: LearnedKeypoints) -> Tensor:
         """The logarithm of the probability that keypoints match, [N, M]."""
         return log_assignment(source, target, self._weights)
+
+
+def matched_by_lightglue(
+    extractor: Extractor, extractor_file: str, matcher_file: str, config: FeaturesConfig, *part: str
+) -> LearnedFeature:
+    """An extractor's keypoints, matched by the LightGlue that was trained for them.
+
+    Args:
+        extractor: finds and describes them.
+        extractor_file: its weights, of the catalogue.
+        matcher_file: LightGlue's.
+        config: of the features.
+        part: of the matcher's file that holds LightGlue; none for all of it.
+
+    Raises:
+        InputError: weights are missing, damaged, or not what was published.
+        MissingExtraError: torch is not installed.
+    """
+    device = device_of(config.device)
+    matcher = LightGlue(load(matcher_file, config, device).below(*part))
+    weights = load(extractor_file, config, device)
+    most = most_keypoints(config)
+    return LearnedFeature(extractor, weights, matcher, CONFIDENCE, most, device)
 
 
 def named_as_today(w: Weights) -> Weights:

@@ -6,17 +6,19 @@ from where the user has put them.
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.features import lightglue, superglue
+from rgbd_glue_ros.features import superglue
 from rgbd_glue_ros.features.layers import Tensor, Weights, convolution
 from rgbd_glue_ros.features.learned import LearnedFeature, LearnedKeypoints, most_keypoints
+from rgbd_glue_ros.features.lightglue import matched_by_lightglue
 from rgbd_glue_ros.features.score_maps import local_maxima, strongest
 from rgbd_glue_ros.features.torch_library import F, device_of, torch
 from rgbd_glue_ros.features.weights import load, weights_folder
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import UInt8
+
+_FILE = "superpoint_v1.pth"
 
 _CHANNELS = 256
 """Of a descriptor."""
@@ -33,21 +35,19 @@ _SCORE_FOR_LIGHTGLUE, _SCORE_FOR_SUPERGLUE = 0.0005, 0.005
 
 def superpoint_lightglue(config: FeaturesConfig) -> LearnedFeature:
     """SuperPoint's keypoints, matched by LightGlue."""
-    device = device_of(config.device)
-    matcher = lightglue.LightGlue(load("superpoint_lightglue.pth", config, device))
-    extractor = _extractor(config, _SCORE_FOR_LIGHTGLUE, device)
-    feature = LearnedFeature(extractor, matcher, lightglue.CONFIDENCE, device)
-    _try_out(feature, config, device)
+    extractor = partial(superpoint_keypoints, least=_SCORE_FOR_LIGHTGLUE)
+    feature = matched_by_lightglue(extractor, _FILE, "superpoint_lightglue.pth", config)
+    _try_out(feature, config)
     return feature
 
 
-def _try_out(feature: LearnedFeature, config: FeaturesConfig, device: Any) -> None:
+def _try_out(feature: LearnedFeature, config: FeaturesConfig) -> None:
     """Refuses weights of another network, as no checksum of LightGlue's is known.
 
     Raises:
         InputError: they are.
     """
-    one = torch.ones((1, _CHANNELS), device=device)
+    one = torch.ones((1, _CHANNELS), device=feature.device)
     keypoint = LearnedKeypoints(one[:, :2], one, one[:, 0], _CELL, _CELL)
     try:
         feature.match(keypoint, keypoint)
@@ -62,34 +62,26 @@ def _try_out(feature: LearnedFeature, config: FeaturesConfig, device: Any) -> No
 def superpoint_superglue(config: FeaturesConfig) -> LearnedFeature:
     """SuperPoint's keypoints, matched by SuperGlue as it was trained indoors."""
     device = device_of(config.device)
-    matcher = superglue.SuperGlue(load("superglue_indoor.pth", config, device))
-    extractor = _extractor(config, _SCORE_FOR_SUPERGLUE, device)
-    return LearnedFeature(extractor, matcher, superglue.CONFIDENCE, device)
+    return LearnedFeature(
+        partial(superpoint_keypoints, least=_SCORE_FOR_SUPERGLUE),
+        load(_FILE, config, device),
+        superglue.SuperGlue(load("superglue_indoor.pth", config, device)),
+        superglue.CONFIDENCE,
+        most_keypoints(config),
+        device,
+    )
 
 
-def _extractor(config: FeaturesConfig, least: float, device: Any) -> SuperPoint:
-    weights = load("superpoint_v1.pth", config, device)
-    return SuperPoint(weights, most_keypoints(config), least, device)
-
-
-class SuperPoint:
-    """Keypoints and descriptors."""
-
-    def __init__(self, weights: Weights, most: int, least: float, device: Any) -> None:
-        self._weights = weights
-        self._most = most
-        self._least = least
-        self._device = device
-
-    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
-        """Pixels, descriptors and scores, the greatest first."""
-        image = torch.from_numpy(grey).to(self._device).float() / 255
-        logits, features = superpoint(image[None, None], self._weights)
-        scores = F.pixel_shuffle(F.softmax(logits.float(), dim=1)[:, :-1], _CELL)[0, 0]
-        peaks = local_maxima(scores, _RADIUS) & (scores > self._least)
-        rows, columns = strongest(scores, peaks, self._most, before=_RADIUS, behind=_RADIUS)
-        uv = torch.stack([columns, rows], dim=1).float()
-        return uv, _sample(F.normalize(features.float(), dim=1), uv), scores[rows, columns]
+def superpoint_keypoints(
+    grey: Tensor, w: Weights, most: int, *, least: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Keypoints of an image with scores above ``least``, as of ``Extractor``."""
+    logits, features = superpoint((grey / 255)[None, None], w)
+    scores = F.pixel_shuffle(F.softmax(logits.float(), dim=1)[:, :-1], _CELL)[0, 0]
+    peaks = local_maxima(scores, _RADIUS) & (scores > least)
+    rows, columns = strongest(scores, peaks, most, before=_RADIUS, behind=_RADIUS)
+    uv = torch.stack([columns, rows], dim=1).float()
+    return uv, _sample(F.normalize(features.float(), dim=1), uv), scores[rows, columns]
 
 
 def superpoint(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:

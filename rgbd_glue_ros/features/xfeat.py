@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm, convolution
-from rgbd_glue_ros.features.learned import LearnedFeature, most_keypoints
-from rgbd_glue_ros.features.lightglue import CONFIDENCE, LightGlue
-from rgbd_glue_ros.features.torch_library import F, device_of, torch
-from rgbd_glue_ros.features.weights import load
+from rgbd_glue_ros.features.learned import LearnedFeature
+from rgbd_glue_ros.features.lightglue import matched_by_lightglue
+from rgbd_glue_ros.features.torch_library import F, torch
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import UInt8
 
 _STRIDE = 32
 """The network halves an image five times; images are resized to multiples of this."""
@@ -24,32 +20,22 @@ _SCORE = 0.05
 
 def xfeat_lighterglue(config: FeaturesConfig) -> LearnedFeature:
     """XFeat's sparse keypoints, matched by LighterGlue."""
-    device = device_of(config.device)
-    matcher = LightGlue(load("xfeat-lighterglue.pt", config, device).below("matcher"))
-    extractor = XFeat(load("xfeat.pt", config, device), most_keypoints(config), device)
-    return LearnedFeature(extractor, matcher, CONFIDENCE, device)
+    return matched_by_lightglue(
+        xfeat_keypoints, "xfeat.pt", "xfeat-lighterglue.pt", config, "matcher"
+    )
 
 
-class XFeat:
-    """XFeat's sparse keypoints."""
-
-    def __init__(self, weights: Weights, most: int, device: Any) -> None:
-        self._weights = weights
-        self._most = most
-        self._device = device
-
-    def __call__(self, grey: UInt8) -> tuple[Tensor, Tensor, Tensor]:
-        """Pixels, descriptors and scores, the greatest first."""
-        height, width = grey.shape
-        image = torch.from_numpy(grey).to(self._device).float()[None, None]
-        inner = height // _STRIDE * _STRIDE, width // _STRIDE * _STRIDE
-        image = F.interpolate(image, inner, mode="bilinear", align_corners=False)
-        maps, logits, reliability = xfeat(image, self._weights)
-        uv, scores = _peaks(_heatmap(logits.float()), reliability.float())
-        strongest = torch.argsort(scores, descending=True, stable=True)[: self._most]
-        uv = uv[strongest]
-        found = F.normalize(_sample(F.normalize(maps.float(), dim=1), uv, inner, "bicubic"), dim=1)
-        return uv * uv.new_tensor([width / inner[1], height / inner[0]]), found, scores[strongest]
+def xfeat_keypoints(grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Keypoints of an image, as of ``Extractor``."""
+    height, width = grey.shape
+    inner = height // _STRIDE * _STRIDE, width // _STRIDE * _STRIDE
+    image = F.interpolate(grey[None, None], inner, mode="bilinear", align_corners=False)
+    maps, logits, reliability = xfeat(image, w)
+    uv, scores = _peaks(_heatmap(logits.float()), reliability.float())
+    strongest = torch.argsort(scores, descending=True, stable=True)[:most]
+    uv = uv[strongest]
+    found = F.normalize(_sample(F.normalize(maps.float(), dim=1), uv, inner, "bicubic"), dim=1)
+    return uv * uv.new_tensor([width / inner[1], height / inner[0]]), found, scores[strongest]
 
 
 def xfeat(image: Tensor, w: Weights) -> tuple[Tensor, Tensor, Tensor]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from rgbd_glue_ros.features import superpoint, weights
 from rgbd_glue_ros.features.layers import Weights
 from rgbd_glue_ros.features.learned import LearnedFeature, LearnedKeypoints
 from rgbd_glue_ros.features.superglue import SuperGlue, log_transport
-from rgbd_glue_ros.features.superpoint import SuperPoint
+from rgbd_glue_ros.features.superpoint import superpoint_keypoints
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 torch: Any = pytest.importorskip("torch", reason="the extra 'learned' is not installed")
@@ -68,9 +69,9 @@ def superglue_weights(layers: int = 4) -> Weights:
 
 @pytest.fixture(scope="module")
 def feature() -> LearnedFeature:
+    extractor, matcher = partial(superpoint_keypoints, least=0.0), SuperGlue(superglue_weights())
     device = torch.device("cpu")
-    extractor = SuperPoint(superpoint_weights(), 100, 0.0, device)
-    return LearnedFeature(extractor, SuperGlue(superglue_weights()), 0.0, device)
+    return LearnedFeature(extractor, superpoint_weights(), matcher, 0.0, 100, device)
 
 
 def test_keypoints_lie_apart_and_away_from_the_border(feature: LearnedFeature) -> None:
@@ -121,7 +122,8 @@ def test_the_terms_are_told_once_when_weights_are_read(
 def test_a_lightglue_for_other_keypoints_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(superpoint, "_extractor", lambda *_: None)
+    monkeypatch.setattr(weights, "check", lambda _: None)
+    torch.save({"conv1a.weight": torch.ones(1)}, tmp_path / "superpoint_v1.pth")
     torch.save({"input_proj.weight": torch.ones((4, 128))}, tmp_path / "superpoint_lightglue.pth")
     with pytest.raises(InputError, match="are not of a LightGlue for SuperPoint"):
         superpoint.superpoint_lightglue(FeaturesConfig(weights=str(tmp_path), device="cpu"))
