@@ -23,10 +23,11 @@ from rgbd_glue_ros.features.sparse_convolution import (
     pairs,
 )
 from rgbd_glue_ros.features.torch_library import F, device_of, inference, torch
+from rgbd_glue_ros.features.voxels import group_means
 from rgbd_glue_ros.features.weights import load, weights_folder
 from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import Correspondences, Float64, Int64, View
+from rgbd_glue_ros.types import Correspondences, View
 
 FILE = "2019-08-19_06-17-41.pth"
 """The checkpoint that its authors trained on 3DMatch, with voxels of 2.5 cm."""
@@ -59,7 +60,7 @@ class Fcgf:
         grid = grid.to(self._device)
         with inference(self._device):
             descriptors = describe(grid, self._weights)
-        means = _means(points, number.numpy(), len(descriptors))
+        means = group_means(points, number.numpy())
         return DescribedPoints(means, descriptors.float().cpu().numpy())
 
     def match(
@@ -187,9 +188,3 @@ def _block(x: Tensor, w: Weights, within: Pairs) -> Tensor:
 
 def _normalised(x: Tensor, w: Weights) -> Tensor:
     return batch_norm(x, w.below("bn"))
-
-
-def _means(points: Float64, voxel: Int64, count: int) -> Float64:
-    """The mean of the points of each voxel, [count, 3]."""
-    sums = [np.bincount(voxel, weights=points[:, axis], minlength=count) for axis in range(3)]
-    return np.stack(sums, axis=1) / np.bincount(voxel, minlength=count)[:, None]

@@ -27,9 +27,18 @@ def voxel_means(points: Float64, edge: float) -> Float64:
     cubes = np.floor((points - points.min(axis=0)) / edge + 0.5).astype(np.int64)
     rows, columns, _ = cubes.max(axis=0) + 1
     key = cubes[:, 0] + rows * (cubes[:, 1] + columns * cubes[:, 2])
-    _, cube, counts = np.unique(key, return_inverse=True, return_counts=True)
-    sums = [np.bincount(cube, weights=points[:, axis]) for axis in range(3)]
-    return np.stack(sums, axis=1) / counts[:, None]
+    return group_means(points, np.unique(key, return_inverse=True)[1])
+
+
+def group_means(rows: Float64, group: Int64) -> Float64:
+    """The mean of the rows [N, K] of each group, [G, K].
+
+    Args:
+        rows: float64 [N, K].
+        group: int64 [N], the number of each row's; none is empty.
+    """
+    sums = [np.bincount(group, weights=column) for column in rows.T]
+    return np.stack(sums, axis=1) / np.bincount(group)[:, None]
 
 
 def neighbourhoods(points: Float64, radius: float, most: int) -> tuple[Int64, Float64]:

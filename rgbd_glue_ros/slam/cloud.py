@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.features.voxels import group_means
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import back_project, rectified
@@ -115,11 +116,7 @@ def _averaged(points: Float64, colors: UInt8, voxel_m: float, least: int) -> Col
     """The mean of each voxel that has ``least`` points."""
     _, voxel, counts = np.unique(_voxels(points, voxel_m), return_inverse=True, return_counts=True)
     kept = counts >= least
-    columns = [
-        np.bincount(voxel, weights, len(counts))[kept] / counts[kept]
-        for weights in (*points.T, *colors.T.astype(np.float64))
-    ]
-    means = np.stack(columns, axis=1) if len(points) else np.empty((0, 6))
+    means = group_means(np.column_stack([points, colors]), voxel)[kept]
     return ColoredCloud(means[:, :3].astype(np.float32), np.rint(means[:, 3:]).astype(np.uint8))
 
 
