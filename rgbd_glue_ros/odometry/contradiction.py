@@ -12,19 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem, is_near
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
 from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
-from rgbd_glue_ros.refinement.model import pyramid
+from rgbd_glue_ros.refinement.model import Mask, pyramid
 from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows
 from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
 from rgbd_glue_ros.types import Float64
-
-Mask = NDArray[np.bool_]
 
 # Three standard deviations reach an alternative that this part of the evidence is for: what less
 # speaks for is beyond them, and is not looked for.
@@ -141,7 +138,7 @@ def doubt(
     if alternative is not None:
         apart = se3.log(alternative.T_track_camera @ se3.inverse(T))
         return np.asarray(alternative.share * np.outer(apart, apart), np.float64)
-    agreeing = _visible_agreement(pose)
+    agreeing = pose.visible_agreement
     if pose.planes_visible < config.min_planes or agreeing >= config.plane_agreement:
         return np.zeros((6, 6))
     A = se3.adjoint(T)
@@ -173,17 +170,12 @@ def _coherent(
         T = found.T_model_source
         if found.planes_agreeing * 2**level < config.min_planes:
             return None
-        if _visible_agreement(found) < config.plane_agreement:
+        if found.visible_agreement < config.plane_agreement:
             return None
-    if _visible_agreement(found) < (1 + config.plane_agreement) / 2:
+    if found.visible_agreement < (1 + config.plane_agreement) / 2:
         return None
     blank = found.pixels_seen < config.min_pixels
     return T if blank or found.brightness_correlation >= config.brightness_correlation else None
-
-
-def _visible_agreement(found: Refinement) -> float:
-    """The part of the planes that nothing nearer hides that agrees; 0 where there is none."""
-    return found.planes_agreeing / max(found.planes_visible, 1)
 
 
 def _share(of_level: LevelProblem, T: Float64, T_other: Float64) -> float:

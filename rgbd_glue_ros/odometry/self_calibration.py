@@ -66,14 +66,11 @@ class SelfCalibration:
         How many residuals count as one follows from how far parts of its images agree; the error of
         time, from how long an image takes to be read.
         """
-        refine, odometry = self.refine_config(), self._config.odometry
-        count = self._agreement.current().residuals_per_independent_one(
-            refine.residuals_per_independent_one
-        )
+        odometry = self._config.odometry
         share = self._time_offsets.current().readout_share
         return replace(
             self._config,
-            refine=replace(refine, residuals_per_independent_one=count),
+            refine=self._agreement.current().applied_to(self.refine_config()),
             odometry=replace(odometry, timing_error=share * odometry.timing_error),
         )
 

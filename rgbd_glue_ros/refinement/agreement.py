@@ -9,7 +9,7 @@ residuals promise, is how many residuals count as one (Cochran's Q of a meta-ana
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, log
 
 import numpy as np
@@ -53,6 +53,11 @@ class BandAgreement:
         """How many residuals count as one; ``expected`` before a frame was looked at."""
         seen = self.frames / (self.frames + _EXPECTATION)
         return exp(seen * (log(_IN_COMMON) + self.log_excess) + (1 - seen) * log(expected))
+
+    def applied_to(self, config: RefineConfig) -> RefineConfig:
+        """The parameters with as many residuals for one as that; theirs are what is expected."""
+        count = self.residuals_per_independent_one(config.residuals_per_independent_one)
+        return replace(config, residuals_per_independent_one=count)
 
     def after_frame(
         self, refinement: Refinement, model: Model, source: View, config: RefineConfig

@@ -35,8 +35,6 @@ COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
 # Keeps a direction that neither planes nor pixels see where the start put it.
 DAMPING = 100.0
-# The same where rounding errors of what they see are greater than that, as at poses far off.
-_ROUNDING = 1e-12
 # What is assumed of the light before anything is compared.
 START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
@@ -75,6 +73,11 @@ class Refinement:
     def planes_visible(self) -> int:
         """Planes seen that nothing nearer hides."""
         return self.planes_seen - self.planes_occluded
+
+    @property
+    def visible_agreement(self) -> float:
+        """The part of these that agree; 0 where there is none."""
+        return self.planes_agreeing / max(self.planes_visible, 1)
 
 
 def refine(
@@ -196,7 +199,7 @@ def _refinement(descent: _Descent) -> Refinement:
 @compiled
 def damped(H: Float64) -> Float64:
     """A Hessian [6, 6] with what it leaves open held, so that it can be inverted."""
-    held: Float64 = H + (DAMPING + _ROUNDING * np.abs(np.diag(H)).sum()) * np.eye(6)
+    held: Float64 = H + DAMPING * np.eye(6)
     return held
 
 

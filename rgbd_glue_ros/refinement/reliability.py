@@ -68,11 +68,13 @@ def _feigned(T: Float64, direction: Float64, reach: float, problem: LevelProblem
 
     That is their information, but for the part by which residuals change as they should.
     """
-    ahead, behind = (se3.exp(side * reach * direction) @ T for side in (1.0, -1.0))
     rows = plane_rows(T, problem)
     derivative = rows.jacobian @ direction
-    residuals = (_residuals(plane_rows(pose, problem), rows) for pose in (ahead, behind))
-    change = (next(residuals) - next(residuals)) / (2 * reach)
+    ahead, behind = (
+        _residuals(plane_rows(se3.exp(step * direction) @ T, problem), rows)
+        for step in (reach, -reach)
+    )
+    change = (ahead - behind) / (2 * reach)
     known = np.isfinite(change)
     weighted = rows.weight[known] * derivative[known]
     expected, changed = float(weighted @ derivative[known]), float(weighted @ change[known])

@@ -60,8 +60,7 @@ def loop_edge(
     view = child.features.view
     # two that were taken long apart may disagree as no neighbours do
     agreement = BandAgreement().after_frame(refinement, parent.model, view, config.refine)
-    count = agreement.residuals_per_independent_one(config.refine.residuals_per_independent_one)
-    honest = replace(config, refine=replace(config.refine, residuals_per_independent_one=count))
+    honest = replace(config, refine=agreement.applied_to(config.refine))
     covariance = refined_covariance(refinement, np.eye(4), view.twist, honest)
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
