@@ -122,8 +122,9 @@ class RerunRecording(Closing):
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Takes a frame and what is known after it."""
+        frame = rectified(frame)
         self._set_time(frame.stamp_ns)
-        self._draw_images(rectified(frame), estimate)
+        self._draw_images(frame, estimate)
         self._plot(estimate)
         if estimate.state is not self._state:
             self._state = estimate.state
@@ -236,7 +237,7 @@ class RerunRecording(Closing):
         path = _keyframe(self._keyframes)
         self._keyframes += 1
         self._log(path, self._transform(T_odom_camera))
-        eye = self._pinhole(rectified(frame).intrinsics, _KEYFRAME_EYE_M, color=_KEYFRAME_RGB)
+        eye = self._pinhole(frame.intrinsics, _KEYFRAME_EYE_M, color=_KEYFRAME_RGB)
         self._log(f"{path}/eye", eye)
         cloud = cloud_of(frame, _CLOUD_VOXEL_M)
         points = self._rerun.Points3D(cloud.points, colors=cloud.colors, radii=[_CLOUD_VOXEL_M / 2])
