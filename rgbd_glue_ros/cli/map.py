@@ -6,13 +6,9 @@ import argparse
 import logging
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli import arguments, exports
 from rgbd_glue_ros.cli.replay import summary
-
-if TYPE_CHECKING:
-    pass
 
 logger = logging.getLogger(__name__)
 

@@ -6,13 +6,10 @@ import argparse
 import json
 import logging
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rgbd_glue_ros.cli import arguments, exports
 from rgbd_glue_ros.errors import InputError
-
-if TYPE_CHECKING:
-    pass
 
 logger = logging.getLogger(__name__)
 

@@ -19,6 +19,7 @@ from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 from rgbd_glue_ros.recordings.bag.writer import INFO_TYPE, ImageCodec, encode_frame
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
+from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, Trajectory
 
 
@@ -124,8 +125,10 @@ class PlayedBag:
 
 
 @dataclass(frozen=True)
-class PlayedRecording:
+class PlayedRecording(WrappedRecording):
     """Any recording, whose frames are put into messages while it is played; a ``Played``.
+
+    Fewer frames than ``frame_count`` are played of a part of it.
 
     Attributes:
         recording: the frames.
@@ -134,15 +137,9 @@ class PlayedRecording:
         duration_s: length of what is played, seconds; None for all that is left.
     """
 
-    recording: Recording
     codec: ImageCodec
     start_s: float = 0.0
     duration_s: float | None = None
-
-    @property
-    def name(self) -> str:
-        """What to call it in a report."""
-        return self.recording.name
 
     @property
     def types(self) -> dict[Channel, str]:
@@ -152,16 +149,6 @@ class PlayedRecording:
             Channel.COLOR: self.codec.type,
             Channel.DEPTH: self.codec.type,
         }
-
-    @property
-    def frame_count(self) -> int:
-        """How many frames the recording holds; fewer are played of a part of it."""
-        return self.recording.frame_count
-
-    @property
-    def ground_truth(self) -> Trajectory | None:
-        """True poses of the recording."""
-        return self.recording.ground_truth
 
     @property
     def messages(self) -> Iterator[PlayedMessage]:
