@@ -41,6 +41,7 @@ def test_in_this_process_items_come_one_by_one_and_a_failure_stops_no_other_task
 @pytest.mark.slow
 def test_workers_are_processes_that_share_the_cores_and_a_failure_stops_no_other_task() -> None:
     pytest.importorskip("distributed")
+    environment = dict(os.environ)
     with pool(workers=2) as workers:
         found = sorted(workers.run(digits, [12, -3, 4]), key=str)
         assert found == [(-3, Failure("ValueError: -")), (12, "1"), (12, "2"), (4, "4")]
@@ -48,6 +49,7 @@ def test_workers_are_processes_that_share_the_cores_and_a_failure_stops_no_other
         ((_, limits),) = workers.run(threads, [0])
         assert limits == (str(share), share)
         assert [workers.batch_size(count) for count in (1, 80, 10_000)] == [1, 10, 20]
+    assert dict(os.environ) == environment
 
 
 def test_without_workers_dask_is_not_even_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:

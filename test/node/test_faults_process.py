@@ -80,6 +80,7 @@ def test_a_damaged_cache_of_compiled_code_costs_no_pose(
 ) -> None:
     warm_up(load_preset("live"))  # what the private folder lacks comes from beside the sources
     files = [*Path(procrustes.stats.cache_path).glob("*.nb?")]  # type: ignore[attr-defined]
+    numba.config.reload_config()  # else the first compilation would, if the environment has changed
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     leave_empty(files, Path(CodeCache(procrustes.py_func).cache_path))  # type: ignore[attr-defined]
     with shown(

@@ -47,6 +47,7 @@ def _turned(data: bytes, at: int) -> bytes:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Where compiled code is kept, for one test alone."""
+    numba.config.reload_config()  # else the first compilation would, if the environment has changed
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
     code_cache._say_once.cache_clear()
     yield tmp_path / "cache"

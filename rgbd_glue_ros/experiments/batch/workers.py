@@ -165,6 +165,7 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
         **{f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker")},
     }
     with (
+        _environment_as_before(),
         dask.config.set(settings),
         LocalCluster(
             n_workers=workers,
@@ -178,6 +179,18 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
         Client(cluster) as client,
     ):
         yield DaskPool(client)
+
+
+@contextmanager
+def _environment_as_before() -> Iterator[None]:
+    """Puts right what Dask does to this process's environment when it starts others."""
+    before = dict(os.environ)
+    try:
+        yield
+    finally:
+        for name in set(os.environ) - set(before):
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def _check_versions(client: Any) -> None:
