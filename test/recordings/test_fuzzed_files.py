@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from rigs.file_fuzzer import BAD_INPUT, OK, Outcome, kinds, tried
 
-SECONDS = float(os.environ.get("RGBD_GLUE_FUZZ_S", "35"))
+SECONDS = float(os.environ.get("RGBD_GLUE_FUZZ_S", "15"))
 TODAY = datetime.now(timezone.utc).date().toordinal()
 SEED = int(os.environ.get("RGBD_GLUE_FUZZ_SEED", str(TODAY)))
 
