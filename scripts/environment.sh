@@ -74,7 +74,7 @@ make_environment() {
 # quiet_pip PIP_ARGUMENT...: installs, and shows how much is there; what pip says only when it fails.
 quiet_pip() {
   local log=$VENV/pip.log start=$SECONDS pid
-  "$VENV/bin/python" -m pip install --no-input --disable-pip-version-check "$@" >"$log" 2>&1 &
+  "$VENV/bin/python" -m pip install --no-input --no-compile --disable-pip-version-check "$@" >"$log" 2>&1 &
   pid=$!
   trap 'kill "$pid" 2>/dev/null' INT TERM
   while [ -t 2 ] && kill -0 "$pid" 2>/dev/null; do
