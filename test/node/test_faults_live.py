@@ -43,8 +43,8 @@ PERIOD_NS = NANOSECONDS // 30
 # Small images take a quarter of the time, so that as many go through the node in a minute as of
 # large ones in four.
 SOAK_RATE = 3.0
-SOAK_LOOPS = 30
-# A leak of 10 kB a frame shows in the last third of the soak.
+SOAK_LOOPS = 21
+# A leak of 15 kB a frame shows in the last third of the soak.
 SOAK_BREATH_MB = 10
 # A frame waits for the one in work and then for itself; a queue of frames would be far longer.
 BOUND = 5
