@@ -50,7 +50,7 @@ def add_exports(parser: argparse.ArgumentParser) -> None:
         "--cloud",
         metavar="FILE.ply",
         type=arguments.path,
-        help="write a coloured cloud of the keyframes along the trajectory",
+        help="write a coloured cloud of the keyframes along the trajectory; the report shows it",
     )
     add_rerun(parser)
 
@@ -70,12 +70,9 @@ def sinks(
         MissingExtraError: a library is not installed.
     """
     from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
-    from rgbd_glue_ros.experiments.replay.cloud_sink import CloudSink
 
     asked: list[FrameSink] = []
     if args.mcap:
         asked.append(BagSink(args.mcap))
-    if args.cloud:
-        asked.append(CloudSink(args.cloud))
     shown = rerun_recording(args, recording, truth)
     return asked if shown is None else [*asked, shown]

@@ -95,6 +95,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     limit=args.limit,
                     on_frame=show,
                     sinks=exports.sinks(args, recording, truth),
+                    cloud=args.cloud,
                     command=arguments.command(args),
                     inputs=arguments.inputs(args),
                 )

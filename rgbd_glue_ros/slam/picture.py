@@ -17,6 +17,8 @@ PATH_RGB, CAMERA_RGB, PAGE = (29, 95, 209), (207, 47, 60), 246
 # of the width of the picture
 _FOCAL = 0.95
 _NEAREST_M = 0.3
+# drawn twice as large and smoothed
+_JPEG_WIDTH, _JPEG_HEIGHT, _JPEG_QUALITY = 880, 560, 80
 # of the pinhole that a camera is drawn as, and half the width of a point, metres
 _EYE_M, _SPLAT_M = 0.09, 0.009
 # where somebody stands who sees all: how far above the cameras' line of sight, and how much of the
@@ -126,3 +128,19 @@ def _draw(image: UInt8, onlooker: Onlooker, line: Float64, rgb: RGB, thickness: 
     for part in np.split(np.arange(len(line)), np.flatnonzero(np.diff(visible)) + 1):
         if visible[part[0]]:
             cv2.polylines(image, [np.int32(16 * uv[part])], False, rgb, thickness, cv2.LINE_AA, 4)
+
+
+def map_jpeg(cloud: ColoredCloud, poses: Float64) -> bytes:
+    """A small JPEG of a map with the way of the camera; empty of an empty cloud.
+
+    Args:
+        cloud: in the frame of the poses.
+        poses: T_room_camera, float64 [N, 4, 4].
+    """
+    if not len(cloud):
+        return b""
+    onlooker = Onlooker.of(cloud, poses, 2 * _JPEG_WIDTH, 2 * _JPEG_HEIGHT)
+    large = with_path(picture(cloud, onlooker), poses, onlooker, 5)
+    small = cv2.resize(large, (_JPEG_WIDTH, _JPEG_HEIGHT), interpolation=cv2.INTER_AREA)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    return bytes(cv2.imencode(".jpg", small[:, :, ::-1], quality)[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,6 @@ from rosbags.highlevel import AnyReader
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
-from rgbd_glue_ros.experiments.replay.cloud_sink import CloudSink
 from rgbd_glue_ros.experiments.replay.replay import replay
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.live.extrinsics import Extrinsics
@@ -29,8 +29,10 @@ FRAMES = 40
 @pytest.fixture(scope="module")
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
     folder = tmp_path_factory.mktemp("replay")
-    sinks: list[FrameSink] = [BagSink(folder / "bag"), CloudSink(folder / "cloud.ply")]
-    return folder, replay(Pan(FRAMES), load_preset("live"), folder / "out", sinks=sinks)
+    sinks: list[FrameSink] = [BagSink(folder / "bag")]
+    cloud = folder / "cloud.ply"
+    run = replay(Pan(FRAMES), load_preset("live"), folder / "out", sinks=sinks, cloud=cloud)
+    return folder, run
 
 
 def messages(bag: Path) -> dict[str, list[Any]]:
@@ -101,8 +103,10 @@ def test_a_bag_that_is_there_is_not_overwritten(replayed: tuple[Path, Run]) -> N
         BagSink(folder / "bag")
 
 
-def test_the_cloud_is_a_wall_at_its_distance(replayed: tuple[Path, Run]) -> None:
-    folder, _ = replayed
+def test_the_cloud_is_a_wall_at_its_distance_and_the_report_shows_it(
+    replayed: tuple[Path, Run],
+) -> None:
+    folder, run = replayed
     header, _, data = (folder / "cloud.ply").read_bytes().partition(b"end_header\n")
     points = np.frombuffer(data, [("points", "<f4", 3), ("colors", "u1", 3)])["points"]
     assert f"element vertex {len(points)}\n".encode() in header
@@ -110,3 +114,6 @@ def test_the_cloud_is_a_wall_at_its_distance(replayed: tuple[Path, Run]) -> None
     np.testing.assert_allclose(points[:, 2], 1.5, atol=0.02)
     # what two keyframes saw: each sees 1.6 m, and they are 25 cm apart
     assert 1.3 < np.ptp(points[:, 0]) < 2.1
+    assert run.map_jpeg.startswith(b"\xff\xd8")
+    report = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert base64.b64encode(run.map_jpeg).decode() in report

@@ -8,7 +8,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import cv2
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
@@ -32,7 +31,7 @@ from rgbd_glue_ros.slam.map_file import SavedMap, write_map
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.optimiser import Optimum, load_gtsam
-from rgbd_glue_ros.slam.picture import Onlooker, picture, with_path
+from rgbd_glue_ros.slam.picture import map_jpeg
 from rgbd_glue_ros.types import (
     EdgeOrigin,
     OdometryEstimate,
@@ -44,9 +43,6 @@ from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 ODOMETRY, CLOUD = "odometry.txt", "map.ply"
 """The trajectory before loops were closed, and the coloured cloud."""
-
-# of the map in the report, pixels; drawn twice as large and smoothed
-_PICTURE_WIDTH, _PICTURE_HEIGHT, _PICTURE_QUALITY = 880, 560, 80
 
 
 class MappingSink:
@@ -170,7 +166,7 @@ def map_recording(
             write_map(save_map, mapper.saved(optimum.graph))
         cloud = fused(sink.clouds, optimum.graph.keyframes.poses[mapper.session_start :])
         write_ply(folder / CLOUD, cloud)
-        mapped = replace(mapped, map_jpeg=_picture(cloud, mapped.trajectory))
+        mapped = replace(mapped, map_jpeg=map_jpeg(cloud, mapped.trajectory.poses))
         figures = write_results(
             mapped,
             folder,
@@ -201,18 +197,6 @@ def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
     )
     frames[-1] = replace(frames[-1], edges=(*frames[-1].edges, *loops))
     return replace(run, frames=frames)
-
-
-def _picture(cloud: ColoredCloud, trajectory: Trajectory) -> bytes:
-    """A JPEG of the map with the way of the camera; empty of an empty cloud."""
-    if not len(cloud):
-        return b""
-    onlooker = Onlooker.of(cloud, trajectory.poses, 2 * _PICTURE_WIDTH, 2 * _PICTURE_HEIGHT)
-    large = with_path(picture(cloud, onlooker), trajectory.poses, onlooker, 5)
-    size = _PICTURE_WIDTH, _PICTURE_HEIGHT
-    small = cv2.resize(large, size, interpolation=cv2.INTER_AREA)[:, :, ::-1]
-    quality = [cv2.IMWRITE_JPEG_QUALITY, _PICTURE_QUALITY]
-    return bytes(cv2.imencode(".jpg", small, quality)[1])
 
 
 def believed_loops(optimum: Optimum) -> tuple[PoseGraphEdge, ...]:

@@ -17,6 +17,7 @@ from rgbd_glue_ros.evaluation.pose_graph import GraphReader, write_graph
 from rgbd_glue_ros.evaluation.run_record import Run, metrics
 from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
+from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
@@ -31,6 +32,8 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
+from rgbd_glue_ros.slam.cloud import write_ply
+from rgbd_glue_ros.slam.picture import map_jpeg
 from rgbd_glue_ros.types import (
     ImuCalibration,
     ImuSamples,
@@ -58,6 +61,7 @@ def replay(
     limit: int | None = None,
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     sinks: Sequence[FrameSink] = (),
+    cloud: Path | None = None,
     odometry: Odometry | None = None,
     inputs: InputConfig | None = None,
     command: str = "",
@@ -75,6 +79,8 @@ def replay(
         limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
         sinks: take each frame and its estimate, and are closed in the end.
+        cloud: PLY file for a coloured cloud of the keyframes, which the report shows too; None
+            makes none.
         odometry: a new one of ``config``, for who wants to look into it; None makes one. It
             is closed in the end.
         inputs: how ``sequence`` was opened, for the record; None as by default.
@@ -93,6 +99,7 @@ def replay(
             limit=limit,
             on_frame=on_frame,
             sinks=sinks,
+            cloud=cloud,
             odometry=odometry,
             command=command,
         )
@@ -107,6 +114,7 @@ def replay_into(
     limit: int | None = None,
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     sinks: Sequence[FrameSink] = (),
+    cloud: Path | None = None,
     odometry: Odometry | None = None,
     command: str = "",
 ) -> Run:
@@ -115,7 +123,8 @@ def replay_into(
     logger.info("warming up; where nothing is compiled yet, it takes some seconds")
     warm_up(config)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth, command=command)
-    pictures = Thumbnails()
+    pictures, clouds = Thumbnails(), KeyframeClouds()
+    takers = (pictures, *(() if cloud is None else (clouds,)), *sinks)
     odometry = odometry or Odometry(config)
     odometry.add_imu(imu_of(sequence) or ImuSamples.empty())
     start = perf_counter()
@@ -135,8 +144,8 @@ def replay_into(
                 if estimate.T_odom_camera is not None:
                     run.up = odometry.inertial.up(estimate.stamp_ns) if starts else run.up
                     trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
-                for sink in (pictures, *sinks):
-                    sink.add(frame, estimate)
+                for taker in takers:
+                    taker.add(frame, estimate)
                 on_frame(estimate)
                 last = estimate
     except InputError as error:
@@ -148,6 +157,7 @@ def replay_into(
                 left.callback(sink.close)
             if run.frames:
                 run.thumbnails = pictures.jpegs
+                _leave_cloud(left, cloud, clouds, run)
                 write_results(run, folder)
     if not run.frames:
         raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
@@ -159,6 +169,14 @@ def replay_into(
             f"what there is to see of them is in {folder}",
         )
     return run
+
+
+def _leave_cloud(left: ExitStack, file: Path | None, clouds: KeyframeClouds, run: Run) -> None:
+    """Gives the run a picture of what its keyframes saw, and leaves the file to be written."""
+    if file is not None:
+        seen = clouds.fused()
+        left.callback(write_ply, file, seen)
+        run.map_jpeg = map_jpeg(seen, run.trajectory.poses)
 
 
 def _learnt(odometry: Odometry) -> ImuCalibration | None:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused, write_ply
+from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused
 from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame
 
 
-class CloudSink:
-    """Fuses the keyframes where the odometry put them, and writes a PLY file in the end."""
+class KeyframeClouds:
+    """What every keyframe saw, and where the odometry put it."""
 
-    def __init__(self, file: Path) -> None:
-        """Takes the file to write."""
-        self._file = file
+    def __init__(self) -> None:
         self._clouds: list[ColoredCloud] = []
         self._poses: list[Float64] = []
 
@@ -25,6 +21,6 @@ class CloudSink:
             self._clouds.append(cloud_of(frame))
             self._poses.append(estimate.T_odom_camera)
 
-    def close(self) -> None:
-        """Writes the file; raises InputError if it cannot be written."""
-        write_ply(self._file, fused(self._clouds, np.array(self._poses).reshape(-1, 4, 4)))
+    def fused(self) -> ColoredCloud:
+        """All of them as one, in the odom frame."""
+        return fused(self._clouds, np.array(self._poses).reshape(-1, 4, 4))
