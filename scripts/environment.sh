@@ -45,8 +45,11 @@ install_system_packages() {
   if ! command -v apt-get >/dev/null || ! "${root[@]}" true 2>/dev/null; then
     fail "system packages are missing; install them, then run this again: sudo apt-get install $*"
   fi
-  "${root[@]}" apt-get update
-  "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "$@"
+  (
+    flock 9 # other environments may be in the making
+    "${root[@]}" apt-get update
+    "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "$@"
+  ) 9>"${TMPDIR:-/tmp}/rgbd_glue_ros-apt.lock"
 }
 
 version_of() {
