@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.messages.image_codecs import encode_jpeg
 from rgbd_glue_ros.slam.cloud import ColoredCloud
 from rgbd_glue_ros.types import Float64, UInt8
 
@@ -142,5 +143,4 @@ def map_jpeg(cloud: ColoredCloud, poses: Float64) -> bytes:
     onlooker = Onlooker.of(cloud, poses, 2 * _JPEG_WIDTH, 2 * _JPEG_HEIGHT)
     large = with_path(picture(cloud, onlooker), poses, onlooker, 5)
     small = cv2.resize(large, (_JPEG_WIDTH, _JPEG_HEIGHT), interpolation=cv2.INTER_AREA)
-    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
-    return bytes(cv2.imencode(".jpg", small[:, :, ::-1], quality)[1])
+    return encode_jpeg(small[:, :, ::-1], _JPEG_QUALITY)
