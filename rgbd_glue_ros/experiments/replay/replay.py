@@ -157,8 +157,8 @@ def replay_into(
                 left.callback(sink.close)
             if run.frames:
                 run.thumbnails = pictures.jpegs
+                left.callback(write_results, run, folder)
                 _leave_cloud(left, cloud, clouds, run)
-                write_results(run, folder)
     if not run.frames:
         raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
     if last is not None and len(run.trajectory) == 0:
