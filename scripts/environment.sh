@@ -10,6 +10,10 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 # What a sourced ROS installation leaves behind would be mixed with the ROS of the environment.
 unset AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH
 
+# Containers often set this. Hundreds of processes would each compile all that they import, as pip
+# is told below to leave that to the first import.
+unset PYTHONDONTWRITEBYTECODE
+
 # The shared libraries that Open3D loads, each with its Debian package.
 open3d_libraries=(
   libEGL.so.1:libegl1
