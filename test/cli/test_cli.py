@@ -87,13 +87,30 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["replay", "test", "-o", "out", "--ground-truth", "README.md"], "README.md:"),
     ],
 )
-def test_bad_input_is_one_line_on_stderr_and_exit_code_2(arguments: list[str], says: str) -> None:
-    done = run(*arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    (line,) = done.stderr.splitlines()
+def test_bad_input_is_one_line_on_stderr_and_exit_code_2(
+    arguments: list[str],
+    says: str,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(ROOT)
+    try:
+        code = main(arguments)
+    except SystemExit as end:  # as argparse refuses
+        code = int(end.code or 0)
+    said = capfd.readouterr()
+    assert code == 2
+    assert said.out == ""
+    (line,) = said.err.splitlines()
     assert line.startswith("rgbd-glue: ")
     assert says in line
+
+
+@pytest.mark.parametrize("arguments", [["replay", "absent"], ["relpay", "absent"]])
+def test_a_process_ends_with_that_line_and_code(arguments: list[str]) -> None:
+    done = run(*arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.fixture

@@ -38,6 +38,7 @@ def test_a_peer_finds_the_transform_from_source_to_target(name: str) -> None:
     assert rotation_deg(T, truth) < limit_deg < rotation_deg(np.eye(4), truth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PEERS)
 def test_a_peer_gives_no_transform_of_frames_without_depth(name: str) -> None:
     peer = made(name)

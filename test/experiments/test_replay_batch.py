@@ -76,7 +76,6 @@ def test_when_none_can_be_replayed_the_first_cause_is_the_error(tmp_path: Path) 
         replayed(tmp_path / "out", a=Pan(4, breaks_after=0), b=Pan(4, breaks_after=0))
 
 
-@pytest.mark.every_python
 @pytest.mark.slow
 def test_the_command_gives_the_same_trajectories_in_this_process_and_on_workers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

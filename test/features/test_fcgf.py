@@ -144,6 +144,7 @@ def fcgf(folder: Path) -> Fcgf:
     return Fcgf(FeaturesConfig(weights=str(folder), device="cpu", voxel=0.05))
 
 
+@pytest.mark.slow
 def test_a_checkpoint_is_read_as_it_was_published(checkpoint: Path) -> None:
     seen = fcgf(checkpoint.parent).extract(room_view(0.0))
     assert seen.descriptors.shape == (len(seen.points), 32)

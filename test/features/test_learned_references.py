@@ -269,6 +269,7 @@ def assert_same(
         assert found[pair] == pytest.approx(expected[pair], abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["aliked", "disk"])
 def test_lightglue_matches_as_its_authors_code(
     name: str, authors: ModuleType, feature: Callable[[str], Any]

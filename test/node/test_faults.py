@@ -199,9 +199,7 @@ def test_whatever_the_fields_hold_they_make_a_frame_or_are_refused(
 @pytest.mark.parametrize(
     ("breakers", "rounds"),
     [
-        pytest.param(
-            COMPRESSED, 2 * len(COMPRESSED), id="compressed", marks=pytest.mark.every_python
-        ),
+        pytest.param(COMPRESSED, 2 * len(COMPRESSED), id="compressed"),
         # 200 frames show a leak of 250 kB a frame, less than an image takes
         pytest.param(RAW, 200, id="raw-long"),
         pytest.param(COMPRESSED, 200, id="compressed-long"),

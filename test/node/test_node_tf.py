@@ -64,7 +64,6 @@ def test_a_static_transform_that_was_told_before_the_node_started_is_known(
 
 
 @pytest.mark.slow
-@pytest.mark.every_python
 @pytest.mark.parametrize(
     "given", [{}, {"frame_id": "base_link", "camera_pose": "'0 0 0 0 0 0'", "publish_tf": False}]
 )

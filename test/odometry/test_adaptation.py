@@ -93,6 +93,7 @@ def walls_alone(frame: RgbdFrame) -> RgbdFrame:
     return replace(frame, color=np.zeros_like(frame.color), depth=depth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate_hz", "lost"), [(30, 30), (5, 5), (1, 3)])
 def test_a_new_start_waits_for_time_and_frames_both(rate_hz: int, lost: int) -> None:
     frames = [*recorded_frames()[:3], *[walls_alone(recorded_frames()[3])] * 40]

@@ -41,6 +41,7 @@ def doubts(estimates: list[OdometryEstimate], off: Float64) -> Float64:
     return np.sqrt(squared)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("somebody", "step", "count"),
     [(IN_FRONT, 1, 40), (CLOSE_BY, 1, 60), (CLOSE_BY, 5, 21), (PasserBy(period=3.5), 5, 21)],

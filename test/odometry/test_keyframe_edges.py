@@ -24,6 +24,7 @@ def estimates() -> list[OdometryEstimate]:
     return [odometry.process(frame) for frame in recorded_frames()]
 
 
+@pytest.mark.slow
 def test_every_keyframe_but_the_first_is_tracked_from_an_earlier_one(
     estimates: list[OdometryEstimate],
 ) -> None:

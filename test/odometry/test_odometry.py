@@ -459,6 +459,7 @@ def test_somebody_who_walks_by_is_not_followed(somebody: PasserBy) -> None:
     assert radians.max() < 0.02
 
 
+@pytest.mark.slow
 def test_in_another_room_no_pose_is_made_up() -> None:
     frames = recorded_frames()
     estimates = track(numbered([*frames[:20], *another_room(20)]))

@@ -39,6 +39,7 @@ def test_a_place_is_walked_without_getting_lost(
     assert np.rad2deg(radians.max()) < degrees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "centimetres"), [("a bare corridor at 10 Hz", 8), ("an empty corridor at 10 Hz", 160)]
 )

@@ -45,6 +45,7 @@ def pose_error(T: Float64) -> tuple[float, float]:
     return float(np.linalg.norm(error[:3, 3])), se3.rotation_angle(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("latency", "readout_time"),
     [(0.0, 0.0), (0.02, 0.0), (0.0, 0.03), (0.015, 0.026), (-0.01, -0.02)],

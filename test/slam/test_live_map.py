@@ -44,6 +44,7 @@ def test_keyframe_by_keyframe_the_optimum_is_that_of_all_at_once() -> None:
     assert max(apart) < 2e-3
 
 
+@pytest.mark.slow
 def test_the_thousandth_keyframe_costs_as_much_as_the_hundredth() -> None:
     graph = random_graph(14, 1000)
     incremental = IncrementalOptimiser()
@@ -60,6 +61,7 @@ def test_the_thousandth_keyframe_costs_as_much_as_the_hundredth() -> None:
     assert median(seconds[900:]) < 30 * median(seconds[100:200])
 
 
+@pytest.mark.slow
 def test_injected_drift_is_taken_out_while_the_camera_moves() -> None:
     pytest.importorskip("pyhbst", reason="pyHBST is not installed")
     keyframes = drifted()

@@ -94,6 +94,7 @@ def test_another_session_is_placed_where_it_is_once_it_shows_a_place_of_the_map(
     assert max(apart) < 0.01
 
 
+@pytest.mark.slow
 def test_who_only_locates_leaves_the_map_as_it_is() -> None:
     live = LiveMap(config(), first_session())
     located = [live.locate(keyed) for keyed in keyframes(T_MAP_ODOM)]

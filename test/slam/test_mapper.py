@@ -30,6 +30,7 @@ def true() -> Float64:
     return np.array([known.T_true for known in drifted()])
 
 
+@pytest.mark.slow
 def test_injected_drift_is_taken_out_where_the_camera_comes_back() -> None:
     pytest.importorskip("gtsam", reason="GTSAM is not installed")
     mapper = mapped_with_drift()
