@@ -145,6 +145,18 @@ add_learned_weights() {
   fi
 }
 
+# Compiles what tests run, from the checkout: else each of the processes that test would compile for
+# itself, and take the processor from live ones.
+compile_code() {
+  python - <<'EOF'
+from rgbd_glue_ros import load_preset
+from rgbd_glue_ros.odometry.warm_up import warm_up
+
+for preset in "live", "paper":
+    warm_up(load_preset(preset))
+EOF
+}
+
 # How many tests run at once: one more than there are cores, as those over DDS mostly wait.
 workers() {
   local cores
