@@ -17,7 +17,7 @@ from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, 
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_refinement import PoseProblem, corrected_motion
-from rgbd_glue_ros.odometry.progress import Progress
+from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
@@ -125,13 +125,13 @@ class Odometry(Closing):
         self.update_map()
         self._progress = self._progress.with_frame(frame.stamp_ns)
         self._inertial = self._inertial.at_frame(frame.stamp_ns)
-        last, predicted = self._progress.motion, self._predict(frame.stamp_ns, T_guess_camera)
+        last, predicted = self._progress.last, self._predict(frame.stamp_ns, T_guess_camera)
         view, preparation_ms = timed(self._prepare, frame, predicted)
         if last is None or predicted is None:
             estimate = self._start(frame.stamp_ns, view)
         else:
             attempt = self._find_pose(view, last, predicted)
-            estimate = self._conclude(attempt, last, predicted)
+            estimate = self._conclude(attempt, last.motion, predicted)
         if estimate.T_odom_camera is None:
             depth = summarise_depth(frame.depth, self._config.camera)
             estimate = replace(estimate, depth=depth)
@@ -170,14 +170,14 @@ class Odometry(Closing):
 
     def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> Motion | None:
         """The motion at a stamp as far as it is known before the images are; None at the start."""
-        motion, T_guess_last = self._progress.motion, self._progress.T_guess_camera
-        if motion is None:
+        last, T_guess_last = self._progress.last, self._progress.T_guess_camera
+        if last is None:
             return None
-        predicted = self._inertial.predicted(motion, stamp_ns, self._config.motion)
+        predicted = self._inertial.predicted(last.motion, stamp_ns, self._config.motion)
         if T_guess_last is None or T_guess_camera is None:
             return predicted
         T_last_camera = se3.inverse(T_guess_last) @ T_guess_camera
-        return replace(predicted, T_track_camera=motion.T_track_camera @ T_last_camera)
+        return replace(predicted, T_track_camera=last.motion.T_track_camera @ T_last_camera)
 
     def _prepare(self, frame: RgbdFrame, predicted: Motion | None) -> View:
         """The frame as it is registered, with the twist that it is expected to have."""
@@ -186,21 +186,20 @@ class Odometry(Closing):
         twist = np.zeros(6) if predicted is None else predicted.twist
         return self._calibration.prepare(frame, twist)
 
-    def _find_pose(self, view: View, last: Motion, predicted: Motion) -> Attempt:
+    def _find_pose(self, view: View, last: LastPose, predicted: Motion) -> Attempt:
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
         problem = PoseProblem(model, view, predicted, self._calibration.refine_config())
         config = self._config.odometry
-        before = self._progress.alternative
-        tracked = track(problem, references, last, before, self._glue, self._background, config)
+        tracked = track(problem, references, last, self._glue, self._background, config)
         self._map.finish_revisit()
         if tracked.fix is not None:
             return tracked
         keyframes = self._map.in_turn(self._progress.frames_missed)
         is_lost = self.state is TrackingState.LOST
         relocalised = relocalise(
-            tracked.features, keyframes, last, problem, self._glue, config, is_lost=is_lost
+            tracked.features, keyframes, last.motion, problem, self._glue, config, is_lost=is_lost
         )
         return tracked if relocalised is None else relocalised
 
@@ -218,7 +217,6 @@ class Odometry(Closing):
             predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
             self._map.shift_track(fix.T_shift)
         motion = corrected_motion(predicted, fix.estimate, self._config.refine)
-        self._progress = self._progress.with_pose(motion, fix.alternative)
         self._inertial = self._inertial.after_pose(
             motion.stamp_ns, fix.estimate, self._config.refine
         )
@@ -232,6 +230,7 @@ class Odometry(Closing):
         )
         # with its pose known, the twist of the frame is known better than when it was predicted
         view = replace(attempt.features.view, twist=motion.twist)
+        self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
         is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
         self._calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=is_certain)
         self._candidate = KeyframeCandidate(
@@ -287,7 +286,7 @@ class Odometry(Closing):
     def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Starts anew at the pose of a keyframe, and says so."""
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
-        self._progress = self._progress.with_pose(motion)
+        self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
         T_odom_camera = self._map.correction() @ keyframe.T_track_camera
         return OdometryEstimate(
             keyframe.stamp_ns,

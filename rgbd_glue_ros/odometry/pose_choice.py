@@ -32,6 +32,9 @@ _MOTION = 0.25
 # one pose is likely and the other is not.
 _DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
 _PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
+# Blur and haste leave some planes where they are not; where more than the others are, or matches
+# decide, there is nothing to look for.
+_CLEAR_AGREEMENT = 0.7
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,20 @@ def choose(
         if _is_better(candidate, best, matches, inlier_threshold):
             best = candidate
     return best
+
+
+def is_clear(candidate: Candidate, matches: Correspondences, inlier_threshold: float) -> bool:
+    """Whether planes or visual matches say enough for a pose, so that no other one is looked for.
+
+    Args:
+        candidate: the pose.
+        matches: all visual ones of the frame, their targets in the frame of its poses.
+        inlier_threshold: distance within which a match agrees with a pose, metres.
+    """
+    if candidate.coarse.visible_agreement >= _CLEAR_AGREEMENT:
+        return True
+    agreeing = distances(candidate.estimate.T_track_camera, matches) <= inlier_threshold
+    return bool(np.count_nonzero(agreeing) >= _DECIDING_MATCHES)
 
 
 def _is_better(

@@ -7,7 +7,22 @@ from dataclasses import dataclass, replace
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry.contradiction import Alternative
 from rgbd_glue_ros.odometry.motion_filter import Motion
-from rgbd_glue_ros.types import Float64, TrackingState
+from rgbd_glue_ros.types import Float64, TrackingState, View
+
+
+@dataclass(frozen=True)
+class LastPose:
+    """The last frame with a pose.
+
+    Attributes:
+        motion: at that frame.
+        view: of it.
+        alternative: to its pose, if a part of it contradicted.
+    """
+
+    motion: Motion
+    view: View
+    alternative: Alternative | None = None
 
 
 @dataclass(frozen=True)
@@ -16,16 +31,14 @@ class Progress:
 
     Attributes:
         state: after the last frame.
-        motion: at the last frame with a pose; None before the first.
-        alternative: to the pose of that frame, if a part of it contradicted.
+        last: the last frame with a pose; None before the first.
         T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if there was.
         last_stamp_ns: of the last frame; None before the first.
         frames_missed: that showed something and had no pose, since the last one that had.
     """
 
     state: TrackingState = TrackingState.INITIALIZING
-    motion: Motion | None = None
-    alternative: Alternative | None = None
+    last: LastPose | None = None
     T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
     frames_missed: int = 0
@@ -44,12 +57,6 @@ class Progress:
             )
         return replace(self, last_stamp_ns=stamp_ns)
 
-    def with_pose(self, motion: Motion, alternative: Alternative | None = None) -> Progress:
-        """After a frame that has a pose, and perhaps an alternative to it."""
-        return replace(
-            self,
-            state=TrackingState.TRACKING,
-            motion=motion,
-            alternative=alternative,
-            frames_missed=0,
-        )
+    def with_pose(self, last: LastPose) -> Progress:
+        """After a frame that has a pose."""
+        return replace(self, state=TrackingState.TRACKING, last=last, frames_missed=0)

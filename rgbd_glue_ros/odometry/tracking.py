@@ -1,4 +1,4 @@
-"""Tracks a frame against the nearest keyframes: two starts, and the one with more evidence."""
+"""Tracks a frame against the nearest keyframes: a few starts, and the one with most evidence."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ import numpy as np
 from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
-from rgbd_glue_ros.odometry.acceptance import is_plausible
+from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.contradiction import Alternative, find_alternative, preferred
+from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
-from rgbd_glue_ros.odometry.pose_choice import Candidate, choose
+from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
     PoseEstimate,
     PoseProblem,
     is_near,
 )
+from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
@@ -67,8 +69,7 @@ class Attempt:
 def track(
     problem: PoseProblem,
     references: Sequence[Keyframe],
-    last: Motion,
-    alternative: Alternative | None,
+    last: LastPose,
     glue: Glue,
     background: BackgroundThread,
     config: OdometryConfig,
@@ -78,18 +79,19 @@ def track(
     Args:
         problem: the frame, its predicted motion, and the model of the nearest few keyframes.
         references: these keyframes, the nearest first.
-        last: the motion at the last frame with a pose.
-        alternative: to that pose, if there was one.
+        last: the last frame with a pose.
         glue: registers.
         background: refines the predicted pose while the frame is registered.
         config: when a pose is believed.
     """
-    nearest, predicted = references[0], problem.predicted
+    nearest, predicted, before = references[0], problem.predicted, last.motion
     prior, from_prior = None, None
     if config.prior_radius > 0:
         T_nearest_camera = se3.inverse(nearest.T_track_camera) @ predicted.T_track_camera
         prior = TransformPrior(T_nearest_camera, config.prior_radius)
-        from_prior = background.submit(_candidate, predicted.T_track_camera, problem, last, config)
+        from_prior = background.submit(
+            _candidate, predicted.T_track_camera, problem, before, config
+        )
     features = glue.extract(problem.view)
     registration = glue.register(features, nearest.features, prior)
     candidates = [] if from_prior is None else [from_prior.result()]
@@ -99,12 +101,17 @@ def track(
     if T_registered is not None and not any(
         is_near(c.coarse.T_model_source, T_registered, config) for c in candidates
     ):
-        registered = _candidate(T_registered, problem, last, config)
+        registered = _candidate(T_registered, problem, before, config)
         candidates.append(registered)
         inliers = registration.visual_inliers.moved_target(nearest.T_track_camera)
         if _leaves_behind(inliers, registered, T_registered, glue.inlier_threshold):
             held = replace(problem, matches=inliers)
-            candidates.append(_candidate(T_registered, held, last, config))
+            candidates.append(_candidate(T_registered, held, before, config))
+    if candidates and not any(is_clear(c, matches, glue.inlier_threshold) for c in candidates):
+        turned = _candidate(_turned_pose(last, problem), problem, before, config)
+        # any two images are laid over each other somehow
+        if is_conclusive(turned.refinement, config):
+            candidates.append(turned)
     if not candidates:
         return Attempt(features, registration)
     chosen = choose(candidates, matches, glue.inlier_threshold, config)
@@ -112,7 +119,7 @@ def track(
         return Attempt(features, registration.refused(RegistrationStatus.INCONSISTENT))
     registration = registration.with_stage("refinement", chosen.milliseconds)
     fix = PoseFix(chosen.estimate, nearest, problem.model)
-    weighed = _weighed(fix, chosen, alternative, problem, last, config)
+    weighed = _weighed(fix, chosen, last, problem, config)
     reliable = replace(weighed, estimate=problem.reliable(weighed.estimate, config))
     return Attempt(features, registration, reliable)
 
@@ -120,9 +127,8 @@ def track(
 def _weighed(
     fix: PoseFix,
     chosen: Candidate,
-    before: Alternative | None,
+    last: LastPose,
     problem: PoseProblem,
-    last: Motion,
     config: OdometryConfig,
 ) -> PoseFix:
     """A pose and what contradicts it; the other way round where more speaks for that.
@@ -132,16 +138,16 @@ def _weighed(
     Args:
         fix: the pose.
         chosen: the same among the candidates.
-        before: the alternative of the frame before, if that was contradicted too.
+        last: the last frame with a pose; its alternative, if that was contradicted too.
         problem: the frame, and what its pose was refined by.
-        last: the motion at the last frame with a pose.
         config: when a pose is believed.
     """
+    before = last.alternative
     alternative = find_alternative(problem, chosen.coarse, before, config)
     if alternative is None:
         return fix
     pose, predicted = fix.estimate, problem.predicted
-    is_likelier = last.surprise(alternative.T_track_camera, predicted) < chosen.surprise
+    is_likelier = last.motion.surprise(alternative.T_track_camera, predicted) < chosen.surprise
     if alternative.is_larger and (before is not None or is_likelier):
         larger = preferred(problem, alternative, chosen.coarse, config)
         if is_plausible(larger.refinement, larger.refinement.planes_visible, config):
@@ -152,7 +158,9 @@ def _weighed(
     was_carried_along = (
         before is not None
         and not predicted.expects(T)
-        and predicted.shifted(before.T_track_camera @ se3.inverse(last.T_track_camera)).expects(T)
+        and predicted.shifted(
+            before.T_track_camera @ se3.inverse(last.motion.T_track_camera)
+        ).expects(T)
     )
     T_shift = T @ se3.inverse(T_other) if was_carried_along else None
     return replace(fix, estimate=pose, alternative=alternative, T_shift=T_shift)
@@ -166,6 +174,15 @@ def _candidate(
     estimate, further_ms = timed(problem.refined_further, coarse, config)
     surprise = last.surprise(estimate.T_track_camera, problem.predicted)
     return Candidate(estimate, coarse, surprise, coarse_ms + further_ms)
+
+
+def _turned_pose(last: LastPose, problem: PoseProblem) -> Float64:
+    """T_track_camera where the camera was expected, turned as the whole image has moved."""
+    R_last_camera = turn_between(last.view, problem.view)
+    return se3.from_rotation_translation(
+        last.motion.T_track_camera[:3, :3] @ R_last_camera,
+        problem.predicted.T_track_camera[:3, 3],
+    )
 
 
 def _registered_pose(registration: RegistrationResult, reference: Keyframe) -> Float64 | None:

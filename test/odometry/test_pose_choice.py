@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rigs.room import room_view, true_pose
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.motion_filter import Motion
-from rgbd_glue_ros.odometry.pose_choice import Candidate, choose
+from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
@@ -29,6 +31,10 @@ def along(metres: float) -> Float64:
 def blank_wall() -> View:
     """Shows one plane and no texture: where along it the camera is, it does not say."""
     return View(np.full((240, 320), 200, np.uint8), np.full((240, 320), 2.0, np.float32), CAMERA)
+
+
+def without_depth(view: View) -> View:
+    return replace(view, depth=np.full_like(view.depth, np.nan))
 
 
 def moved_matches(metres: float, count: int) -> Correspondences:
@@ -92,3 +98,16 @@ def test_a_pose_that_is_not_believed_does_not_compete() -> None:
     here = candidate(along(0.0), along_wall)
     assert chosen([out_of_reach, here], along_wall) is here
     assert chosen([out_of_reach], along_wall) is None
+
+
+def test_where_planes_and_matches_leave_a_pose_open_another_one_is_looked_for() -> None:
+    room = room_view(0.0)
+    right, wrong = np.eye(4), se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.3, 0.0]))
+    in_room = problem(room, room)
+    assert is_clear(candidate(right, in_room), NO_MATCHES, T_IN)
+    assert not is_clear(candidate(wrong, in_room), NO_MATCHES, T_IN)
+    few, enough = moved_matches(0.0, 19), moved_matches(0.0, 20)
+    assert not is_clear(candidate(wrong, in_room), enough, T_IN)
+    no_planes = problem(blank_wall(), without_depth(blank_wall()))
+    assert not is_clear(candidate(right, no_planes), few, T_IN)
+    assert is_clear(candidate(right, no_planes), enough, T_IN)
