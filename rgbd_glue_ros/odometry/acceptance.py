@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 
@@ -33,4 +35,17 @@ def is_conclusive(found: Refinement, config: OdometryConfig) -> bool:
         found.planes_seen >= config.min_planes
         and found.plane_agreement >= config.plane_agreement
         and found.brightness_correlation >= config.brightness_correlation
+    )
+
+
+def sceptical(config: OdometryConfig) -> OdometryConfig:
+    """What to ask of a pose that no motion leads to: as after frames that have none.
+
+    Of the many poses that a camera may have got to, some agree with a few planes or pixels.
+    """
+    return replace(
+        config,
+        min_planes=4 * config.min_planes,
+        min_pixels=4 * config.min_pixels,
+        brightness_correlation=(1 + config.brightness_correlation) / 2,
     )

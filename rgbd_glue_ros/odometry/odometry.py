@@ -8,6 +8,7 @@ import numpy as np
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.acceptance import sceptical
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
@@ -191,13 +192,13 @@ class Odometry(Closing):
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
         problem = PoseProblem(model, view, predicted, self._calibration.refine_config())
-        config = self._config.odometry
-        tracked = track(problem, references, last, self._glue, self._background, config)
+        config, is_lost = self._config.odometry, self.state is TrackingState.LOST
+        asked = sceptical(config) if is_lost else config
+        tracked = track(problem, references, last, self._glue, self._background, asked)
         self._map.finish_revisit()
         if tracked.fix is not None:
             return tracked
         keyframes = self._map.in_turn(self._progress.frames_missed)
-        is_lost = self.state is TrackingState.LOST
         relocalised = relocalise(
             tracked.features, keyframes, last.motion, problem, self._glue, config, is_lost=is_lost
         )
@@ -216,10 +217,9 @@ class Odometry(Closing):
         if fix.T_shift is not None:
             predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
             self._map.shift_track(fix.T_shift)
-        motion = corrected_motion(predicted, fix.estimate, self._config.refine)
-        self._inertial = self._inertial.after_pose(
-            motion.stamp_ns, fix.estimate, self._config.refine
-        )
+        refine = self._config.refine
+        motion = corrected_motion(predicted, fix.estimate, refine)
+        self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, refine)
         T_odom_track = self._map.advance_correction(
             fix.reference, last.T_track_camera, motion.T_track_camera
         )
@@ -239,7 +239,7 @@ class Odometry(Closing):
             covariance,
             replace(attempt.features, view=view),
             fix.reference,
-            overlap(view, fix.estimate.refinement, self._config.refine),
+            overlap(view, fix.estimate.refinement, refine),
         )
         T_odom_camera = T_odom_track @ motion.T_track_camera
         return OdometryEstimate(
