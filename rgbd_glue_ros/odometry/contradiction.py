@@ -47,6 +47,11 @@ class Alternative:
         return self.share > 1 / 2
 
 
+def is_contradicted(pose: Refinement) -> bool:
+    """Whether a substantial part of the planes that a frame shows lies elsewhere than at a pose."""
+    return 1 - pose.plane_agreement >= _SUBSTANTIAL
+
+
 def find_alternative(
     problem: PoseProblem, pose: Refinement, before: Alternative | None, config: OdometryConfig
 ) -> Alternative | None:
@@ -61,7 +66,7 @@ def find_alternative(
     Returns:
         None where little contradicts, or each part of it something else.
     """
-    if 1 - pose.plane_agreement < _SUBSTANTIAL:
+    if not is_contradicted(pose):
         return None
     images = pyramid(problem.view.grey, 1 + max(COARSE_LEVELS))
     levels = [

@@ -12,7 +12,12 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
 from rgbd_glue_ros.odometry.background import BackgroundThread
-from rgbd_glue_ros.odometry.contradiction import Alternative, find_alternative, preferred
+from rgbd_glue_ros.odometry.contradiction import (
+    Alternative,
+    find_alternative,
+    is_contradicted,
+    preferred,
+)
 from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
@@ -108,10 +113,7 @@ def track(
             held = replace(problem, matches=inliers)
             candidates.append(_candidate(T_registered, held, before, config))
     if candidates and not any(is_clear(c, matches, glue.inlier_threshold) for c in candidates):
-        turned = _candidate(_turned_pose(last, problem), problem, before, config)
-        # any two images are laid over each other somehow
-        if is_conclusive(turned.refinement, config):
-            candidates.append(turned)
+        candidates += _turned_candidates(problem, last, config)
     if not candidates:
         return Attempt(features, registration)
     chosen = choose(candidates, matches, glue.inlier_threshold, config)
@@ -143,6 +145,9 @@ def _weighed(
         config: when a pose is believed.
     """
     before = last.alternative
+    # what the finest level resolves was none
+    if not is_contradicted(chosen.refinement):
+        return fix
     alternative = find_alternative(problem, chosen.coarse, before, config)
     if alternative is None:
         return fix
@@ -176,13 +181,20 @@ def _candidate(
     return Candidate(estimate, coarse, surprise, coarse_ms + further_ms)
 
 
-def _turned_pose(last: LastPose, problem: PoseProblem) -> Float64:
-    """T_track_camera where the camera was expected, turned as the whole image has moved."""
-    R_last_camera = turn_between(last.view, problem.view)
-    return se3.from_rotation_translation(
-        last.motion.T_track_camera[:3, :3] @ R_last_camera,
-        problem.predicted.T_track_camera[:3, 3],
-    )
+def _turned_candidates(
+    problem: PoseProblem, last: LastPose, config: OdometryConfig
+) -> list[Candidate]:
+    """Poses from where the whole image has turned to: without a way, and with the expected one.
+
+    Any two images are laid over each other somehow, so that planes and pixels have to bear it out.
+    """
+    T_last, T_predicted = last.motion.T_track_camera, problem.predicted.T_track_camera
+    R = T_last[:3, :3] @ turn_between(last.view, problem.view)
+    turned = [
+        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, last.motion, config)
+        for T in (T_predicted, T_last)
+    ]
+    return [candidate for candidate in turned if is_conclusive(candidate.refinement, config)]
 
 
 def _registered_pose(registration: RegistrationResult, reference: Keyframe) -> Float64 | None:

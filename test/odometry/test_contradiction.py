@@ -10,7 +10,12 @@ from rigs.room import room_view, true_pose
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
-from rgbd_glue_ros.odometry.contradiction import Alternative, doubt, find_alternative
+from rgbd_glue_ros.odometry.contradiction import (
+    Alternative,
+    doubt,
+    find_alternative,
+    is_contradicted,
+)
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
@@ -87,6 +92,14 @@ def test_the_room_behind_somebody_is_found_and_is_the_larger_part() -> None:
     assert found is not None
     assert np.linalg.norm((found.T_track_camera - truth)[:3, 3]) < 0.01
     assert found.is_larger
+
+
+def test_what_is_seen_of_somebody_contradicts_and_noise_does_not() -> None:
+    frames = crossed(IN_FRONT, 1, 5)
+    of = problem(prepared(frames[0]), prepared(frames[4]))
+    assert is_contradicted(evaluate_pose(true_poses()[4], of.model, of.view, of.config))
+    of = problem(prepared(recorded_frames()[0]), prepared(recorded_frames()[4]))
+    assert not is_contradicted(evaluate_pose(true_poses()[4], of.model, of.view, of.config))
 
 
 def test_where_all_agrees_there_is_no_alternative() -> None:

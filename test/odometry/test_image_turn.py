@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from rigs.room import turned_frame, view_after
+from rigs.room import view_after
 
 from rgbd_glue_ros.geometry import camera, se3
 from rgbd_glue_ros.odometry.image_turn import turn_between
@@ -69,13 +69,22 @@ def test_any_two_images_give_a_rotation(height: int, width: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.2, 0.35, 0.45])
-def test_a_sudden_turn_that_blurs_the_image_is_tracked(yaw: float) -> None:
+@pytest.mark.parametrize(("step", "stops"), [(0.0, True), (0.2, True), (0.2, False)])
+def test_a_sudden_turn_that_blurs_the_image_is_tracked(
+    yaw: float, step: float, stops: bool
+) -> None:
+    """A camera that stands, walks and stops, or walks on: a metre in a second, at 5 Hz."""
+
+    def after(steps: int) -> Float64:
+        return se3.exp(np.array([steps * step, 0, 0, 0, 0, 0]))
+
     odometry = Odometry(with_values(Config(), {"odometry.reset_countdown": 0}))
     period_ns = NANOSECONDS // 5
-    for i in range(3):
-        odometry.process(turned_frame(0.0, i * period_ns))
-    estimate = odometry.process(blurred(turned_frame(yaw, 3 * period_ns)))
+    for i in range(4):
+        odometry.process(view_after(after(i), i * period_ns))
+    T = after(3 if stops else 4) @ turned_by(0.0, yaw)
+    estimate = odometry.process(blurred(view_after(T, 4 * period_ns)))
     assert estimate.T_odom_camera is not None
-    error = se3.log(se3.inverse(estimate.T_odom_camera) @ turned_by(0.0, yaw))
-    assert np.linalg.norm(error[:3]) < 0.01
-    assert np.linalg.norm(error[3:]) < np.deg2rad(0.3)
+    error = se3.log(se3.inverse(T) @ estimate.T_odom_camera)
+    assert np.linalg.norm(error[:3]) < 0.03
+    assert np.linalg.norm(error[3:]) < np.deg2rad(0.6)
