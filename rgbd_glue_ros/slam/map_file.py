@@ -12,14 +12,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.files.writing import write_whole
-from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.messages.image_codecs import decode, encode_png
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
     EdgeOrigin,
@@ -76,8 +75,8 @@ def write_map(path: Path, saved: SavedMap) -> None:
         "times": np.array([(v.readout_time, v.depth_delay) for v in views]).reshape(-1, 2),
     }
     for i, view in enumerate(views):
-        arrays[f"grey_{i}"] = _png(view.grey)
-        arrays[f"depth_{i}"] = _png(_in_units(view.depth))
+        arrays[f"grey_{i}"] = _bytes(encode_png(view.grey))
+        arrays[f"depth_{i}"] = _bytes(encode_png(_in_units(view.depth)))
     file = BytesIO()
     np.savez(file, **arrays)
     write_whole(path, file.getvalue())
@@ -159,5 +158,5 @@ def _in_units(depth: Float32) -> np.typing.NDArray[np.uint16]:
     return np.where((units > 0) & (units <= _FARTHEST), units, 0).astype(np.uint16)
 
 
-def _png(image: UInt8 | np.typing.NDArray[np.uint16]) -> UInt8:
-    return np.asarray(cv2.imencode(".png", image)[1], np.uint8).ravel()
+def _bytes(data: bytes) -> UInt8:
+    return np.frombuffer(data, np.uint8)
