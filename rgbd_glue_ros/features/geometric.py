@@ -12,7 +12,7 @@ from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
 from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.geometry.motion_compensation import displaced_points, seconds_after_color
-from rgbd_glue_ros.geometry.normals import grid_points_and_normals
+from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
 
@@ -135,14 +135,15 @@ class GridFpfh:
         self._step = config.grid_step
 
     def extract(self, view: View) -> DescribedGrid:
-        """Points, normals and FPFH of every ``grid_step``-th pixel."""
-        points, normals = grid_points_and_normals(view.depth, view.intrinsics, self._step)
-        rows = np.arange(len(points)) * self._step + self._step // 2
+        """Points, normals and FPFH of a grid of as many points in an image of any size."""
+        step = spacing_px(view, self._step)
+        points, normals = grid_points_and_normals(view.depth, view.intrinsics, step)
+        rows = np.arange(len(points)) * step + step // 2
         points = displaced_points(
             points, seconds_after_color(rows, view)[:, np.newaxis], view.twist
         )
         fpfh = grid_fpfh(points, normals, _GRID_FPFH_RADIUS_M, _GRID_FPFH_HALF_WINDOW)
-        return DescribedGrid(points, normals, fpfh, view.intrinsics, self._step)
+        return DescribedGrid(points, normals, fpfh, view.intrinsics, step)
 
     def match(
         self, source: DescribedGrid, target: DescribedGrid, prior: TransformPrior | None

@@ -8,14 +8,29 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.depth import RECEDING, depth_sigma
-from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, View
 
+# The image that the spacing of grids is given for, pixels.
+_STEP_IMAGE = 640 * 480
 # A plane is fitted to this many pixels to each side of a grid point, every second one.
 _HALF_WINDOW = 6
 _STRIDE = 2
 _MIN_POINTS = 12
 # The cosine between normal and ray at 80 degrees; a surface seen flatter has little depth to trust.
 _MIN_COSINE = 0.17
+
+
+def spacing_px(view: View, step: int) -> int:
+    """The spacing of a grid that has as many points in an image of any size.
+
+    What they cost and what their counts mean does not depend on the resolution then.
+
+    Args:
+        view: a frame.
+        step: the spacing in an image of 640x480, pixels.
+    """
+    height, width = view.grey.shape
+    return max(1, round(step * math.sqrt(width * height / _STEP_IMAGE)))
 
 
 def grid_points_and_normals(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.normals import spacing_px
 from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
@@ -16,7 +17,7 @@ from rgbd_glue_ros.odometry.motion_filter import Motion, lost_spread
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config, OdometryConfig, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
-from rgbd_glue_ros.refinement.model import Model, model_of, spacing_px
+from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge, View
 

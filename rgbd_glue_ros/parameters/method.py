@@ -103,7 +103,12 @@ class FeaturesConfig:
         maximum=100000,
     )
     grid_step: int = parameter(
-        12, "Spacing of the points of fpfh_grid.", unit="pixel", minimum=2, maximum=64
+        12,
+        "Spacing of the points of fpfh_grid in an image of 640x480; those of other sizes get about "
+        "as many.",
+        unit="pixel",
+        minimum=2,
+        maximum=64,
     )
     device: str = parameter(
         "auto",

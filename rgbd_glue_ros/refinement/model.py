@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -20,18 +19,18 @@ from rgbd_glue_ros.geometry.motion_compensation import (
     normalised_row_time,
     seconds_after_color,
 )
-from rgbd_glue_ros.geometry.normals import grid_points_and_normals
+from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
 Mask = NDArray[np.bool_]
 
 LEVELS = 3
-# Edge of the cells that give one pixel each, at every level of the pyramid: coarse levels have
-# fewer pixels, so their cells are smaller.
+# Edge of the cells that give one pixel each, at every level of the pyramid of an image of 640x480:
+# coarse levels have fewer pixels, so their cells are smaller. In a larger image they are larger,
+# as neighbours on an edge say little more than one of them; in a smaller one they are not smaller,
+# as noise has gradients too.
 _CELLS_PX = (8, 5, 4)
 _MIN_GRADIENT = 5.0
-# The image that the spacing of planes is given for, pixels.
-_GRID_STEP_IMAGE = 640 * 480
 # A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
 # seen there moves with the edge and not with the pixel's own depth.
 _OCCLUSION_PX = 3
@@ -112,19 +111,6 @@ class Model:
         )
 
 
-def spacing_px(view: View, grid_step: int) -> int:
-    """The spacing of planes that gives as many in an image of any size.
-
-    What planes cost and what their counts mean does not depend on the resolution then.
-
-    Args:
-        view: a frame.
-        grid_step: the spacing in an image of 640x480, pixels.
-    """
-    height, width = view.grey.shape
-    return max(1, round(grid_step * math.sqrt(width * height / _GRID_STEP_IMAGE)))
-
-
 def model_of(view: View, grid_step: int) -> Model:
     """The planes and pixels of a frame, in its optical frame.
 
@@ -196,7 +182,8 @@ def _planes(view: View, grid_step: int) -> Planes:
 
 def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     """The pixel with the strongest gradient in each cell of a level, where its depth is known."""
-    rows = _strongest_gradients(image, _CELLS_PX[level], _MIN_GRADIENT)
+    cell = max(_CELLS_PX[level], spacing_px(view, _CELLS_PX[level]))
+    rows = _strongest_gradients(image, cell, _MIN_GRADIENT)
     rows = rows[_uncovered(view.depth, rows * 2**level, _OCCLUSION_PX * 2**level)]
     uv = (rows[:, ::-1] * 2**level).astype(np.float32)
     points, known = keypoints_to_points(uv, view)

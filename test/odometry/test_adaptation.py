@@ -10,9 +10,11 @@ import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
 from rigs.room import panned_frame
 
+from rgbd_glue_ros.features.geometric import GridFpfh
+from rgbd_glue_ros.geometry.normals import spacing_px
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.parameters import Config, with_values
-from rgbd_glue_ros.refinement.model import spacing_px
+from rgbd_glue_ros.parameters import Config, FeaturesConfig, with_values
+from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -37,6 +39,22 @@ def blank_view(width: int, height: int) -> View:
 def test_an_image_of_any_size_has_about_as_many_planes(width: int, height: int) -> None:
     step = spacing_px(blank_view(width, height), 8)
     assert 0.65 * 4800 < (width // step) * (height // step) < 1.35 * 4800
+
+
+@pytest.mark.parametrize(("width", "height"), [(848, 480), (1280, 720), (1920, 1080)])
+def test_a_large_image_costs_as_many_pixels_and_descriptors_as_one_of_640x480(
+    width: int, height: int
+) -> None:
+    """Noise: wherever a pixel or descriptor can be, there is one."""
+
+    def counts(width: int, height: int) -> list[int]:
+        blank = blank_view(width, height)
+        noise = np.random.default_rng(0).integers(0, 256, blank.grey.shape, np.uint8)
+        view = replace(blank, grey=noise)
+        grid = GridFpfh(FeaturesConfig()).extract(view)
+        return [grid.points[..., 0].size, *(len(p.points) for p in model_of(view, 8).pixels)]
+
+    np.testing.assert_allclose(counts(width, height), counts(640, 480), rtol=0.35)
 
 
 def halved(frame: RgbdFrame) -> RgbdFrame:
