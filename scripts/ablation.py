@@ -24,6 +24,7 @@ from rgbd_glue_ros import Odometry, Trajectory, evaluate, load_preset, open_reco
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
 from rgbd_glue_ros.odometry import tracking
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose
+from rgbd_glue_ros.odometry.tracking import turned_candidates
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.parameters.files import parse_assignment
@@ -47,11 +48,13 @@ class Decisions:
         same: prediction and registration led to one pose, or only one of the two gave any.
         prediction: they differed, and the pose that refinement reached from the prediction won.
         registration: they differed, and the one from the registration won.
+        turn: none was clear, and the one from where the whole image has turned to won.
     """
 
     same: int = 0
     prediction: int = 0
     registration: int = 0
+    turn: int = 0
 
 
 @dataclass
@@ -82,10 +85,17 @@ class Outcome:
 
 def watched(decisions: Decisions) -> AbstractContextManager[Any]:
     """Counts which of a frame's poses are chosen, while it lasts."""
+    turned: list[Candidate] = []
+
+    def found(*arguments: Any) -> list[Candidate]:
+        turned[:] = turned_candidates(*arguments)
+        return turned
 
     def counted(candidates: Sequence[Candidate], *arguments: Any) -> Candidate | None:
         chosen = choose(candidates, *arguments)
-        if chosen is not None and len(candidates) == 1:
+        if any(chosen is candidate for candidate in turned):
+            decisions.turn += 1
+        elif chosen is not None and len(candidates) == 1:
             decisions.same += 1
         elif chosen is not None and chosen is candidates[0]:
             decisions.prediction += 1
@@ -93,7 +103,7 @@ def watched(decisions: Decisions) -> AbstractContextManager[Any]:
             decisions.registration += 1
         return chosen
 
-    return patch.object(tracking, "choose", counted)
+    return patch.multiple(tracking, choose=counted, turned_candidates=found)
 
 
 def tracked(path: Path, config: Config, every: int) -> Outcome:
@@ -153,8 +163,8 @@ def decisions_table(names: Sequence[str], outcomes: Sequence[Outcome]) -> str:
     rows = []
     for name, outcome in zip(names, outcomes, strict=True):
         counts = outcome.decisions
-        rows.append([name, *map(str, (counts.same, counts.prediction, counts.registration))])
-    return table(["", "both the same", "refined prediction", "registration"], rows)
+        rows.append([name, *map(str, vars(counts).values())])
+    return table(["", "both the same", "refined prediction", "registration", "turn"], rows)
 
 
 def drift_table(names: Sequence[str], outcomes: Mapping[str, Sequence[Outcome]]) -> str:

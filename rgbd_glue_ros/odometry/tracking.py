@@ -113,7 +113,7 @@ def track(
             held = replace(problem, matches=inliers)
             candidates.append(_candidate(T_registered, held, before, config))
     if candidates and not any(is_clear(c, matches, glue.inlier_threshold) for c in candidates):
-        candidates += _turned_candidates(problem, last, config)
+        candidates += turned_candidates(problem, last, config)
     if not candidates:
         return Attempt(features, registration)
     chosen = choose(candidates, matches, glue.inlier_threshold, config)
@@ -124,6 +124,27 @@ def track(
     weighed = _weighed(fix, chosen, last, problem, config)
     reliable = replace(weighed, estimate=problem.reliable(weighed.estimate, config))
     return Attempt(features, registration, reliable)
+
+
+def turned_candidates(
+    problem: PoseProblem, last: LastPose, config: OdometryConfig
+) -> list[Candidate]:
+    """Poses from where the whole image has turned to: without a way, and with the expected one.
+
+    Any two images are laid over each other somehow, so that planes and pixels have to bear it out.
+
+    Args:
+        problem: the frame, and what its pose is refined by.
+        last: the last frame with a pose.
+        config: when a pose is believed.
+    """
+    T_last, T_predicted = last.motion.T_track_camera, problem.predicted.T_track_camera
+    R = T_last[:3, :3] @ turn_between(last.view, problem.view)
+    turned = [
+        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, last.motion, config)
+        for T in (T_predicted, T_last)
+    ]
+    return [candidate for candidate in turned if is_conclusive(candidate.refinement, config)]
 
 
 def _weighed(
@@ -179,22 +200,6 @@ def _candidate(
     estimate, further_ms = timed(problem.refined_further, coarse, config)
     surprise = last.surprise(estimate.T_track_camera, problem.predicted)
     return Candidate(estimate, coarse, surprise, coarse_ms + further_ms)
-
-
-def _turned_candidates(
-    problem: PoseProblem, last: LastPose, config: OdometryConfig
-) -> list[Candidate]:
-    """Poses from where the whole image has turned to: without a way, and with the expected one.
-
-    Any two images are laid over each other somehow, so that planes and pixels have to bear it out.
-    """
-    T_last, T_predicted = last.motion.T_track_camera, problem.predicted.T_track_camera
-    R = T_last[:3, :3] @ turn_between(last.view, problem.view)
-    turned = [
-        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, last.motion, config)
-        for T in (T_predicted, T_last)
-    ]
-    return [candidate for candidate in turned if is_conclusive(candidate.refinement, config)]
 
 
 def _registered_pose(registration: RegistrationResult, reference: Keyframe) -> Float64 | None:

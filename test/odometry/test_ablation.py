@@ -23,6 +23,6 @@ def test_every_part_is_taken_away_and_the_rest_still_tracks() -> None:
     errors = {line[0]: line[1] for line in lines[:12] if len(line) == 3}
     assert {"whole", "no visual features", "no filter", "no prediction"} <= {*errors}
     assert float(errors["whole"]) < 1.0
-    # every frame but the first, which starts the map, has its pose in one of three ways
-    counts = next(line for line in lines if len(line) == 4 and line[1].isdigit())
+    # every frame but the first, which starts the map, has its pose in one of four ways
+    counts = next(line for line in lines if len(line) == 5 and line[1].isdigit())
     assert sum(map(int, counts[1:])) == 10
