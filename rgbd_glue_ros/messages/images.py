@@ -10,6 +10,7 @@ import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import cv2
@@ -153,12 +154,25 @@ def metres(depth: NDArray[Any], units_per_metre: float, depth_scale: float | Non
         depth_scale: metres of one unit, in place of that; None for the rules.
     """
     units = units_per_metre if depth_scale is None else 1 / depth_scale
+    if (depth.dtype.kind, depth.dtype.itemsize) == ("u", 2):
+        # a fifth of the time that computing each takes
+        return np.take(_metres_of_16_bits(units), depth)
+    return _metres(depth, units)
+
+
+def _metres(depth: NDArray[Any], units: float) -> Float32:
     with np.errstate(invalid="ignore", over="ignore"):
         values: Float32 = np.divide(depth, np.float32(units), dtype=np.float32)
     values[~((values > 0) & (values < np.inf))] = np.nan
-    if (depth.dtype.kind, depth.dtype.itemsize) == ("u", 2):
-        values[depth == _OVERFLOW] = np.nan
     return values
+
+
+@lru_cache(maxsize=4)
+def _metres_of_16_bits(units: float) -> Float32:
+    """What each number of 16 bits stands for, float32 [65536]."""
+    table = _metres(np.arange(_OVERFLOW + 1, dtype=np.uint16), units)
+    table[_OVERFLOW] = np.nan
+    return table
 
 
 def holds_whole_numbers(depth: AnyImage) -> bool:
