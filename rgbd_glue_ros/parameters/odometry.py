@@ -96,11 +96,15 @@ class OdometryConfig:
         maximum=1000.0,
     )
     min_planes: int = parameter(
-        50, "Planes that must be seen for their agreement to count.", minimum=1, maximum=1000000
+        50,
+        "Planes that must be seen for their agreement to count; more after a frame without a pose.",
+        minimum=1,
+        maximum=1000000,
     )
     min_pixels: int = parameter(
         50,
-        "Textured pixels that must be seen for their correlation to count.",
+        "Textured pixels that must be seen for their correlation to count; more after a frame "
+        "without a pose.",
         minimum=1,
         maximum=1000000,
     )
