@@ -135,8 +135,8 @@ class GridFpfh:
         self._step = config.grid_step
 
     def extract(self, view: View) -> DescribedGrid:
-        """Points, normals and FPFH of a grid of as many points in an image of any size."""
-        step = spacing_px(view, self._step)
+        """Points, normals and FPFH of a grid that has no more points in a larger image."""
+        step = max(self._step, spacing_px(view, self._step))
         points, normals = grid_points_and_normals(view.depth, view.intrinsics, step)
         rows = np.arange(len(points)) * step + step // 2
         points = displaced_points(

@@ -104,7 +104,7 @@ class FeaturesConfig:
     )
     grid_step: int = parameter(
         12,
-        "Spacing of the points of fpfh_grid in an image of 640x480; those of other sizes get about "
+        "Spacing of the points of fpfh_grid in an image of 640x480 or less; larger ones get about "
         "as many.",
         unit="pixel",
         minimum=2,
