@@ -69,9 +69,12 @@ def test_any_two_images_give_a_rotation(height: int, width: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.2, 0.35, 0.45])
-@pytest.mark.parametrize(("step", "stops"), [(0.0, True), (0.2, True), (0.2, False)])
+@pytest.mark.parametrize(
+    ("step", "stops", "metres", "degrees"),
+    [(0.0, True, 0.01, 0.3), (0.2, True, 0.03, 0.6), (0.2, False, 0.01, 0.3)],
+)
 def test_a_sudden_turn_that_blurs_the_image_is_tracked(
-    yaw: float, step: float, stops: bool
+    yaw: float, step: float, stops: bool, metres: float, degrees: float
 ) -> None:
     """A camera that stands, walks and stops, or walks on: a metre in a second, at 5 Hz."""
 
@@ -86,5 +89,5 @@ def test_a_sudden_turn_that_blurs_the_image_is_tracked(
     estimate = odometry.process(blurred(view_after(T, 4 * period_ns)))
     assert estimate.T_odom_camera is not None
     error = se3.log(se3.inverse(T) @ estimate.T_odom_camera)
-    assert np.linalg.norm(error[:3]) < 0.03
-    assert np.linalg.norm(error[3:]) < np.deg2rad(0.6)
+    assert np.linalg.norm(error[:3]) < metres
+    assert np.linalg.norm(error[3:]) < np.deg2rad(degrees)
