@@ -12,7 +12,7 @@ from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two
 from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.geometry.motion_compensation import displaced_points, seconds_after_color
-from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px
+from rgbd_glue_ros.geometry.normals import grid_points_and_normals, widened_px
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
 
@@ -136,7 +136,7 @@ class GridFpfh:
 
     def extract(self, view: View) -> DescribedGrid:
         """Points, normals and FPFH of a grid that has no more points in a larger image."""
-        step = max(self._step, spacing_px(view, self._step))
+        step = widened_px(view, self._step)
         points, normals = grid_points_and_normals(view.depth, view.intrinsics, step)
         rows = np.arange(len(points)) * step + step // 2
         points = displaced_points(

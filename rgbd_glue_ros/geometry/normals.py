@@ -33,6 +33,18 @@ def spacing_px(view: View, step: int) -> int:
     return max(1, round(step * math.sqrt(width * height / _STEP_IMAGE)))
 
 
+def widened_px(view: View, step: int) -> int:
+    """The spacing that gives no more points in an image larger than 640x480.
+
+    In a smaller one it stays: denser points are noise as much as they are the scene.
+
+    Args:
+        view: a frame.
+        step: the spacing in an image of 640x480, pixels.
+    """
+    return max(step, spacing_px(view, step))
+
+
 def grid_points_and_normals(
     depth: Float32, intrinsics: CameraIntrinsics, step: int
 ) -> tuple[Float64, Float64]:

@@ -19,16 +19,14 @@ from rgbd_glue_ros.geometry.motion_compensation import (
     normalised_row_time,
     seconds_after_color,
 )
-from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px
+from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px, widened_px
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
 Mask = NDArray[np.bool_]
 
 LEVELS = 3
 # Edge of the cells that give one pixel each, at every level of the pyramid of an image of 640x480:
-# coarse levels have fewer pixels, so their cells are smaller. In a larger image they are larger,
-# as neighbours on an edge say little more than one of them; in a smaller one they are not smaller,
-# as noise has gradients too.
+# coarse levels have fewer pixels, so their cells are smaller.
 _CELLS_PX = (8, 5, 4)
 _MIN_GRADIENT = 5.0
 # A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
@@ -182,8 +180,7 @@ def _planes(view: View, grid_step: int) -> Planes:
 
 def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     """The pixel with the strongest gradient in each cell of a level, where its depth is known."""
-    cell = max(_CELLS_PX[level], spacing_px(view, _CELLS_PX[level]))
-    rows = _strongest_gradients(image, cell, _MIN_GRADIENT)
+    rows = _strongest_gradients(image, widened_px(view, _CELLS_PX[level]), _MIN_GRADIENT)
     rows = rows[_uncovered(view.depth, rows * 2**level, _OCCLUSION_PX * 2**level)]
     uv = (rows[:, ::-1] * 2**level).astype(np.float32)
     points, known = keypoints_to_points(uv, view)

@@ -25,7 +25,6 @@ from rgbd_glue_ros.types import (
     Float32,
     PoseGraphEdge,
     Trajectory,
-    UInt8,
     View,
 )
 
@@ -75,8 +74,8 @@ def write_map(path: Path, saved: SavedMap) -> None:
         "times": np.array([(v.readout_time, v.depth_delay) for v in views]).reshape(-1, 2),
     }
     for i, view in enumerate(views):
-        arrays[f"grey_{i}"] = _bytes(encode_png(view.grey))
-        arrays[f"depth_{i}"] = _bytes(encode_png(_in_units(view.depth)))
+        arrays[f"grey_{i}"] = np.frombuffer(encode_png(view.grey), np.uint8)
+        arrays[f"depth_{i}"] = np.frombuffer(encode_png(_in_units(view.depth)), np.uint8)
     file = BytesIO()
     np.savez(file, **arrays)
     write_whole(path, file.getvalue())
@@ -156,7 +155,3 @@ def _view(arrays: Mapping[str, Any], i: int, path: Path) -> View:
 def _in_units(depth: Float32) -> np.typing.NDArray[np.uint16]:
     units = np.rint(np.nan_to_num(depth) / _DEPTH_UNIT_M)
     return np.where((units > 0) & (units <= _FARTHEST), units, 0).astype(np.uint16)
-
-
-def _bytes(data: bytes) -> UInt8:
-    return np.frombuffer(data, np.uint8)
