@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import Float32, Float64
 
+# What a depth of 16 bits is that is too far for them.
+OVERFLOW = np.iinfo(np.uint16).max
 # A bilinear depth over a step larger than this many sigma would lie on neither surface.
 DEPTH_EDGE_SIGMAS = 6.0
 # Two depths farther apart than this many sigma are not the same surface.
@@ -23,6 +26,26 @@ def depth_sigma(z: float) -> float:
     The form 0.0012 + 0.0019 (z - 0.4)^2 is that of Nguyen, Izadi and Lovell (3DIMPVT 2012).
     """
     return 0.0012 + 0.0019 * (z - 0.4) ** 2
+
+
+def metres_of_16_bits(depth: NDArray[np.uint16], units_per_metre: float) -> Float32:
+    """Depth [H, W] in metres; NaN where it is 0, has overflowed or comes to no finite number."""
+    # arrays of one kind, whatever message they are of, are one thing to compile
+    pixels = np.require(depth, requirements=["C", "ALIGNED"]).view()
+    pixels.flags.writeable = False
+    return np.asarray(_metres(pixels, np.float32(units_per_metre)), np.float32)
+
+
+@compiled
+def _metres(depth: NDArray[np.uint16], units_per_metre: np.float32) -> Float32:
+    metres = np.empty(depth.shape, np.float32)
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            z = np.float32(depth[v, u]) / units_per_metre
+            # all comparisons are made, so that there is no branch
+            is_known = (depth[v, u] != OVERFLOW) & (z > 0) & (z < np.float32(np.inf))
+            metres[v, u] = z if is_known else np.float32(np.nan)
+    return metres
 
 
 def limit_depth(depth: Float32, limits: CameraConfig) -> Float32:

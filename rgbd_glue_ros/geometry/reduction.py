@@ -54,17 +54,29 @@ def _depth(depth: Float32, side: int, order: UInt8) -> Float32:
     """Depth of each block [H / side, W / side], metres; NaN where no sample is valid."""
     rows, columns = depth.shape[0] // side, depth.shape[1] // side
     small = np.empty((rows, columns), np.float32)
+    # all blocks of a row at once, sample by sample, so that loops run along memory
+    samples = np.empty((side * side, columns), np.float32)
+    nearest = np.empty(columns, np.float32)
+    total = np.empty(columns, np.float32)
+    count = np.empty(columns, np.float32)
     for row in range(rows):
+        nearest[:] = np.nan
+        for i in range(len(order)):
+            v, left = row * side + order[i, 0], order[i, 1]
+            for column in range(columns):
+                samples[i, column] = depth[v, column * side + left]
+            for column in range(columns):
+                z = nearest[column]
+                nearest[column] = samples[i, column] if np.isnan(z) else z
+        total[:] = 0.0
+        count[:] = 0.0
+        for i in range(len(order)):
+            for column in range(columns):
+                z = samples[i, column]
+                tolerance = np.float32(_SAME_SURFACE) * nearest[column]
+                is_same = abs(z - nearest[column]) < tolerance
+                total[column] += z if is_same else np.float32(0.0)
+                count[column] += np.float32(1.0) if is_same else np.float32(0.0)
         for column in range(columns):
-            nearest, total, count = np.nan, 0.0, 0
-            for i in range(len(order)):
-                z = depth[row * side + order[i, 0], column * side + order[i, 1]]
-                if np.isnan(z):
-                    continue
-                if np.isnan(nearest):
-                    nearest = z
-                if abs(z - nearest) < _SAME_SURFACE * nearest:
-                    total += z
-                    count += 1
-            small[row, column] = total / count if count else np.nan
+            small[row, column] = total[column] / count[column]
     return small

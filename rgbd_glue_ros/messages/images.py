@@ -10,7 +10,6 @@ import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, TypeVar
 
 import cv2
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry.depth import metres_of_16_bits
 from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, CompressedImage, Image
 from rgbd_glue_ros.messages.image_codecs import PNG_SIGNATURE, check_size, decode
 from rgbd_glue_ros.messages.reading import reader_of
@@ -108,7 +108,7 @@ _QUANTISATION = struct.Struct("<iff")
 _VIDEO = re.compile(r"h\.?26[45]|hevc|vp[89]|av1", re.IGNORECASE)
 
 # What an overflow leaves in 16 bits: as a depth it would be a wall where nothing is.
-_OVERFLOW = np.iinfo(np.uint16).max
+_BRIGHTEST_OF_16_BITS = np.iinfo(np.uint16).max
 
 
 def color_from_message(msg: AnyImage, where: str) -> UInt8:
@@ -155,24 +155,11 @@ def metres(depth: NDArray[Any], units_per_metre: float, depth_scale: float | Non
     """
     units = units_per_metre if depth_scale is None else 1 / depth_scale
     if (depth.dtype.kind, depth.dtype.itemsize) == ("u", 2):
-        # a fifth of the time that computing each takes
-        return np.take(_metres_of_16_bits(units), depth)
-    return _metres(depth, units)
-
-
-def _metres(depth: NDArray[Any], units: float) -> Float32:
+        return metres_of_16_bits(depth.astype(np.uint16, copy=False), units)
     with np.errstate(invalid="ignore", over="ignore"):
         values: Float32 = np.divide(depth, np.float32(units), dtype=np.float32)
     values[~((values > 0) & (values < np.inf))] = np.nan
     return values
-
-
-@lru_cache(maxsize=4)
-def _metres_of_16_bits(units: float) -> Float32:
-    """What each number of 16 bits stands for, float32 [65536]."""
-    table = _metres(np.arange(_OVERFLOW + 1, dtype=np.uint16), units)
-    table[_OVERFLOW] = np.nan
-    return table
 
 
 def holds_whole_numbers(depth: AnyImage) -> bool:
@@ -216,7 +203,7 @@ def _in_8_bits(pixels: NDArray[Any]) -> UInt8:
     """The full range of 16 bits as that of 8."""
     if pixels.dtype == UINT8:
         return pixels
-    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / _OVERFLOW), np.uint8)
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / _BRIGHTEST_OF_16_BITS), np.uint8)
 
 
 def _depth_from_image(msg: Image, where: str, depth_scale: float | None) -> Float32:

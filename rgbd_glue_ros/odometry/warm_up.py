@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rgbd_glue_ros.geometry.depth import metres_of_16_bits
+from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.registration.glue import Glue
@@ -26,6 +28,7 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
     with Odometry(config, glue) as odometry:
         for i in range(4):
             odometry.process(_frame(i))
+    reduced(_frame(0), _WIDTH // 2)
 
 
 def _frame(i: int) -> RgbdFrame:
@@ -35,8 +38,9 @@ def _frame(i: int) -> RgbdFrame:
     blocks = np.random.default_rng(0).integers(0, 255, (_HEIGHT // 8, _WIDTH // 8, 3), np.uint8)
     color = np.kron(blocks, np.ones((8, 8, 1), np.uint8))
     u, v = np.meshgrid(np.arange(_WIDTH), np.arange(_HEIGHT))
-    depth = (2 + 0.2 * np.sin(u / 50) * np.cos(v / 40)).astype(np.float32)
-    depth[_HEIGHT // 4 : -_HEIGHT // 4, _WIDTH // 4 : -_WIDTH // 4] -= 0.8
+    millimetres = (2000 + 200 * np.sin(u / 50) * np.cos(v / 40)).astype(np.uint16)
+    millimetres[_HEIGHT // 4 : -_HEIGHT // 4, _WIDTH // 4 : -_WIDTH // 4] -= 800
+    depth = metres_of_16_bits(millimetres, 1000)
     shift = 2 * i
     return RgbdFrame(
         i * _PERIOD_NS,

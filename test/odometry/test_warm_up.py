@@ -23,6 +23,7 @@ from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 
 from rgbd_glue_ros.geometry.camera import grey
+from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.parameters import load_preset
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.recordings import open_recording
@@ -53,10 +54,10 @@ assert sum(before.values()) > 5, before
 with open_recording(Path(sys.argv[1])) as sequence:
     frames = [frame for frame, _ in zip(sequence, range(8))]
 delay = frames[1].stamp_ns - frames[0].stamp_ns
-for kind in (frames, [as_grey(f) for f in frames]):
+for kind, width in ((frames, 0), ([as_grey(f) for f in frames], 0), (frames, 320)):
     odometry = Odometry(config)
     for frame in kind:
-        odometry.process(replace(frame, depth_delay_ns=delay))
+        odometry.process(replace(reduced(frame, width), depth_delay_ns=delay))
 changed = {name: count for name, count in compiled().items() if count != before[name]}
 print(*changed)
 """
