@@ -41,8 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> str:
     """Runs the node until SIGINT or SIGTERM."""
     from rgbd_glue_ros.live.end_signals import EndSignals
+    from rgbd_glue_ros.live.heap import keep_freed_memory
 
     end_signals = EndSignals()
+    keep_freed_memory()
     ros = args.ros
     if args.camera:
         from rgbd_glue_ros.live.camera_presets import load_camera

@@ -3,8 +3,11 @@
 import sys
 
 from rgbd_glue_ros.live.end_signals import EndSignals
+from rgbd_glue_ros.live.heap import keep_freed_memory
 
-end_signals = EndSignals()  # before what takes long to load
+# both before what takes long to load, and starts threads
+end_signals = EndSignals()
+keep_freed_memory()
 
 from rgbd_glue_ros.node.node import main  # noqa: E402
 

@@ -1,0 +1,53 @@
+"""Images of a frame lie where those of the frame before lay."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+# In a process of its own: what is set stays set.
+PROGRAM = """
+import sys
+import threading
+from array import array
+from resource import RUSAGE_THREAD, getrusage
+
+from rgbd_glue_ros.live.heap import keep_freed_memory
+
+if "keep" in sys.argv:
+    keep_freed_memory()
+
+
+def frames(count):
+    # as rclpy makes images of messages
+    color, depth = array("B"), array("B")
+    for _ in range(count):
+        color, depth = array("B"), array("B")
+        color.frombytes(bytes(1920 * 1080 * 3))
+        depth.frombytes(bytes(1920 * 1080 * 2))
+
+
+def count_faults():
+    frames(3)
+    before = getrusage(RUSAGE_THREAD).ru_minflt
+    frames(10)
+    print(getrusage(RUSAGE_THREAD).ru_minflt - before)
+
+
+thread = threading.Thread(target=count_faults)
+thread.start()
+thread.join()
+"""
+
+
+def page_faults(*arguments: str) -> int:
+    """Of a thread that makes the images of ten frames, one after the other."""
+    command = [sys.executable, "-c", PROGRAM, *arguments]
+    return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="sets what glibc alone has")
+def test_a_thread_that_makes_images_frame_after_frame_takes_no_new_memory() -> None:
+    assert page_faults("keep") < 100 < page_faults()
