@@ -1,8 +1,9 @@
 """Measures the odometry at several sizes of images, as they come and reduced: two tables.
 
 The bundled recording is resized and played over DDS from one process into the node in another, as
-raw images and at its own 30 Hz: ``python scripts/resolutions.py``. The processor time of a frame is
-measured apart, without ROS, and says something on a busy machine too (``--processor-time`` alone).
+raw images (rgb8, 16UC1) and at its own 30 Hz: ``python scripts/resolutions.py``. The processor time
+of a frame is measured apart, without ROS, and says something on a busy machine too
+(``--processor-time`` alone).
 """
 
 from __future__ import annotations
@@ -26,12 +27,15 @@ from rgbd_glue_ros.experiments.report.colophon import machine_text
 from rgbd_glue_ros.experiments.report.machine import load, machine
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
 from rgbd_glue_ros.geometry.reduction import reduced
+from rgbd_glue_ros.messages.fields import millimetre_image
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.recordings.bag.writer import INFO_TYPE, RAW, encode_frame
 
 SIZES = ((320, 240), (640, 480), (848, 480), (1280, 720), (1920, 1080))
 REDUCED_TO = 640
+# what most drivers publish
+CODEC = replace(RAW, depth=millimetre_image)
 # frames whose processor time is taken
 TIMED = 40
 
@@ -46,7 +50,7 @@ class Resized:
         self.ground_truth: Trajectory | None = None
         self.messages: list[PlayedMessage] = []
         for frame in frames:
-            encoded = encode_frame(resized(frame, width, height), RAW)
+            encoded = encode_frame(resized(frame, width, height), CODEC)
             for channel, data in (
                 (Channel.INFO, encoded.info),
                 (Channel.COLOR, encoded.color),

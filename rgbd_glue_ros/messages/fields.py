@@ -188,6 +188,14 @@ def depth_image(depth: Float32, head: Header) -> Image:
     return _image(depth.astype("<f4"), "32FC1", head)
 
 
+def millimetre_image(depth: Float32, head: Header) -> Image:
+    """Depth [H, W] in metres, NaN unknown, as 16UC1, as most drivers give it.
+
+    Depth beyond 65.535 m is given as unknown.
+    """
+    return _image(quantised(depth, DEPTH_UNITS_PER_METRE).astype("<u2"), "16UC1", head)
+
+
 def compressed_color_image(color: UInt8, head: Header, quality: int = 95) -> CompressedImage:
     """A colour image [H, W, 3] RGB or a grey one [H, W], as JPEG."""
     if color.ndim == 2:

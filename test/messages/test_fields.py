@@ -12,6 +12,7 @@ from rgbd_glue_ros.messages.fields import (
     camera_info,
     color_image,
     compressed_depth_image,
+    millimetre_image,
 )
 from rgbd_glue_ros.messages.images import color_from_message, depth_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -26,3 +27,11 @@ def test_rclpy_messages_are_filled_and_read_like_plain_ones() -> None:
     info = fields.copy_fields(camera_info(CAMERA, HEAD), ros.CameraInfo())
     assert intrinsics_from_message(info, "/info") == CAMERA
     assert stamp_ns(info.header.stamp) == stamp_ns(HEAD.stamp)
+
+
+def test_whole_millimetres_are_read_as_they_were_written_and_what_is_too_far_is_unknown() -> None:
+    depth = np.array([[0.001, 1.2344, 65.534], [65.535, 70.0, np.nan]], np.float32)
+    image = millimetre_image(depth, HEAD)
+    assert (image.encoding, image.step, len(image.data)) == ("16UC1", 6, 12)
+    expected = np.array([[0.001, 1.234, 65.534], [np.nan] * 3], np.float32)
+    np.testing.assert_array_equal(depth_from_message(image, "/depth"), expected)
