@@ -76,9 +76,9 @@ class DepthColorCheck:
         """Before anything was seen."""
         return DepthColorCheck(np.zeros((len(_SCALES), len(_SHIFTS_PX), len(_SHIFTS_PX))))
 
-    def needs_view_from(self, T_track_camera: Float64) -> bool:
+    def needs(self, view: View, T_track_camera: Float64) -> bool:
         """Whether a view from there would tell anything new."""
-        if self.views >= _VIEWS:
+        if self.views >= _VIEWS or not _is_of_one_moment(view):
             return False
         if self.T_track_camera is None:
             return True
@@ -125,6 +125,13 @@ class DepthColorCheck:
             return None
         magnified = abs(_SCALES[s] - 1.0) * _QUARTER_WIDTH_PX
         return float(np.hypot(np.hypot(_SHIFTS_PX[i], _SHIFTS_PX[j]), magnified))
+
+
+def _is_of_one_moment(view: View) -> bool:
+    """Whether the camera hardly moved from the colour image to the depth image."""
+    speed = np.linalg.norm(view.twist[:3]) + np.linalg.norm(view.twist[3:])
+    moved_px = view.intrinsics.fx * speed * abs(view.depth_delay)
+    return bool(moved_px <= _SHIFTS_PX[1] - _SHIFTS_PX[0])
 
 
 def _depth_edges(depth: Float32) -> tuple[Float32, Float32]:

@@ -103,5 +103,5 @@ class SelfCalibration:
                 view,
                 self.refine_config(),
             )
-        if self._depth_color_check.current().needs_view_from(T_track_camera):
+        if self._depth_color_check.current().needs(view, T_track_camera):
             self._depth_color_check.update_later(DepthColorCheck.after_view, view, T_track_camera)

@@ -91,13 +91,13 @@ def test_a_view_with_few_edges_says_nothing() -> None:
 def test_only_views_from_elsewhere_count_until_enough_were_seen() -> None:
     frame, here = recorded_frames()[0], np.eye(4)
     check = DepthColorCheck.start()
-    assert check.needs_view_from(here)
+    assert check.needs(view(frame), here)
     check = check.after_view(view(frame), here)
-    assert not check.needs_view_from(here)
-    assert check.needs_view_from(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
+    assert not check.needs(view(frame), here)
+    assert check.needs(view(frame), se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
     for _ in range(ENOUGH - 1):
         check = check.after_view(view(frame), here)
-    assert not check.needs_view_from(se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
+    assert not check.needs(view(frame), se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
 
 
 @pytest.mark.slow
@@ -118,3 +118,14 @@ def test_the_odometry_trusts_colour_less_once_it_knows(caplog: pytest.LogCapture
 
     assert error(1.0) < error(100.0)
     assert len([r for r in caplog.records if "not registered" in r.message]) == 2
+
+
+def test_a_view_whose_depth_is_late_while_the_camera_turns_tells_nothing() -> None:
+    late = replace(view(recorded_frames()[0]), depth_delay=0.03)
+    turning = replace(late, twist=np.array([0, 0, 0, 0, 0.8, 0]))
+    moving = replace(late, twist=np.array([0.8, 0, 0, 0, 0, 0]))
+    check = DepthColorCheck.start()
+    assert check.needs(late, np.eye(4))
+    assert check.needs(replace(turning, depth_delay=0.001), np.eye(4))
+    assert not check.needs(turning, np.eye(4))
+    assert not check.needs(moving, np.eye(4))
