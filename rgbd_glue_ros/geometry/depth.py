@@ -31,7 +31,7 @@ def depth_sigma(z: float) -> float:
 def metres_of_16_bits(depth: NDArray[np.uint16], units_per_metre: float) -> Float32:
     """Depth [H, W] in metres; NaN where it is 0, has overflowed or comes to no finite number."""
     # arrays of one kind, whatever message they are of, are one thing to compile
-    pixels = np.require(depth, requirements=["C", "ALIGNED"]).view()
+    pixels = np.require(depth, np.uint16, ["C", "ALIGNED"]).view()
     pixels.flags.writeable = False
     return np.asarray(_metres(pixels, np.float32(units_per_metre)), np.float32)
 

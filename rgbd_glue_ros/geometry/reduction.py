@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
-from rgbd_glue_ros.types import Float32, RgbdFrame, UInt8
+from rgbd_glue_ros.types import Float32, Int64, RgbdFrame
 
 # Samples of depth in a block that differ by less than this part of it are of one surface.
 _SAME_SURFACE = 0.02
 
 
 def reduced(frame: RgbdFrame, max_width: int) -> RgbdFrame:
-    """A frame whose images are at most so wide.
+    """A frame whose images are at most so wide, unless they would be lower than a pixel.
 
     Every block of n x n pixels becomes one, n being the least whole number that does. Colour is the
     mean of the block. Depth is the mean of one surface in it, that of the valid sample nearest to
@@ -28,7 +28,7 @@ def reduced(frame: RgbdFrame, max_width: int) -> RgbdFrame:
     width = frame.intrinsics.width
     if not 0 < max_width < width:
         return frame
-    side = -(-width // max_width)
+    side = min(width // (max_width + 1) + 1, frame.intrinsics.height)
     columns, rows = width // side, frame.intrinsics.height // side
     # what is left over at the right and at the bottom is less than a block
     part = slice(0, rows * side), slice(0, columns * side)
@@ -42,15 +42,15 @@ def reduced(frame: RgbdFrame, max_width: int) -> RgbdFrame:
     )
 
 
-def _from_centre(side: int) -> UInt8:
+def _from_centre(side: int) -> Int64:
     """The pixels of a block [side², 2] as row and column, the nearest to its centre first."""
     offsets = np.array([(row, column) for row in range(side) for column in range(side)])
     distance = ((offsets - (side - 1) / 2) ** 2).sum(axis=1)
-    return offsets[np.argsort(distance, kind="stable")].astype(np.uint8)
+    return offsets[np.argsort(distance, kind="stable")]
 
 
 @compiled
-def _depth(depth: Float32, side: int, order: UInt8) -> Float32:
+def _depth(depth: Float32, side: int, order: Int64) -> Float32:
     """Depth of each block [H / side, W / side], metres; NaN where no sample is valid."""
     rows, columns = depth.shape[0] // side, depth.shape[1] // side
     small = np.empty((rows, columns), np.float32)

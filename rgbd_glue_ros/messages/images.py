@@ -155,7 +155,7 @@ def metres(depth: NDArray[Any], units_per_metre: float, depth_scale: float | Non
     """
     units = units_per_metre if depth_scale is None else 1 / depth_scale
     if (depth.dtype.kind, depth.dtype.itemsize) == ("u", 2):
-        return metres_of_16_bits(depth.astype(np.uint16, copy=False), units)
+        return metres_of_16_bits(depth, units)
     with np.errstate(invalid="ignore", over="ignore"):
         values: Float32 = np.divide(depth, np.float32(units), dtype=np.float32)
     values[~((values > 0) & (values < np.inf))] = np.nan

@@ -25,7 +25,7 @@ def frame(camera: CameraIntrinsics = LARGE) -> RgbdFrame:
 
 @pytest.mark.parametrize(
     ("max_width", "size"),
-    [(640, (640, 360)), (639, (426, 240)), (500, (426, 240)), (320, (320, 180))],
+    [(640, (640, 360)), (639, (426, 240)), (426, (426, 240)), (500, (426, 240)), (320, (320, 180))],
 )
 def test_a_plane_stays_where_it_is(max_width: int, size: tuple[int, int]) -> None:
     small = reduced(frame(), max_width)
@@ -69,3 +69,18 @@ def test_colour_is_the_mean_of_a_block_and_may_be_grey() -> None:
     grey = np.array([[0, 100, 7, 7], [100, 200, 7, 7]], np.uint8)
     small = reduced(replace(frame(camera), color=grey), 2)
     np.testing.assert_array_equal(small.color, [[100, 7]])
+
+
+def test_an_image_lower_than_a_block_keeps_a_row() -> None:
+    camera = CameraIntrinsics(1280, 16, 500.0, 500.0, 639.5, 7.5)
+    small = reduced(frame(camera), 32)
+    assert small.depth.shape == small.color.shape[:2] == (1, 80)
+
+
+def test_the_one_sample_of_a_large_block_is_found() -> None:
+    camera = CameraIntrinsics(600, 300, 500.0, 500.0, 299.5, 149.5)
+    depth = np.full((300, 600), np.nan, np.float32)
+    depth[0, 299] = 2.0
+    np.testing.assert_array_equal(
+        reduced(replace(frame(camera), depth=depth), 1).depth, [[2, np.nan]]
+    )
