@@ -121,16 +121,16 @@ def explain_losses(
     """What images were lost between camera and node; None while it is less than a tenth.
 
     Camera infos are small and arrive where images are lost: what one channel has received, all were
-    sent. Gaps between stamps tell of what no channel received. Stamps that jitter leave small gaps
-    and lose nothing. Infos that are missing do no harm: some are sent only once.
+    sent, and what the stamps of all of them leave out never was. Stamps that jitter leave small
+    gaps and lose nothing. Infos that are missing do no harm: some are sent only once.
 
     Args:
         received: messages of each channel, lately.
         missing: messages that never came, by gaps in the stamps of each channel, lately.
         profiles: the DDS profile that loses no image.
     """
-    most = max(received.values())
-    lost = {c: max(missing[c], most - received[c]) for c in received}
+    most, unsent = max(received.values()), min(missing.values())
+    lost = {c: max(missing[c] - unsent, most - received[c]) for c in received}
     words = [
         f"{lost[c]} of {lost[c] + received[c]} {c.value}"
         for c in (Channel.COLOR, Channel.DEPTH)
@@ -142,6 +142,24 @@ def explain_losses(
         f"{' and '.join(words)} messages never came: lost on the way, or left out by the driver. "
         "Let the driver publish reliably, and set for it and for the node: "
         f"export FASTRTPS_DEFAULT_PROFILES_FILE={profiles}"
+    )
+
+
+def explain_gaps(received: Mapping[Channel, int], missing: Mapping[Channel, int]) -> str | None:
+    """What the source left out; None while it is less than a tenth.
+
+    Args:
+        received: messages of each channel, lately.
+        missing: messages that never came, by gaps in the stamps of each channel, lately.
+    """
+    unsent = min(missing.values())
+    frames = unsent + min(received.values())
+    if unsent < 2 or unsent < WORTH_A_WARNING * frames:
+        return None
+    return (
+        f"{unsent} of {frames} frames were never sent: colour, depth and camera info have the same "
+        "gaps between their stamps. A recording may have them; a driver leaves frames out for want "
+        "of light, USB bandwidth or processor time"
     )
 
 

@@ -19,14 +19,17 @@ class LatePartners:
             are do.
     """
 
-    def __init__(self, max_interval_ns: int, queue_size: int) -> None:
+    def __init__(self, max_interval_ns: int, queue_size: int, backward_jump_ns: int) -> None:
         """Has seen nothing yet.
 
         Args:
             max_interval_ns: distance up to which stamps pair, nanoseconds.
             queue_size: messages of a stream that wait.
+            backward_jump_ns: stamps that go back by more are of another time, as of a bag that
+                begins anew, nanoseconds.
         """
         self.queue_needed = 0
+        self._backward_jump_ns = backward_jump_ns
         self._max_interval_ns = max_interval_ns
         self._queue_size = queue_size
         self._stamps_ns: dict[Hashable, deque[int]] = {}
@@ -39,6 +42,9 @@ class LatePartners:
             partner: the stream that it is paired with.
             stamp_ns: its stamp, nanoseconds.
         """
+        own = self._stamps_ns.get(stream)
+        if own and stamp_ns < own[-1] - self._backward_jump_ns:
+            self._stamps_ns.clear()
         self._stamps_ns.setdefault(stream, deque(maxlen=_REMEMBERED)).append(stamp_ns)
         behind = 0
         for other_ns in reversed(self._stamps_ns.get(partner, ())):

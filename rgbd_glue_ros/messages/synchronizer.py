@@ -230,7 +230,7 @@ class Synchronizer(Generic[Item]):
         self._last_match_ns: int | None = None
         self.matches = 0
         self.closest_miss_ns: int | None = None
-        self._late = LatePartners(max_interval_ns, queue_size)
+        self._late = LatePartners(max_interval_ns, queue_size, BACKWARD_JUMP_NS)
 
     @property
     def queue_needed(self) -> int:

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.live.input_faults import (
     Input,
+    explain_gaps,
     explain_interval,
     explain_losses,
     explain_queue,
@@ -113,6 +114,7 @@ class NodeWatch:
         }
         synchronizer = self._synchronizer
         lost = explain_losses(received, missing, profiles_file())
+        gaps = explain_gaps(received, missing)
         slow = explain_slowness(
             now.processed - before.processed,
             now.left_out - before.left_out,
@@ -121,8 +123,9 @@ class NodeWatch:
             self._learned,
         )
         self._say_if_new("lost", lost)
+        self._say_if_new("gaps", gaps)
         self._say_if_new("slow", slow)
-        self.drops = "; ".join(line for line in (lost, slow) if line)
+        self.drops = "; ".join(line for line in (lost, gaps, slow) if line)
         self._say_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )

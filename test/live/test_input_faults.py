@@ -6,6 +6,7 @@ import pytest
 
 from rgbd_glue_ros.live.input_faults import (
     Input,
+    explain_gaps,
     explain_interval,
     explain_losses,
     explain_silence,
@@ -81,6 +82,9 @@ def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
             (24, 20, 0),
             ["116 of 150 color", "114 of 150 depth", "FASTRTPS_DEFAULT_PROFILES_FILE=/p.xml"],
         ),
+        # gaps in the stamps of all, and as many of colour's own again
+        ((110, 130, 130), (40, 20, 20), ["20 of 130 color messages never came"]),
+        ((130, 130, 130), (20, 20, 20), None),
         # stamps that jitter look like gaps
         ((150, 150, 150), (7, 5, 0), None),
         ((148, 150, 149), (0, 0, 0), None),
@@ -103,6 +107,16 @@ def test_a_loss_of_more_than_a_tenth_is_said_with_what_mends_it(
     else:
         assert line is not None
         assert all(word in line for word in words)
+
+
+def test_gaps_that_all_streams_have_are_the_sources_and_no_loss_on_the_way() -> None:
+    gaps = dict.fromkeys(Channel, 15)
+    line = explain_gaps(dict.fromkeys(Channel, 132), gaps) or ""
+    assert "15 of 147 frames were never sent" in line
+    assert "FASTRTPS" not in line
+    assert explain_gaps(dict.fromkeys(Channel, 150), gaps) is None
+    assert explain_gaps(dict.fromkeys(Channel, 132), {**gaps, Channel.INFO: 0}) is None
+    assert explain_gaps(dict.fromkeys(Channel, 0), dict.fromkeys(Channel, 0)) is None
 
 
 def test_frames_that_come_too_fast_are_said_with_the_parameter_that_makes_them_smaller() -> None:

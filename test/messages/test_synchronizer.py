@@ -311,3 +311,10 @@ def test_depth_that_comes_late_with_the_right_stamps_needs_a_longer_queue(
     assert len(matches) < 25 or not needed
     if needed:
         assert len(synchronized(events, queue_size=needed)[0]) == 60 - frames_late
+
+
+def test_a_bag_that_begins_anew_needs_no_longer_queue() -> None:
+    once = [(c, i * PERIOD) for i in range(300) for c in Channel]
+    matches, sync = synchronized([*once, *once, *once], queue_size=10)
+    assert len(matches) == 900
+    assert sync.queue_needed == 0
