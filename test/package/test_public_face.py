@@ -142,3 +142,14 @@ def test_the_example_of_a_feature_of_ones_own_tracks_with_it() -> None:
 def test_a_feature_cannot_take_the_name_of_another() -> None:
     with pytest.raises(InputError, match="visual feature 'orb': exists already"):
         rgbd_glue_ros.add_visual_feature("orb", lambda _: None)  # type: ignore[arg-type,return-value]
+
+
+def test_beside_a_clone_that_bears_its_name_the_package_is_imported_and_not_the_folder(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "rgbd_glue_ros").symlink_to(ROOT)
+    program = "from rgbd_glue_ros import Odometry; print(Odometry.__name__)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("Odometry\n", "")
