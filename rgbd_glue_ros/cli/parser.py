@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import os
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from importlib import metadata
@@ -15,6 +16,9 @@ from rgbd_glue_ros.printable import printable
 
 PROGRAM = "rgbd-glue"
 BAD_INPUT = 2
+
+
+_ROS_PARAMETER = re.compile(r"\w[\w.]*:=")
 
 
 class Parser(argparse.ArgumentParser):
@@ -42,6 +46,11 @@ class Parser(argparse.ArgumentParser):
 
     def refuse(self, word: str) -> NoReturn:
         """Ends the process with what is wrong with an unknown word."""
+        if _ROS_PARAMETER.match(word):
+            self.error(
+                f"{word}: a parameter of the node is given by --ros-args -p {word}, of other "
+                f"commands by --set {word.replace(':=', '=')}"
+            )
         if not word.startswith("-"):
             self.error(f"{word}: an argument too many")
         option = word.partition("=")[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -13,11 +15,22 @@ if TYPE_CHECKING:
 
 from rgbd_glue_ros.printable import printable
 
+_COLUMNS = 80
+
 
 def bar(unit: str, total: int | None = None, **options: Any) -> tqdm[Any]:
     """A bar that counts in ``unit``, as in " frames"; ``options`` are tqdm's."""
-    # None: no bar where nobody watches
-    return _Bar(total=total, unit=unit, disable=None, dynamic_ncols=True, **options)
+    # None: no bar where nobody watches. Some terminals, as of containers, have a width of 0.
+    width = {"dynamic_ncols": True} if _columns() else {"ncols": _COLUMNS}
+    return _Bar(total=total, unit=unit, disable=None, **width, **options)
+
+
+def _columns() -> int:
+    """Of the terminal; 0 where it does not say, or there is none."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns
+    except (OSError, ValueError):
+        return 0
 
 
 class _Bar(tqdm):  # type: ignore[type-arg]

@@ -178,8 +178,10 @@ def with_values(config: C, changes: Mapping[str, object]) -> C:
 
 def unknown_parameter(name: str, declared: Iterable[str]) -> InputError:
     """The error of a name that is not declared; its remedy is the nearest name that is."""
-    near = difflib.get_close_matches(name, declared, n=1, cutoff=0.4)
-    hint = f"did you mean {near[0]}?" if near else "see `rgbd-glue params`"
+    # of glue.k and the like, the last part alone may have been given
+    by_part = {part: full for full in declared for part in (full, full.rpartition(".")[2])}
+    near = difflib.get_close_matches(name, by_part, n=1)
+    hint = f"did you mean {by_part[near[0]]}?" if near else "see `rgbd-glue params`"
     return InputError(name, "no such parameter", hint)
 
 

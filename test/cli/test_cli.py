@@ -79,6 +79,8 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["replay", "test", "-o", "out"], "a folder of colour images (rgb) beside one of depth"),
         (["params", "--set", "max_width=4"], "give a whole number of at least 32 (pixels), or 0"),
         (["params", "glue.q"], "did you mean glue.k?"),
+        (["params", "nosuch"], "nosuch: no such parameter; see `rgbd-glue params`"),
+        (["odometry", "max_width:=640"], "by --ros-args -p max_width:=640, of other"),
         (["params", "node"], "node: no such parameter"),
         (["replay", "test", "-o", "out", "--limit", "0"], "'0'"),
         (["replay", "test", "-o", "out", "--limit", "many"], "'many'"),

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.demo import demo as module
 from rgbd_glue_ros.experiments.demo.demo import Progress, bundled_bag, demo
@@ -61,11 +62,11 @@ def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_ros")
-def test_a_node_that_does_not_start_is_said_with_its_last_words(
+def test_a_node_that_refuses_what_it_is_given_says_so_in_its_own_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "_parameters", lambda _: {"glue.k": "many"})
-    with pytest.raises(RuntimeError, match=r"exit code 2, last line: .*glue.k: 'many'"):
+    with pytest.raises(InputError, match=r"^the node: glue.k: 'many'"):
         demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, ignore)
 
 

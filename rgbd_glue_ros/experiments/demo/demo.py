@@ -184,6 +184,7 @@ def _waits(player: Player, node: NodeProcess, condition: Callable[[], bool], tim
 
 def _wait_until_ready(player: Player, node: NodeProcess) -> None:
     if not _waits(player, node, player.is_matched, READY_S):
+        node.check_refusal()
         raise RuntimeError(f"the node did not become ready: {node.last_words}")
 
 

@@ -24,6 +24,9 @@ DOMAINS = range(1, 102)
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # Everybody can write to the folder of the locks: what lies there in place of a file is left alone.
 _LOCK_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+# What the node logs, and how it ends, where it cannot take what it was given.
+_REFUSAL = re.compile(r"\[FATAL\].*?\]: (?P<cause>.+?); (?P<remedy>.+)")
+_BAD_INPUT = 2
 # How long the node may take to end after it was told to: it finishes the frame in work.
 STOP_S = 10.0
 
@@ -173,6 +176,16 @@ class NodeProcess:
         code = self._process.poll()
         ended = "" if code is None else f"exit code {code}, "
         return f"{ended}last line: {self.lines[-1] if self.lines else 'none'}"
+
+    def check_refusal(self) -> None:
+        """Passes on why it ended, where that was what it was given.
+
+        Raises:
+            InputError: a parameter has a value that it cannot have, or needs what is not installed.
+        """
+        refusals = [found for line in self.lines if (found := _REFUSAL.search(line))]
+        if self._process.poll() == _BAD_INPUT and refusals:
+            raise InputError("the node", refusals[-1]["cause"], refusals[-1]["remedy"])
 
     def wait_for_line(self, text: str, timeout_s: float) -> str:
         """The first line that holds ``text``, waiting for it if need be.
