@@ -117,12 +117,6 @@ install() {
   touch "$stamp"
 }
 
-# The folder of the clone bears the package's name: by setuptools' way of today, Python would take it
-# for the package where it is run beside the clone.
-install_editable() {
-  install --config-settings editable_mode=compat --editable "$@"
-}
-
 # OpenCV's contributed modules hold odometries that ours is measured beside. They come as the same
 # files with more in them, which pip knows no word for: the same release is laid over the other.
 add_contributed_opencv() {
