@@ -55,12 +55,11 @@ class NodeDiagnostics:
         node.create_timer(DIAGNOSTICS_S, self._publish, clock=steady)
         node.create_timer(LOG_S, self._log, clock=steady)
 
-    def _verdict(self, state: TrackingState) -> tuple[bytes, str]:
+    def _verdict(self, state: TrackingState, now_ns: int) -> tuple[bytes, str]:
         if self._monitor.is_paused:
             return DiagnosticStatus.WARN, "paused"
         if self._watch.silence:
             return DiagnosticStatus.STALE, self._watch.silence
-        now_ns = time.monotonic_ns()
         refused = self._monitor.why_refused(now_ns)
         if refused:
             return DiagnosticStatus.ERROR, refused
@@ -78,10 +77,11 @@ class NodeDiagnostics:
             self._node.get_logger().info(f"{summary.rate_hz:.1f} poses a second; {summary}")
 
     def _publish(self) -> None:
-        values: dict[str, object] = {**self._monitor.values(time.monotonic_ns())}
+        now_ns = time.monotonic_ns()  # one for all, so that level and values agree
+        values: dict[str, object] = {**self._monitor.values(now_ns)}
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
-        level, message = self._verdict(self._monitor.state)
+        level, message = self._verdict(self._monitor.state, now_ns)
         status = DiagnosticStatus(
             level=level,
             name=f"{self._node.get_fully_qualified_name()}: odometry",
