@@ -3,7 +3,8 @@
 ``python scripts/pictures.py`` draws them from the bundled recording: docs/images/matches.jpg is
 what the node publishes on debug/matches, room.jpg the room with the camera's path in it,
 living_room.webp both as they come about. ``python scripts/pictures.py rgbd_dataset_freiburg1_desk``
-draws desk.jpg, the map that ``rgbd-glue map`` makes of that recording of TUM.
+draws desk.jpg, the map that ``rgbd-glue map`` makes of that recording of TUM, and fr1_desk.png, the
+way of its camera by the odometry alone beside the true one.
 """
 
 from __future__ import annotations
@@ -14,14 +15,15 @@ from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from rgbd_glue_ros import Odometry, RgbdFrame, load_preset, open_recording
+from rgbd_glue_ros import Odometry, RgbdFrame, Trajectory, load_preset, open_recording
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.experiments.mapping.mapping import map_recording
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused
-from rgbd_glue_ros.slam.picture import Onlooker, picture, with_path
+from rgbd_glue_ros.slam.picture import PATH_RGB, Onlooker, picture, with_path
 from rgbd_glue_ros.types import Float64, UInt8
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,6 +32,9 @@ WIDTH, HEIGHT = 400, 300
 # pixels of the large picture for one of the animation
 LARGE = 2
 EVERY, FRAME_MS = 3, 100
+# of the way from above: its border in pixels, the length of its bar, colours
+MARGIN, BAR_M = 24, 0.5
+TRUE_RGB, START_RGB, END_RGB = (176, 184, 196), (30, 140, 90), (200, 40, 50)
 
 
 def of_the_room(scale: int) -> Onlooker:
@@ -65,6 +70,43 @@ def draw_desk(source: Path) -> None:
     drawn = with_path(picture(cloud, onlooker), way, onlooker, 5)
     small = cv2.resize(drawn, (LARGE * WIDTH, LARGE * HEIGHT), interpolation=cv2.INTER_AREA)
     save("desk.jpg", np.asarray(small, np.uint8), 82)
+
+
+def draw_way(source: Path) -> None:
+    """Draws the way of the camera from above, four times as large and then smoothed."""
+    stamps_ns, poses = [], []
+    with open_recording(source) as recording, Odometry(load_preset("live")) as odometry:
+        truth = recording.ground_truth
+        for frame in recording:
+            estimate = odometry.process(frame)
+            if estimate.T_odom_camera is not None:
+                stamps_ns.append(estimate.stamp_ns)
+                poses.append(estimate.T_odom_camera)
+    if truth is None:
+        raise SystemExit(f"{source}: has no ground truth to draw beside it")
+    found = evaluate(Trajectory(np.array(stamps_ns, np.int64), np.array(poses)), truth)
+    ways = [found.reference[:, :2, 3], found.estimate[:, :2, 3]]
+    low, high = np.vstack(ways).min(axis=0), np.vstack(ways).max(axis=0)
+    scale = 4 * (LARGE * WIDTH - 2 * MARGIN) / (high[0] - low[0])
+    height = round(4 * 2 * MARGIN + scale * (high[1] - low[1]))
+    image = np.full((height, 4 * LARGE * WIDTH, 3), 255, np.uint8)
+
+    def pixels(points: Float64) -> NDArray[np.int32]:
+        right, up = (scale * (points - low)).T
+        uv = np.stack([4 * MARGIN + right, height - 4 * MARGIN - up], axis=1)
+        return np.asarray(np.rint(uv), np.int32)
+
+    for way, rgb, thickness in zip(ways, (TRUE_RGB, PATH_RGB), (20, 8), strict=True):
+        cv2.polylines(image, [pixels(way)], isClosed=False, color=rgb, thickness=thickness)
+    start, end = pixels(ways[1][[0, -1]]).tolist()
+    cv2.circle(image, start, 18, START_RGB, cv2.FILLED)
+    cv2.circle(image, end, 18, END_RGB, cv2.FILLED)
+    left, right = 4 * MARGIN, 4 * MARGIN + round(BAR_M * scale)
+    level = height - 2 * MARGIN
+    cv2.line(image, (left, level), (right, level), color=(60, 60, 60), thickness=6)
+    size = LARGE * WIDTH, round(height / 4)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(IMAGES / "fr1_desk.png"), small[:, :, ::-1])
 
 
 def draw_living_room() -> None:
@@ -108,5 +150,6 @@ def draw_living_room() -> None:
 if __name__ == "__main__":
     if len(sys.argv) > 1:
         draw_desk(Path(sys.argv[1]))
+        draw_way(Path(sys.argv[1]))
     else:
         draw_living_room()
