@@ -149,8 +149,7 @@ def replay_into(
                 on_frame(estimate)
                 last = estimate
     except InputError as error:
-        done = f"{error.remedy}; the {len(run.frames)} frames before it are done"
-        raise InputError(error.where, error.cause, done) from error
+        raise _after_frames(error, len(run.frames)) from error
     finally:
         with ExitStack() as left:
             for sink in sinks:
@@ -169,6 +168,12 @@ def replay_into(
             f"what there is to see of them is in {folder}",
         )
     return run
+
+
+def _after_frames(error: InputError, count: int) -> InputError:
+    """A fault of a recording, with how many frames before it are done."""
+    done = f"; the {count} frames before it are done" if count else ""
+    return InputError(error.where, error.cause, error.remedy + done)
 
 
 def _leave_cloud(left: ExitStack, file: Path | None, clouds: KeyframeClouds, run: Run) -> None:
