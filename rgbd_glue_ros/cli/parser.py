@@ -17,7 +17,6 @@ from rgbd_glue_ros.printable import printable
 PROGRAM = "rgbd-glue"
 BAD_INPUT = 2
 
-
 _ROS_PARAMETER = re.compile(r"\w[\w.]*:=")
 
 

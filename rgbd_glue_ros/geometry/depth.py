@@ -9,7 +9,7 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import Float32, Float64
 
-# What a depth of 16 bits is that is too far for them.
+# What an overflow leaves in 16 bits: as a depth it would be a wall where nothing is.
 OVERFLOW = np.iinfo(np.uint16).max
 # A bilinear depth over a step larger than this many sigma would lie on neither surface.
 DEPTH_EDGE_SIGMAS = 6.0

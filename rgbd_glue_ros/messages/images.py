@@ -107,7 +107,6 @@ _QUANTISATION = struct.Struct("<iff")
 
 _VIDEO = re.compile(r"h\.?26[45]|hevc|vp[89]|av1", re.IGNORECASE)
 
-# What an overflow leaves in 16 bits: as a depth it would be a wall where nothing is.
 _BRIGHTEST_OF_16_BITS = np.iinfo(np.uint16).max
 
 
