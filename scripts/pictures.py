@@ -17,9 +17,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rgbd_glue_ros import Odometry, RgbdFrame, Trajectory, load_preset, open_recording
+from rgbd_glue_ros import Odometry, RgbdFrame, load_preset, open_recording
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.experiments.mapping.mapping import map_recording
+from rgbd_glue_ros.experiments.replay.replay import replay
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused
@@ -32,9 +33,10 @@ WIDTH, HEIGHT = 400, 300
 # pixels of the large picture for one of the animation
 LARGE = 2
 EVERY, FRAME_MS = 3, 100
-# of the way from above: its border in pixels, the length of its bar, colours
-MARGIN, BAR_M = 24, 0.5
-TRUE_RGB, START_RGB, END_RGB = (176, 184, 196), (30, 140, 90), (200, 40, 50)
+# of the way from above: how many times larger it is drawn, its border in pixels then, the length of
+# its bar, colours
+SMOOTHING, MARGIN, BAR_M = 4, 96, 0.5
+TRUE_RGB, START_RGB, END_RGB, BAR_RGB = (176, 184, 196), (30, 140, 90), (200, 40, 50), (60, 60, 60)
 
 
 def of_the_room(scale: int) -> Onlooker:
@@ -73,38 +75,30 @@ def draw_desk(source: Path) -> None:
 
 
 def draw_way(source: Path) -> None:
-    """Draws the way of the camera from above, four times as large and then smoothed."""
-    stamps_ns, poses = [], []
-    with open_recording(source) as recording, Odometry(load_preset("live")) as odometry:
-        truth = recording.ground_truth
-        for frame in recording:
-            estimate = odometry.process(frame)
-            if estimate.T_odom_camera is not None:
-                stamps_ns.append(estimate.stamp_ns)
-                poses.append(estimate.T_odom_camera)
-    if truth is None:
+    """Draws the way of the camera from above, larger and then smoothed."""
+    with open_recording(source) as recording, TemporaryDirectory() as folder:
+        run = replay(recording, load_preset("live"), Path(folder))
+    if run.ground_truth is None:
         raise SystemExit(f"{source}: has no ground truth to draw beside it")
-    found = evaluate(Trajectory(np.array(stamps_ns, np.int64), np.array(poses)), truth)
-    ways = [found.reference[:, :2, 3], found.estimate[:, :2, 3]]
-    low, high = np.vstack(ways).min(axis=0), np.vstack(ways).max(axis=0)
-    scale = 4 * (LARGE * WIDTH - 2 * MARGIN) / (high[0] - low[0])
-    height = round(4 * 2 * MARGIN + scale * (high[1] - low[1]))
-    image = np.full((height, 4 * LARGE * WIDTH, 3), 255, np.uint8)
+    found = evaluate(run.trajectory, run.ground_truth)
+    true, way = found.reference[:, :2, 3], found.estimate[:, :2, 3]
+    low, high = np.vstack([true, way]).min(axis=0), np.vstack([true, way]).max(axis=0)
+    width = SMOOTHING * LARGE * WIDTH
+    scale = (width - 2 * MARGIN) / (high[0] - low[0])
+    height = round(2 * MARGIN + scale * (high[1] - low[1]))
 
     def pixels(points: Float64) -> NDArray[np.int32]:
-        right, up = (scale * (points - low)).T
-        uv = np.stack([4 * MARGIN + right, height - 4 * MARGIN - up], axis=1)
-        return np.asarray(np.rint(uv), np.int32)
+        right, up = (MARGIN + scale * (points - low)).T
+        return np.asarray(np.rint(np.stack([right, height - up], axis=1)), np.int32)
 
-    for way, rgb, thickness in zip(ways, (TRUE_RGB, PATH_RGB), (20, 8), strict=True):
-        cv2.polylines(image, [pixels(way)], isClosed=False, color=rgb, thickness=thickness)
-    start, end = pixels(ways[1][[0, -1]]).tolist()
-    cv2.circle(image, start, 18, START_RGB, cv2.FILLED)
-    cv2.circle(image, end, 18, END_RGB, cv2.FILLED)
-    left, right = 4 * MARGIN, 4 * MARGIN + round(BAR_M * scale)
-    level = height - 2 * MARGIN
-    cv2.line(image, (left, level), (right, level), color=(60, 60, 60), thickness=6)
-    size = LARGE * WIDTH, round(height / 4)
+    image = np.full((height, width, 3), 255, np.uint8)
+    cv2.polylines(image, [pixels(true)], isClosed=False, color=TRUE_RGB, thickness=20)
+    cv2.polylines(image, [pixels(way)], isClosed=False, color=PATH_RGB, thickness=8)
+    for end, rgb in ((way[0], START_RGB), (way[-1], END_RGB)):
+        cv2.circle(image, pixels(end[np.newaxis])[0].tolist(), 18, rgb, cv2.FILLED)
+    left, right, level = MARGIN, MARGIN + round(BAR_M * scale), height - MARGIN // 2
+    cv2.line(image, (left, level), (right, level), color=BAR_RGB, thickness=6)
+    size = LARGE * WIDTH, round(height / SMOOTHING)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(IMAGES / "fr1_desk.png"), small[:, :, ::-1])
 
