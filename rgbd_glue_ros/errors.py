@@ -8,6 +8,9 @@ from importlib import metadata
 
 from rgbd_glue_ros.printable import printable
 
+BAD_INPUT = 2
+"""The exit code of a command, and of the node, that was given what it cannot use."""
+
 # A damaged or hostile message may hold texts of megabytes, and its words are quoted.
 _LONGEST = 1000
 

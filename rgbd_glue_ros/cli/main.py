@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
 
-from rgbd_glue_ros.cli.parser import BAD_INPUT, PROGRAM, complete, parse
-from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.cli.parser import PROGRAM, complete, parse
+from rgbd_glue_ros.errors import BAD_INPUT, InputError, MissingExtraError
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.live.end_signals import InterruptOnce
 from rgbd_glue_ros.printable import PrintableFormatter, printable

@@ -12,11 +12,10 @@ from importlib import metadata
 from typing import Any, NoReturn
 
 from rgbd_glue_ros.cli.commands import COMMANDS
+from rgbd_glue_ros.errors import BAD_INPUT
 from rgbd_glue_ros.printable import printable
 
 PROGRAM = "rgbd-glue"
-BAD_INPUT = 2
-
 _ROS_PARAMETER = re.compile(r"\w[\w.]*:=")
 
 

@@ -19,7 +19,7 @@ from rclpy.executors import ConditionReachedException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.errors import BAD_INPUT, InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memory
 from rgbd_glue_ros.node.log import WITHOUT_FILE, PrintableLogger, explain_no_file
@@ -187,16 +187,16 @@ def run_node(
                 executor.shutdown()
     except (InputError, MissingExtraError) as error:
         PrintableLogger(name).fatal(str(error))
-        return 2
+        return BAD_INPUT
     except (ParameterException, NameValidationException) as error:
         # of a parameter that rclpy declares, such as use_sim_time
         PrintableLogger(name).fatal(f"ROS arguments: {error}; correct it")
-        return 2
+        return BAD_INPUT
     except RCLError as error:
         cause = str(error).partition(", at /")[0]
         remedy = "see the lines above, which the middleware wrote"
         PrintableLogger(name).fatal(f"ROS does not start: {cause}; {remedy}")
-        return 2
+        return BAD_INPUT
     finally:
         rclpy.try_shutdown()
     return _ended(1 if has_failed.is_set() else 0)

@@ -15,7 +15,7 @@ import pytest
 from rigs.disks import full_after
 
 from rgbd_glue_ros.cli.main import OK, main
-from rgbd_glue_ros.cli.parser import BAD_INPUT
+from rgbd_glue_ros.errors import BAD_INPUT
 from rgbd_glue_ros.features import weights
 from rgbd_glue_ros.features.weights import FILES
 

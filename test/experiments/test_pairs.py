@@ -18,8 +18,7 @@ from rigs.geometry import room_points
 from rigs.room import CAMERA
 
 from rgbd_glue_ros.cli import main as cli
-from rgbd_glue_ros.cli.parser import BAD_INPUT
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
 from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.cli.main import main
-from rgbd_glue_ros.cli.parser import BAD_INPUT
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.recordings import (
     Topics,
     imu_of,

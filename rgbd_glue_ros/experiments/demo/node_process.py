@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.parameters import profiles_file
 
 # Those above are not usable on every platform, 0 is everybody's.
@@ -24,9 +24,8 @@ DOMAINS = range(1, 102)
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # Everybody can write to the folder of the locks: what lies there in place of a file is left alone.
 _LOCK_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-# What the node logs, and how it ends, where it cannot take what it was given.
+# What the node logs where it cannot use what it was given.
 _REFUSAL = re.compile(r"\[FATAL\].*?\]: (?P<cause>.+?); (?P<remedy>.+)")
-_BAD_INPUT = 2
 # How long the node may take to end after it was told to: it finishes the frame in work.
 STOP_S = 10.0
 
@@ -184,7 +183,7 @@ class NodeProcess:
             InputError: a parameter has a value that it cannot have, or needs what is not installed.
         """
         refusals = [found for line in self.lines if (found := _REFUSAL.search(line))]
-        if self._process.poll() == _BAD_INPUT and refusals:
+        if self._process.poll() == BAD_INPUT and refusals:
             raise InputError("the node", refusals[-1]["cause"], refusals[-1]["remedy"])
 
     def wait_for_line(self, text: str, timeout_s: float) -> str:
