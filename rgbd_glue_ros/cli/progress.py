@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 from rgbd_glue_ros.printable import printable
 
-_COLUMNS = 80
+_COLUMNS, _ROWS = 80, 24
 
 
 def bar(unit: str, total: int | None = None, **options: Any) -> tqdm[Any]:
     """A bar that counts in ``unit``, as in " frames"; ``options`` are tqdm's."""
-    # None: no bar where nobody watches. Some terminals, as of containers, have a width of 0.
-    width = {"dynamic_ncols": True} if _columns() else {"ncols": _COLUMNS}
-    return _Bar(total=total, unit=unit, disable=None, **width, **options)
+    # None: no bar where nobody watches. Some terminals, as of containers, have a size of 0 by 0.
+    size = {"dynamic_ncols": True} if _columns() else {"ncols": _COLUMNS, "nrows": _ROWS}
+    return _Bar(total=total, unit=unit, disable=None, **size, **options)
 
 
 def _columns() -> int:
@@ -49,6 +49,8 @@ class _Bar(tqdm):  # type: ignore[type-arg]
 def tracking_bar(frames: int) -> Iterator[Callable[[OdometryEstimate], None]]:
     """A bar of so many frames; what it gives is called with the estimate of each."""
     with bar(" frames", frames) as shown:
+        # where nothing is compiled yet, the first frame is half a minute away
+        shown.set_postfix_str("warming up")
 
         def show(estimate: OdometryEstimate) -> None:
             shown.set_postfix_str(estimate.state.value, refresh=False)

@@ -323,3 +323,19 @@ def test_images_are_played_raw_unless_told_otherwise(name: str) -> None:
     assert not parser.parse([name, "recording"]).compressed
     assert not parser.parse([name, "recording", "--raw"]).compressed
     assert parser.parse([name, "recording", "--compressed"]).compressed
+
+
+@pytest.mark.slow
+def test_a_terminal_of_no_width_is_told_of_the_warm_up_and_then_of_the_frames(
+    tmp_path: Path,
+) -> None:
+    terminal, process_side = os.openpty()  # its width is 0 until somebody sets one
+    words = command("replay", "bags/living_room", "-o", str(tmp_path / "out"), "--limit", "3")
+    subprocess.run(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=process_side, check=True)
+    os.close(process_side)
+    shown = os.read(terminal, 10_000).decode()
+    os.close(terminal)
+    before, _, after = shown.partition("warming up")
+    assert "0/3" in before
+    assert "3/3" in after
+    assert "tracking" in after
