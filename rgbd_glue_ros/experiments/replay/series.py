@@ -58,7 +58,7 @@ def error_charts(run: Run, evaluation: Evaluation, span: tuple[float, float]) ->
     sigmas = sigmas_of(run, evaluation.stamps_ns)
     drawn.append(
         "<p>Since the first pose that has a true one, in the axes of the first camera. The band "
-        "holds 95 % of the errors where the covariance that comes with each pose is right: "
+        "holds 95&nbsp;% of the errors where the covariance that comes with each pose is right: "
         "1.96 σ of an axis. It is cut off beyond three times the greatest error.</p>"
         if np.isfinite(sigmas).any()
         else "<p>Since the first pose that has a true one, in the axes of the first camera.</p>"
