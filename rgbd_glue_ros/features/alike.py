@@ -17,6 +17,7 @@ from rgbd_glue_ros.features.score_maps import local_maxima, sample, soft_offsets
 from rgbd_glue_ros.features.torch_library import F, device_of, inference, torch
 from rgbd_glue_ros.features.visual import DescribedKeypoints, VisualMatches
 from rgbd_glue_ros.features.weights import load
+from rgbd_glue_ros.geometry.contrast import well_lit
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import View
 
@@ -46,7 +47,7 @@ class Alike:
     def extract(self, view: View) -> DescribedKeypoints:
         """The keypoints with the greatest scores."""
         with inference(self._device):
-            image = torch.from_numpy(view.grey).to(self._device).float() / 255
+            image = torch.from_numpy(well_lit(view)).to(self._device).float() / 255
             scores, descriptors = alike(image.expand(1, 3, *image.shape), self._weights)
             uv, descriptors_at = keypoints(scores.float()[0, 0], descriptors.float()[0], self._most)
         return DescribedKeypoints(uv.cpu().numpy(), descriptors_at.cpu().numpy())

@@ -10,6 +10,7 @@ import numpy as np
 from rgbd_glue_ros.features.layers import Tensor, Weights
 from rgbd_glue_ros.features.torch_library import inference, torch
 from rgbd_glue_ros.features.visual import VisualMatches
+from rgbd_glue_ros.geometry.contrast import well_lit
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import View
 
@@ -91,7 +92,7 @@ class LearnedFeature:
             if min(height, width) < _SMALLEST_IMAGE_PX:
                 nothing = torch.empty((0, 2), device=self.device)
                 return LearnedKeypoints(nothing, nothing, nothing[:, 0], width, height)
-            grey = torch.from_numpy(view.grey).to(self.device).float()
+            grey = torch.from_numpy(well_lit(view)).to(self.device).float()
             uv, descriptors, scores = self.extractor(grey, self.weights, self.most)
         return LearnedKeypoints(uv, descriptors, scores, width, height)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two, one_to_one
+from rgbd_glue_ros.geometry.contrast import well_lit
 from rgbd_glue_ros.geometry.motion_compensation import keypoints_to_points
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import (
@@ -99,7 +100,7 @@ class OpenCvFeature:
         nothing = DescribedKeypoints(np.empty((0, 2), np.float32), np.empty((0, 1), np.float32))
         if min(view.grey.shape) < _SMALLEST_IMAGE_PX:
             return nothing
-        keypoints, descriptors = self._detector.detectAndCompute(view.grey, None)
+        keypoints, descriptors = self._detector.detectAndCompute(well_lit(view), None)
         if descriptors is None:
             return nothing
         uv = np.asarray(cv2.KeyPoint.convert(keypoints), np.float32)

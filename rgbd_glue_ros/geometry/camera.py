@@ -7,19 +7,22 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from rgbd_glue_ros.geometry.contrast import contrast_of
 from rgbd_glue_ros.geometry.depth import limit_depth
 from rgbd_glue_ros.geometry.lens import undistorted, undistortion_maps
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
 
 
-def view_of(frame: RgbdFrame, limits: CameraConfig) -> View:
+def view_of(frame: RgbdFrame, camera: CameraConfig) -> View:
     """The frame without lens distortion, in grey, its depth in range.
 
     It is that of a camera at rest: of its twist and its row times nothing is said.
     """
     frame = rectified(frame)
-    return View(grey(frame.color), limit_depth(frame.depth, limits), frame.intrinsics)
+    image, depth = grey(frame.color), limit_depth(frame.depth, camera)
+    contrast = contrast_of(image, camera.well_lit_gradient)
+    return View(image, depth, frame.intrinsics, contrast=contrast)
 
 
 def grey(color: UInt8) -> UInt8:

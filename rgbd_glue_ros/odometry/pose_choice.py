@@ -34,7 +34,7 @@ _DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
 _PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
 # Blur and haste leave some planes where they are not; where more than the others are, or matches
 # decide, there is nothing to look for.
-_CLEAR_AGREEMENT = 0.7
+_CLEAR_AGREEMENT = 0.85
 
 
 @dataclass(frozen=True)

@@ -29,13 +29,21 @@ GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid", "fcgf", "minispinnet")
 
 @dataclass(frozen=True)
 class CameraConfig:
-    """How depth is read."""
+    """How images are read."""
 
     depth_min: float = parameter(
         0.1, "Depth below this is taken as unknown.", unit="m", minimum=0.0, maximum=100.0
     )
     depth_max: float = parameter(
         8.0, "Depth above this is taken as unknown.", unit="m", minimum=0.1, maximum=1000.0
+    )
+    well_lit_gradient: float = parameter(
+        20.0,
+        "How steep edges are in a well-lit image of 160 pixels. In the dark and in haze they are "
+        "less, and limits on grey levels shrink with them, as far as noise lets; 0 leaves those.",
+        unit="grey levels a pixel",
+        minimum=0.0,
+        maximum=255.0,
     )
 
     def __post_init__(self) -> None:

@@ -35,6 +35,8 @@ COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
 # Keeps a direction that neither planes nor pixels see where the start put it.
 DAMPING = 100.0
+# Grey levels, in a well-lit image: brightness is not believed to agree more closely.
+_LEAST_DEVIATION = 2.0
 # What is assumed of the light before anything is compared.
 START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
@@ -274,9 +276,10 @@ def _add_pixels(
         return _PixelFit(seen, 0.0, affine_brightness)
     var_x, var_y = sxx / sw - (sx / sw) ** 2, syy / sw - (sy / sw) ** 2
     covariance = sxy / sw - sx / sw * sy / sw
-    gain = min(max(covariance / max(var_x, 1.0), 0.5), 2.0)
+    least_variance = problem.contrast**2
+    gain = min(max(covariance / max(var_x, least_variance), 0.5), 2.0)
     bias = sy / sw - gain * sx / sw
     # 1.25 mean |r| is the standard deviation of a normal distribution
-    deviation = min(max(1.25 * spread / seen, 2.0), 30.0)
-    correlation = covariance / max(np.sqrt(max(var_x, 0.0) * max(var_y, 0.0)), 1.0)
+    deviation = min(max(1.25 * spread / seen, _LEAST_DEVIATION * problem.contrast), 30.0)
+    correlation = covariance / max(np.sqrt(max(var_x, 0.0) * max(var_y, 0.0)), least_variance)
     return _PixelFit(seen, correlation, np.array([gain, bias, deviation]))

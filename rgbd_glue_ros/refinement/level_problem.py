@@ -52,6 +52,7 @@ class LevelProblem(NamedTuple):
         match_source: float64 [L, 3], visual matches' points in the frame.
         match_target: float64 [L, 3], the same points of the model.
         match_weight: of a match against a plane.
+        contrast: of the frame's image, as a part of that of a well-lit one.
     """
 
     points: Float64
@@ -68,6 +69,7 @@ class LevelProblem(NamedTuple):
     match_source: Float64
     match_target: Float64
     match_weight: float
+    contrast: float
 
 
 def level_problem(
@@ -101,4 +103,5 @@ def level_problem(
         match_source=matches.source,
         match_target=matches.target,
         match_weight=_MATCH_WEIGHT,
+        contrast=source.contrast,
     )

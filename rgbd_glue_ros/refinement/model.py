@@ -28,6 +28,7 @@ LEVELS = 3
 # Edge of the cells that give one pixel each, at every level of the pyramid of an image of 640x480:
 # coarse levels have fewer pixels, so their cells are smaller.
 _CELLS_PX = (8, 5, 4)
+# Grey levels a pixel, in a well-lit image.
 _MIN_GRADIENT = 5.0
 # A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
 # seen there moves with the edge and not with the pixel's own depth.
@@ -180,7 +181,8 @@ def _planes(view: View, grid_step: int) -> Planes:
 
 def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     """The pixel with the strongest gradient in each cell of a level, where its depth is known."""
-    rows = _strongest_gradients(image, widened_px(view, _CELLS_PX[level]), _MIN_GRADIENT)
+    least = _MIN_GRADIENT * view.contrast
+    rows = _strongest_gradients(image, widened_px(view, _CELLS_PX[level]), least)
     rows = rows[_uncovered(view.depth, rows * 2**level, _OCCLUSION_PX * 2**level)]
     uv = (rows[:, ::-1] * 2**level).astype(np.float32)
     points, known = keypoints_to_points(uv, view)

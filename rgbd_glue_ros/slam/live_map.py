@@ -9,8 +9,7 @@ import numpy as np
 
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import grey, rectified
-from rgbd_glue_ros.geometry.depth import limit_depth
+from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
@@ -18,7 +17,7 @@ from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame, Trajectory, View
+from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame, Trajectory
 
 
 @dataclass(frozen=True)
@@ -169,8 +168,6 @@ class LiveMap:
         self.poses = self._optimiser.update()
 
     def _keyframe(self, row: int, keyed: Keyed) -> MapKeyframe:
-        frame = rectified(keyed.frame)
-        depth = limit_depth(frame.depth, self._config.camera)
-        view = View(grey(frame.color), depth, frame.intrinsics)
-        T = keyed.T_odom_camera
-        return MapKeyframe.seen(row, frame.stamp_ns, T, view, self._glue, self._config)
+        view = view_of(keyed.frame, self._config.camera)
+        T, stamp_ns = keyed.T_odom_camera, keyed.frame.stamp_ns
+        return MapKeyframe.seen(row, stamp_ns, T, view, self._glue, self._config)

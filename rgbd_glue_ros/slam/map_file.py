@@ -72,6 +72,7 @@ def write_map(path: Path, saved: SavedMap) -> None:
         "cameras": np.array([v.intrinsics.focal_and_centre for v in views]).reshape(-1, 4),
         "twists": np.array([v.twist for v in views]).reshape(-1, 6),
         "times": np.array([(v.readout_time, v.depth_delay) for v in views]).reshape(-1, 2),
+        "contrasts": np.array([v.contrast for v in views]),
     }
     for i, view in enumerate(views):
         arrays[f"grey_{i}"] = np.frombuffer(encode_png(view.grey), np.uint8)
@@ -149,7 +150,16 @@ def _view(arrays: Mapping[str, Any], i: int, path: Path) -> View:
         arrays["twists"][i],
         readout_time,
         depth_delay,
+        _contrast(arrays, i),
     )
+
+
+def _contrast(arrays: Mapping[str, Any], i: int) -> float:
+    # maps of earlier versions have none
+    contrast = float(arrays["contrasts"][i]) if "contrasts" in arrays else 1.0
+    if not 0 < contrast <= 1:
+        raise ValueError(f"contrast {contrast:g} of keyframe {i}")
+    return contrast
 
 
 def _in_units(depth: Float32) -> np.typing.NDArray[np.uint16]:

@@ -60,6 +60,8 @@ class View:
         readout_time: seconds from the first row to the last of a rolling shutter; 0 for a global
             shutter.
         depth_delay: how much later than colour depth was taken, seconds.
+        contrast: of ``grey``, as a part of that of a well-lit image; limits in grey levels are
+            multiplied by it.
     """
 
     grey: UInt8
@@ -68,3 +70,4 @@ class View:
     twist: Float64 = field(default_factory=lambda: np.zeros(6))
     readout_time: float = 0.0
     depth_delay: float = 0.0
+    contrast: float = 1.0

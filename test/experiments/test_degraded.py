@@ -13,6 +13,7 @@ from rgbd_glue_ros.experiments.bench.degraded import (
     Degradation,
     DegradedSequence,
     depth_holes,
+    dim,
     dropped,
     every,
     first,
@@ -105,6 +106,14 @@ def test_holes_are_blobs_and_not_single_pixels() -> None:
 def test_depth_outside_holes_is_as_it_was() -> None:
     depth = degraded(depth_holes(0.5))[0].depth
     assert set(np.unique(depth[np.isfinite(depth)])) == {np.float32(2.0)}
+
+
+def test_a_dim_wall_has_a_part_of_its_brightness_and_the_noise_of_a_camera() -> None:
+    for frame in degraded(dim(0.1)):
+        levels = frame.color.astype(np.float64)
+        assert levels.mean() == pytest.approx(12.8, abs=0.1)
+        assert levels.std() == pytest.approx(2.0, rel=0.05)
+        assert (frame.depth == 2.0).all()
 
 
 def test_colour_is_black_for_a_second_from_the_middle_on() -> None:

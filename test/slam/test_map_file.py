@@ -73,6 +73,7 @@ def test_a_map_comes_back_from_its_file(tmp_path: Path) -> None:
         np.testing.assert_allclose(theirs.depth, ours.depth, rtol=0, atol=0.000126)
         assert theirs.intrinsics == ours.intrinsics
         np.testing.assert_array_equal(theirs.twist, ours.twist)
+        assert theirs.contrast == ours.contrast
 
 
 @pytest.mark.slow
@@ -154,11 +155,21 @@ def _without_an_image(path: Path) -> None:
                 archive.writestr(name, data)
 
 
+def _with_contrast(path: Path, contrast: float) -> None:
+    saved = read_map(path)
+    views = tuple(replace(view, contrast=contrast) for view in saved.views)
+    write_map(path, replace(saved, views=views))
+
+
+def _without_contrast(path: Path) -> None:
+    _with_contrast(path, 0.0)
+
+
 def _text(path: Path) -> None:
     path.write_text("no map")
 
 
-@pytest.mark.parametrize("damage", [_cut, _compress, _without_an_image, _text])
+@pytest.mark.parametrize("damage", [_cut, _compress, _without_an_image, _without_contrast, _text])
 def test_a_file_that_holds_no_map_is_refused_in_one_line(damage: object, tmp_path: Path) -> None:
     path = tmp_path / "room.rgbdmap"
     write_map(path, first_session())

@@ -18,6 +18,8 @@ from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 _SEED = 0
 # Holes are blobs of about this size, as those of shiny, dark and far surfaces.
 _HOLE_PX = 40
+# Standard deviation of the noise of a dark colour image, grey levels.
+_NOISE_LEVELS = 2.0
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,19 @@ def _blobs(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> ND
     return blobs
 
 
+def dim(light: float) -> Degradation:
+    """That part of the light, in the noise of a camera: a room at night."""
+
+    def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
+        rng = np.random.default_rng(_SEED)
+        for frame in frames:
+            levels = light * frame.color + rng.normal(0, _NOISE_LEVELS, frame.color.shape)
+            color = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+            yield replace(frame, color=color)
+
+    return Degradation(f"{light:.0%} of the light", apply)
+
+
 def no_color(seconds: float) -> Degradation:
     """Colour is black for a while from the middle on: the light goes out."""
 
@@ -168,6 +183,7 @@ DEGRADATIONS = (
     every(5),
     dropped(0.1),
     depth_holes(0.5),
+    dim(0.1),
     no_color(1.0),
     no_depth(1.0),
     somebody_walks_by(),

@@ -1,0 +1,91 @@
+"""How much contrast an image has: in the dark and in haze, less than limits in grey levels expect.
+
+Those limits, what a corner or a textured pixel is, are for well-lit images. They shrink with the
+contrast of edges, as long as those stand out from the noise: that of a bare wall is no texture.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from rgbd_glue_ros.types import Float32, UInt8, View
+
+# Edges are looked for in a small image: its pixels are means of many, and show less noise.
+_LENGTH_PX = 160
+# The part of the pixels that counts as edges: those with the steepest gradients.
+_EDGES = 0.05
+# The part of them that tells how much steeper an image can get: no more than from black to white
+# within two pixels, in grey levels a pixel.
+_STEEPEST, _BLACK_TO_WHITE = 0.01, 255 / 2
+# Gradients this many times the noise are the least that are edges. Of noise alone, the steepest
+# are 1.8 times as steep; of a wall lit unevenly, 2 to 4 times.
+_LEAST_OVER_NOISE = 4.0
+# With every further multiple, limits may shrink by this factor more, down to the least contrast.
+_GAIN_PER_MULTIPLE, _LEAST_CONTRAST = 2.0, 1 / 16
+# Grey levels: what is rounded to whole ones errs by as much, even in the mean of some pixels.
+_LEAST_NOISE = 0.2
+# The second difference along both axes; Immerkaer's estimate of noise (1996) takes its mean, the
+# median leaves out edges. Its standard deviation is 6 times that of the noise.
+_CURVATURE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
+# The median of the absolute value of a standard normal variable.
+_NORMAL_MEDIAN = 0.6745
+
+
+def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
+    """The contrast of an image as a part of a well-lit one's.
+
+    Args:
+        image: uint8 [H, W].
+        well_lit_gradient: how steep the edges of a well-lit image of 160 pixels are at least, grey
+            levels a pixel; 0 takes every image as well lit.
+
+    Returns:
+        From 1/16 to 1; 1 of an image that shows nothing but noise.
+    """
+    if well_lit_gradient == 0:
+        return 1.0
+    small = _shrunk(image)
+    if min(small.shape) < 3:
+        return 1.0
+    along_u, along_v = small[1:-1, 2:] - small[1:-1, :-2], small[2:, 1:-1] - small[:-2, 1:-1]
+    gradients = cv2.magnitude(along_u, along_v) / 2
+    edges = _quantile(gradients, 1 - _EDGES)
+    if edges >= well_lit_gradient:
+        return 1.0
+    steepest = _quantile(gradients, 1 - _STEEPEST)
+    gain = _GAIN_PER_MULTIPLE * (edges / _noise(small) - _LEAST_OVER_NOISE)
+    least = max(1 / max(gain, 1.0), steepest / _BLACK_TO_WHITE, _LEAST_CONTRAST)
+    return min(1.0, max(edges / well_lit_gradient, least))
+
+
+def well_lit(view: View) -> UInt8:
+    """The image of a view as it would be in good light, uint8 [H, W]; the same where it is."""
+    if view.contrast == 1:
+        return view.grey
+    levels = (np.arange(256) - np.median(view.grey[::4, ::4])) / view.contrast + 128
+    return np.asarray(cv2.LUT(view.grey, np.clip(levels, 0, 255).astype(np.uint8)), np.uint8)
+
+
+def _shrunk(image: UInt8) -> Float32:
+    """The image with a longer side of 160 pixels, if it has more; grey levels, float32."""
+    shrink = min(1.0, _LENGTH_PX / max(image.shape))
+    if shrink * min(image.shape) < 1:
+        return image.astype(np.float32)
+    size = (round(shrink * image.shape[1]), round(shrink * image.shape[0]))
+    resized = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(resized, np.float32)
+
+
+def _noise(image: Float32) -> float:
+    """The standard deviation of an image's noise, grey levels."""
+    curvature = cv2.filter2D(image, -1, _CURVATURE)[1:-1, 1:-1]
+    return max(_quantile(np.abs(curvature), 0.5) / _NORMAL_MEDIAN / 6, _LEAST_NOISE)
+
+
+def _quantile(values: Any, q: float) -> float:
+    """The value that a part q of some values is below; NumPy's own takes ten times as long."""
+    k = int(q * values.size)
+    return float(np.partition(values, k, axis=None)[k])
