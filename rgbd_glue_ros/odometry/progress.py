@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry.contradiction import Alternative
 from rgbd_glue_ros.odometry.motion_filter import Motion
-from rgbd_glue_ros.types import Float64, TrackingState, View
+from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState, View
+
+# Images that stay the same for longer are of a simulated camera that stands still.
+_REPEATED_WITHIN_NS = NANOSECONDS // 10
+# Images are compared here first: two that differ mostly do so in any of their parts.
+_SAMPLE = (slice(None, None, 16), slice(None, None, 16))
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,7 @@ class Progress:
     Attributes:
         state: after the last frame.
         last: the last frame with a pose; None before the first.
+        estimate: what was known after that frame; None before the first.
         T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if there was.
         last_stamp_ns: of the last frame; None before the first.
         frames_missed: that showed something and had no pose, since the last one that had.
@@ -39,6 +47,7 @@ class Progress:
 
     state: TrackingState = TrackingState.INITIALIZING
     last: LastPose | None = None
+    estimate: OdometryEstimate | None = None
     T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
     frames_missed: int = 0
@@ -57,6 +66,29 @@ class Progress:
             )
         return replace(self, last_stamp_ns=stamp_ns)
 
+    def repeated(self, stamp_ns: int, view: View) -> OdometryEstimate | None:
+        """What is known after a frame that repeats the last one; None if it does not.
+
+        Some drivers send every image twice. The second tells nothing of the time in between, and
+        would be taken for a camera that stopped.
+        """
+        last, estimate = self.last, self.estimate
+        if self.state is not TrackingState.TRACKING or last is None or estimate is None:
+            return None
+        is_soon = stamp_ns - last.motion.stamp_ns <= _REPEATED_WITHIN_NS
+        if not (is_soon and _show_the_same(view, last.view)):
+            return None
+        return replace(estimate, stamp_ns=stamp_ns, is_keyframe=False)
+
     def with_pose(self, last: LastPose) -> Progress:
         """After a frame that has a pose."""
         return replace(self, state=TrackingState.TRACKING, last=last, frames_missed=0)
+
+
+def _show_the_same(view: View, other: View) -> bool:
+    """Whether two views have the same images, to the bit."""
+    pairs = ((view.grey, other.grey), (view.depth.view(np.uint32), other.depth.view(np.uint32)))
+    return all(
+        a.shape == b.shape and np.array_equal(a[_SAMPLE], b[_SAMPLE]) and np.array_equal(a, b)
+        for a, b in pairs
+    )

@@ -338,6 +338,35 @@ def test_a_camera_that_stands_still_does_not_drift_and_needs_one_keyframe() -> N
     assert sum(estimate.is_keyframe for estimate in estimates) == 1
 
 
+def test_frames_that_come_twice_change_no_pose() -> None:
+    """The second ones are given the pose of the first ones, and not that of a camera that stops."""
+    once = recorded_frames()[:40]
+    twice = [
+        replace(frame, stamp_ns=frame.stamp_ns + i * PERIOD_NS // 2)
+        for frame in once
+        for i in range(2)
+    ]
+    alone, doubled = track(once), track(twice)
+    for before, first, second in zip(alone, doubled[::2], doubled[1::2], strict=True):
+        np.testing.assert_array_equal(first.T_odom_camera, before.T_odom_camera)
+        np.testing.assert_array_equal(second.T_odom_camera, before.T_odom_camera)
+        np.testing.assert_array_equal(second.covariance, before.covariance)
+        np.testing.assert_array_equal(second.twist, before.twist)
+        assert second.stamp_ns == first.stamp_ns + PERIOD_NS // 2
+        assert not second.is_keyframe
+
+
+def test_a_camera_without_noise_that_stops_is_known_to_stand_still() -> None:
+    moving = recorded_frames()[:30]
+    still = numbered([*moving, *[moving[-1]] * 30, recorded_frames()[30]])
+    *_, before, after = track(still)
+    assert before.T_odom_camera is not None
+    assert after.T_odom_camera is not None
+    assert before.twist is not None
+    assert np.abs(before.twist).max() < 0.005
+    assert se3.difference(before.T_odom_camera, after.T_odom_camera) < 0.05
+
+
 def _noisy(frame: RgbdFrame, rng: np.random.Generator) -> RgbdFrame:
     color = frame.color + rng.normal(0, 2, frame.color.shape)
     # in disparity, as the sensor errs: 2 mm at 1 m, 18 mm at 3 m
