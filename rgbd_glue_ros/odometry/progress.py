@@ -13,6 +13,8 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, Tracking
 
 # Images that stay the same for longer are of a simulated camera that stands still.
 _REPEATED_WITHIN_NS = NANOSECONDS // 10
+# A camera that moves by no more metres and radians a second, added, is at rest.
+_AT_REST = 0.02
 # Images are compared here first: two that differ mostly do so in any of their parts.
 _SAMPLE = (slice(None, None, 16), slice(None, None, 16))
 
@@ -70,13 +72,14 @@ class Progress:
         """What is known after a frame that repeats the last one; None if it does not.
 
         Some drivers send every image twice. The second tells nothing of the time in between, and
-        would be taken for a camera that stopped.
+        would be taken for a camera that stopped; of one that stands, it may be.
         """
         last, estimate = self.last, self.estimate
         if self.state is not TrackingState.TRACKING or last is None or estimate is None:
             return None
         is_soon = stamp_ns - last.motion.stamp_ns <= _REPEATED_WITHIN_NS
-        if not (is_soon and _show_the_same(view, last.view)):
+        speeds = np.linalg.norm(last.motion.twist.reshape(2, 3), axis=1)
+        if not (is_soon and speeds.sum() > _AT_REST and _show_the_same(view, last.view)):
             return None
         return replace(estimate, stamp_ns=stamp_ns, is_keyframe=False)
 
