@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -53,11 +54,12 @@ def load_camera(name: str) -> Camera:
     """
     path = Path(name)
     if path.suffix != ".yaml":
-        if name not in camera_names():
+        names = camera_names()
+        if name not in names:
             raise InputError(
                 f"camera {name!r}",
                 "is not known",
-                f"take one of {', '.join(camera_names())}, or a file",
+                f"{_meant(name, names)}take one of {', '.join(names)}, or a file",
             )
         path = cfg.share_directory() / "config" / "cameras" / f"{name}.yaml"
     content = _content(path)
@@ -71,6 +73,12 @@ def load_camera(name: str) -> Camera:
             raise cfg.unknown_parameter(parameter, declared)
         parameters[parameter] = declared[parameter].convert(value)
     return Camera(content["topics"], parameters)
+
+
+def _meant(name: str, names: list[str]) -> str:
+    """The presets whose names hold this one, or are like it, as a question; "" if there is none."""
+    near = [n for n in names if name and name.lower() in n] or get_close_matches(name, names)
+    return f"did you mean {' or '.join(near)}? Else " if near else ""
 
 
 def _content(path: Path) -> dict[str, Any]:

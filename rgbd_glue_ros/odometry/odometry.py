@@ -128,8 +128,7 @@ class Odometry(Closing):
         self._inertial = self._inertial.at_frame(frame.stamp_ns)
         last, predicted = self._progress.last, self._predict(frame.stamp_ns, T_guess_camera)
         view, preparation_ms = timed(self._prepare, frame, predicted)
-        repeated = self._progress.repeated(frame.stamp_ns, view)
-        if repeated is not None:
+        if (repeated := self._progress.repeated(frame.stamp_ns, view)) is not None:
             return replace(repeated, stages_ms={"preparation": preparation_ms})
         if last is None or predicted is None:
             estimate = self._start(frame.stamp_ns, view)
@@ -137,12 +136,9 @@ class Odometry(Closing):
             attempt = self._find_pose(view, last, predicted)
             estimate = self._conclude(attempt, last.motion, predicted)
         if estimate.T_odom_camera is None:
-            depth = summarise_depth(frame.depth, self._config.camera)
-            estimate = replace(estimate, depth=depth)
+            estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
         else:
-            self._progress = replace(
-                self._progress, estimate=estimate, T_guess_camera=T_guess_camera
-            )
+            self._progress = self._progress.with_estimate(estimate, T_guess_camera)
         return replace(estimate, stages_ms={"preparation": preparation_ms, **estimate.stages_ms})
 
     def update_map(self) -> bool:

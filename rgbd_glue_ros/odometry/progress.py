@@ -87,6 +87,10 @@ class Progress:
         """After a frame that has a pose."""
         return replace(self, state=TrackingState.TRACKING, last=last, frames_missed=0)
 
+    def with_estimate(self, estimate: OdometryEstimate, T_guess_camera: Float64 | None) -> Progress:
+        """After all that is known of that frame."""
+        return replace(self, estimate=estimate, T_guess_camera=T_guess_camera)
+
 
 def _show_the_same(view: View, other: View) -> bool:
     """Whether two views have the same images, to the bit."""

@@ -115,6 +115,12 @@ def test_an_unknown_camera_is_refused_with_the_names_of_those_that_are() -> None
         load_camera("d435")
 
 
+@pytest.mark.parametrize("name", ["d400", "D400", "realsense_d40"])
+def test_an_unknown_camera_is_told_which_one_may_be_meant(name: str) -> None:
+    with pytest.raises(InputError, match=r"did you mean realsense_d400\? Else take one of azure"):
+        load_camera(name)
+
+
 @pytest.mark.parametrize(
     ("text", "cause"),
     [
