@@ -35,7 +35,7 @@ def test_its_help_shows_how_ros_arguments_are_given() -> None:
         (["--camara", "oak_d"], "--camara: no such option, did you mean --camera?"),
         (["rgb"], "rgb: an argument too many"),
         (["--ros-args", "-p", "glue.k:=3", "--", "rgb"], "rgb: an argument too many"),
-        (["--camera", "oak"], "camera 'oak': is not known; take one of azure_kinect"),
+        (["--camera", "oak"], "camera 'oak': is not known; did you mean oak_d? Else take one of"),
         (["--camera", "absent.yaml"], "absent.yaml: cannot be read"),
     ],
 )
