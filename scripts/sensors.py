@@ -8,125 +8,130 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from rgbd_glue_ros import Odometry, RgbdFrame, Trajectory, evaluate, load_preset, open_recording
-from rgbd_glue_ros.experiments.report.markdown import table
+from rgbd_glue_ros import Odometry, RgbdFrame, load_preset, open_recording
+from rgbd_glue_ros.experiments.bench.degraded import Degradation, DegradedSequence, dim, in_levels
+from rgbd_glue_ros.experiments.bench.figures import errors, losses, trajectory_of
+from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
+from rgbd_glue_ros.geometry.camera import grey
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.parameters.files import parse_assignment
-from rgbd_glue_ros.types import Float32, Float64, UInt8
+from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.types import Float32, Float64
 
-Frames = Iterable[RgbdFrame]
-Change = Callable[[Frames, np.random.Generator], Iterator[RgbdFrame]]
+Rng = np.random.Generator
 
 # A stereo camera of 5 cm with errors of an eighth of a pixel, in steps of a sixteenth.
 STEREO_BASELINE_M, STEREO_SIGMA_PX, STEREO_STEPS_PER_PX = 0.05, 0.12, 16
 # As near as a gripper or a bumper.
 OWN_PART_M = 0.35
+# Pixels for one dot of a projector.
+DOT_PX = 60
 
 
-def levels(brightness: NDArray[np.floating[Any]]) -> UInt8:
-    """Brightness as an image has it."""
-    return np.asarray(np.clip(np.rint(brightness), 0, 255), np.uint8)
+def each(name: str, change: Callable[[RgbdFrame, Rng], RgbdFrame]) -> Degradation:
+    """Every frame changed, whatever was before it."""
+
+    def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
+        rng = np.random.default_rng(0)
+        return (change(frame, rng) for frame in frames)
+
+    return Degradation(name, apply)
 
 
-def light(part: float, noise: float, haze: float = 0.0) -> Change:
-    """A part of the light, the noise of the camera, and haze, in grey levels."""
+def other_depth(name: str, change: Callable[[RgbdFrame, Rng], Float64]) -> Degradation:
+    """Other depth in every frame."""
 
-    def changed(frames: Frames, rng: np.random.Generator) -> Iterator[RgbdFrame]:
-        for frame in frames:
-            noisy = part * frame.color + haze + rng.normal(0, noise, frame.color.shape)
-            yield replace(frame, color=levels(noisy))
+    def changed(frame: RgbdFrame, rng: Rng) -> RgbdFrame:
+        return replace(frame, depth=np.asarray(change(frame, rng), np.float32))
 
-    return changed
+    return each(name, changed)
 
 
-def lamp(frames: Frames, rng: np.random.Generator) -> Iterator[RgbdFrame]:
+def with_lamp(frames: Iterable[RgbdFrame], count: int) -> Iterator[RgbdFrame]:
     """An eighth of the light, and a lamp that moves with the camera."""
-    dark = light(0.12, 2.0)
-    for frame in dark(frames, rng):
+    for frame in dim(0.12).apply(frames, count):
         height, width = frame.depth.shape
         frame.color[height // 12 : height // 4, 3 * width // 4 : 15 * width // 16] = 250
         yield frame
 
 
-def flicker(frames: Frames, rng: np.random.Generator) -> Iterator[RgbdFrame]:
-    """An exposure that is half as much more or less in every frame."""
-    for frame in frames:
-        yield replace(frame, color=levels(rng.uniform(0.5, 1.5) * frame.color))
+def flickering(frame: RgbdFrame, rng: Rng) -> RgbdFrame:
+    """An exposure that is up to half as much more or less."""
+    return replace(frame, color=in_levels(rng.uniform(0.5, 1.5) * frame.color))
 
 
-def jpeg(frames: Frames, _: np.random.Generator) -> Iterator[RgbdFrame]:
+def as_jpeg(frame: RgbdFrame, _: Rng) -> RgbdFrame:
     """Colour compressed to a quality of 15."""
-    for frame in frames:
-        data = cv2.imencode(".jpg", frame.color, [cv2.IMWRITE_JPEG_QUALITY, 15])[1]
-        yield replace(frame, color=np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8))
+    data = cv2.imencode(".jpg", frame.color, [cv2.IMWRITE_JPEG_QUALITY, 15])[1]
+    return replace(frame, color=np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8))
 
 
-def twice(frames: Frames, _: np.random.Generator) -> Iterator[RgbdFrame]:
+def jittered(frame: RgbdFrame, rng: Rng) -> RgbdFrame:
+    """A stamp that is up to 10 ms off."""
+    return replace(frame, stamp_ns=frame.stamp_ns + int(rng.uniform(-1e7, 1e7)))
+
+
+def twice(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
     """Every frame comes again 16 ms later."""
     for frame in frames:
         yield frame
         yield replace(frame, stamp_ns=frame.stamp_ns + 16_000_000)
 
 
-def jitter(frames: Frames, rng: np.random.Generator) -> Iterator[RgbdFrame]:
-    """Stamps that are up to 10 ms off."""
+def with_dots(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
+    """Infrared with the dots of a projector, as good as fixed to the camera."""
+    rng = np.random.default_rng(0)
+    dots: Float64 | None = None
     for frame in frames:
-        yield replace(frame, stamp_ns=frame.stamp_ns + int(rng.uniform(-1e7, 1e7)))
+        if dots is None:
+            height, width = frame.depth.shape
+            dots = np.zeros((height, width))
+            count = dots.size // DOT_PX
+            dots[rng.integers(0, height, count), rng.integers(0, width, count)] = 400
+            dots = np.asarray(cv2.GaussianBlur(dots, (0, 0), 0.8), np.float64)
+        yield replace(frame, color=in_levels(0.6 * grey(frame.color) + dots))
 
 
-def depth_changed(change: Callable[[Float32, RgbdFrame, np.random.Generator], Float64]) -> Change:
-    """Other depth in every frame."""
-
-    def changed(frames: Frames, rng: np.random.Generator) -> Iterator[RgbdFrame]:
-        for frame in frames:
-            depth = np.asarray(change(frame.depth, frame, rng), np.float32)
-            yield replace(frame, depth=depth)
-
-    return changed
-
-
-def stereo(depth: Float32, frame: RgbdFrame, rng: np.random.Generator) -> Float64:
+def stereo(frame: RgbdFrame, rng: Rng) -> Float64:
     """The noise of stereo, alike in neighbouring pixels."""
-    noise = cv2.GaussianBlur(rng.normal(0, 1, depth.shape), (0, 0), 2.5)
+    noise = cv2.GaussianBlur(rng.normal(0, 1, frame.depth.shape), (0, 0), 2.5)
     base = frame.intrinsics.fx * STEREO_BASELINE_M
-    disparity = base / depth + noise * (STEREO_SIGMA_PX / noise.std())
+    disparity = base / frame.depth + noise * (STEREO_SIGMA_PX / noise.std())
     rounded = np.rint(disparity * STEREO_STEPS_PER_PX) / STEREO_STEPS_PER_PX
     return base / np.where(rounded > 0, rounded, np.nan)
 
 
-def centimetres(depth: Float32, _: RgbdFrame, __: np.random.Generator) -> Float64:
+def in_centimetres(frame: RgbdFrame, _: Rng) -> Float64:
     """In steps of a centimetre."""
-    return np.rint(100.0 * depth.astype(np.float64)) / 100
+    return np.rint(100.0 * frame.depth.astype(np.float64)) / 100
 
 
-def smoothed(depth: Float32, _: RgbdFrame, __: np.random.Generator) -> Float64:
+def smeared(frame: RgbdFrame, _: Rng) -> Float64:
     """As a phone has it: 256x192, made larger again, smeared over edges."""
-    height, width = depth.shape
-    known = np.isfinite(depth)
-    blurred = [
+    height, width = frame.depth.shape
+    known = np.isfinite(frame.depth)
+    depth, share = (
         cv2.resize(cv2.resize(image, (256, 192), interpolation=cv2.INTER_AREA), (width, height))
-        for image in (np.where(known, depth, 0).astype(np.float64), known.astype(np.float64))
-    ]
-    return np.where(blurred[1] > 0.5, blurred[0] / np.maximum(blurred[1], 0.5), np.nan)
+        for image in (np.where(known, frame.depth, 0).astype(np.float64), known.astype(np.float64))
+    )
+    return np.where(share > 0.5, depth / np.maximum(share, 0.5), np.nan)
 
 
-def speckled(depth: Float32, _: RgbdFrame, rng: np.random.Generator) -> Float64:
+def speckled(frame: RgbdFrame, rng: Rng) -> Float64:
     """Anything in every twentieth pixel."""
-    wrong = rng.random(depth.shape) < 0.05
-    return np.where(wrong, rng.uniform(0.3, 6.0, depth.shape), depth)
+    wrong = rng.random(frame.depth.shape) < 0.05
+    return np.where(wrong, rng.uniform(0.3, 6.0, frame.depth.shape), frame.depth)
 
 
-def averaged(frames: Frames, _: np.random.Generator) -> Iterator[RgbdFrame]:
+def averaged(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
     """Depth that a driver has averaged with that of the frames before, where it is within 10 cm."""
     before: Float32 | None = None
     for frame in frames:
@@ -138,59 +143,69 @@ def averaged(frames: Frames, _: np.random.Generator) -> Iterator[RgbdFrame]:
         yield replace(frame, depth=depth)
 
 
-def own_part(frames: Frames, rng: np.random.Generator) -> Iterator[RgbdFrame]:
-    """A grey part of the robot below, and a finger up to the middle: they move with the camera."""
+def late_depth(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
+    """Each frame with the depth of the one before, and no word of that."""
+    before: Float32 | None = None
     for frame in frames:
-        height, width = frame.depth.shape
-        v, u = np.mgrid[:height, :width]
-        finger = (np.abs(u - width / 2) < 0.08 * width) & (v > height / 2)
-        own = (v > 0.75 * height) | finger
-        depth = OWN_PART_M + 0.1 * (1 - v / height) + rng.normal(0, 0.001, own.shape)
-        color = levels(56 + 6 * np.sin(u / 20) + rng.normal(0, 2, own.shape))
-        yield replace(
-            frame,
-            color=np.where(own[..., np.newaxis], color[..., np.newaxis], frame.color),
-            depth=np.where(own, depth, frame.depth).astype(np.float32),
-        )
+        if before is not None:
+            yield replace(frame, depth=before)
+        before = frame.depth
 
 
-CHANGES: Mapping[str, Change] = {
-    "as recorded": lambda frames, _: iter(frames),
-    "an eighth of the light": light(0.12, 3.0),
-    "a twenty-fifth of the light": light(0.04, 1.5),
-    "an eighth of the light, and a lamp": lamp,
-    "haze": light(0.12, 1.5, 110.0),
-    "exposure flickers": flicker,
-    "noise of 12 grey levels": light(1.0, 12.0),
-    "colour as JPEG of quality 15": jpeg,
-    "stamps 10 ms off": jitter,
-    "every frame twice": twice,
-    "depth of stereo": depth_changed(stereo),
-    "depth in centimetres": depth_changed(centimetres),
-    "depth of 256x192, smeared": depth_changed(smoothed),
-    "a twentieth of depth wrong": depth_changed(speckled),
-    "depth averaged over frames": averaged,
-    "a part of the robot in view": own_part,
+def of_unknown_camera(frames: Iterable[RgbdFrame], count: int) -> Iterator[RgbdFrame]:
+    """The same by a camera whose times are not known beforehand."""
+    return (replace(frame, frame_id="camera") for frame in late_depth(frames, count))
+
+
+def own_part(frame: RgbdFrame, rng: Rng) -> RgbdFrame:
+    """A grey part of the robot below, and a finger up to the middle: they move with the camera."""
+    height, width = frame.depth.shape
+    v, u = np.mgrid[:height, :width]
+    finger = (np.abs(u - width / 2) < 0.08 * width) & (v > height / 2)
+    own = (v > 0.75 * height) | finger
+    depth = OWN_PART_M + 0.1 * (1 - v / height) + rng.normal(0, 0.001, own.shape)
+    color = in_levels(56 + 6 * np.sin(u / 20) + rng.normal(0, 2, own.shape))
+    return replace(
+        frame,
+        color=np.where(own[..., np.newaxis], color[..., np.newaxis], frame.color),
+        depth=np.where(own, depth, frame.depth).astype(np.float32),
+    )
+
+
+CHANGES = {
+    change.name: change
+    for change in (
+        each("as recorded", lambda frame, _: frame),
+        replace(dim(0.12, noise=3.0), name="an eighth of the light"),
+        replace(dim(0.04, noise=1.5), name="a twenty-fifth of the light"),
+        Degradation("an eighth of the light, and a lamp", with_lamp),
+        replace(dim(0.12, noise=1.5, haze=110.0), name="haze"),
+        each("exposure flickers", flickering),
+        replace(dim(1.0, noise=12.0), name="noise of 12 grey levels"),
+        each("colour as JPEG of quality 15", as_jpeg),
+        Degradation("dots of a projector", with_dots),
+        each("stamps 10 ms off", jittered),
+        Degradation("every frame twice", twice, lambda count: 2 * count),
+        other_depth("depth of stereo", stereo),
+        other_depth("depth in centimetres", in_centimetres),
+        other_depth("depth of 256x192, smeared", smeared),
+        other_depth("a twentieth of depth wrong", speckled),
+        Degradation("depth averaged over frames", averaged),
+        Degradation("depth of the frame before", late_depth),
+        Degradation("depth of the frame before, of an unknown camera", of_unknown_camera),
+        each("a part of the robot in view", own_part),
+    )
 }
 
 
-def tracked(path: Path, change: Change, config: Config) -> str:
+def tracked(recording: Recording, change: Degradation, config: Config) -> str:
     """APE in cm and the frames lost, in words."""
-    stamps, poses, lost = [], [], 0
-    with open_recording(path) as recording, Odometry(config) as odometry:
-        for frame in change(recording, np.random.default_rng(0)):
-            estimate = odometry.process(frame)
-            if estimate.T_odom_camera is None:
-                lost += 1
-                continue
-            stamps.append(estimate.stamp_ns)
-            poses.append(estimate.T_odom_camera)
-        truth = recording.ground_truth
-    said = f" ({lost} lost)" if lost else ""
-    if truth is None or len(poses) < 3:
-        return f"–{said}"
-    errors = evaluate(Trajectory(np.array(stamps), np.array(poses)), truth)
-    return f"{100 * errors.ape.rmse_m:.2f}{said}"
+    with Odometry(config) as odometry:
+        estimates = [odometry.process(frame) for frame in DegradedSequence(recording, change)]
+    found = errors(trajectory_of(estimates), recording.ground_truth)
+    lost = losses(estimates)["lost"]
+    error = f"{100 * found['ape']['rmse_m']:.2f}" if found else NOTHING
+    return error + (f" ({lost} lost)" if lost else "")
 
 
 def main() -> None:
@@ -206,7 +221,8 @@ def main() -> None:
     for name in args.only or CHANGES:
         rows.append([name])
         for path in args.recordings:
-            rows[-1].append(tracked(path, CHANGES[name], config))
+            with open_recording(path) as recording:
+                rows[-1].append(tracked(recording, CHANGES[name], config))
             print(f"{name}  {path.name}  {rows[-1][-1]}", file=sys.stderr)
     print(table(["", *(path.name for path in args.recordings)], rows))
 

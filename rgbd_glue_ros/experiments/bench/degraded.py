@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,13 +14,11 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
-from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
+from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, UInt8
 
 _SEED = 0
 # Holes are blobs of about this size, as those of shiny, dark and far surfaces.
 _HOLE_PX = 40
-# Standard deviation of the noise of a dark colour image, grey levels.
-_NOISE_LEVELS = 2.0
 
 
 @dataclass(frozen=True)
@@ -119,17 +118,27 @@ def _blobs(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> ND
     return blobs
 
 
-def dim(light: float) -> Degradation:
-    """That part of the light, in the noise of a camera: a room at night."""
+def dim(light: float, noise: float = 2.0, haze: float = 0.0) -> Degradation:
+    """That part of the light, in the noise of a camera: a room at night.
+
+    Args:
+        light: what is left of it, 0 to 1.
+        noise: standard deviation, grey levels.
+        haze: what it adds, grey levels.
+    """
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
         rng = np.random.default_rng(_SEED)
         for frame in frames:
-            levels = light * frame.color + rng.normal(0, _NOISE_LEVELS, frame.color.shape)
-            color = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
-            yield replace(frame, color=color)
+            noisy = light * frame.color + haze + rng.normal(0, noise, frame.color.shape)
+            yield replace(frame, color=in_levels(noisy))
 
     return Degradation(f"{light:.0%} of the light", apply)
+
+
+def in_levels(brightness: NDArray[np.floating[Any]]) -> UInt8:
+    """Brightness as an image has it: in whole grey levels from 0 to 255."""
+    return np.asarray(np.clip(np.rint(brightness), 0, 255), np.uint8)
 
 
 def no_color(seconds: float) -> Degradation:
