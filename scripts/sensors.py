@@ -18,6 +18,7 @@ import numpy as np
 from rgbd_glue_ros import Odometry, RgbdFrame, load_preset, open_recording
 from rgbd_glue_ros.experiments.bench.degraded import Degradation, DegradedSequence, dim, in_levels
 from rgbd_glue_ros.experiments.bench.figures import errors, losses, trajectory_of
+from rgbd_glue_ros.experiments.bench.robot_part import with_robot_part
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
 from rgbd_glue_ros.geometry.camera import grey
 from rgbd_glue_ros.odometry.warm_up import warm_up
@@ -30,8 +31,6 @@ Rng = np.random.Generator
 
 # A stereo camera of 5 cm with errors of an eighth of a pixel, in steps of a sixteenth.
 STEREO_BASELINE_M, STEREO_SIGMA_PX, STEREO_STEPS_PER_PX = 0.05, 0.12, 16
-# As near as a gripper or a bumper.
-OWN_PART_M = 0.35
 # Pixels for one dot of a projector.
 DOT_PX = 60
 
@@ -157,21 +156,6 @@ def of_unknown_camera(frames: Iterable[RgbdFrame], count: int) -> Iterator[RgbdF
     return (replace(frame, frame_id="camera") for frame in late_depth(frames, count))
 
 
-def own_part(frame: RgbdFrame, rng: Rng) -> RgbdFrame:
-    """A grey part of the robot below, and a finger up to the middle: they move with the camera."""
-    height, width = frame.depth.shape
-    v, u = np.mgrid[:height, :width]
-    finger = (np.abs(u - width / 2) < 0.08 * width) & (v > height / 2)
-    own = (v > 0.75 * height) | finger
-    depth = OWN_PART_M + 0.1 * (1 - v / height) + rng.normal(0, 0.001, own.shape)
-    color = in_levels(56 + 6 * np.sin(u / 20) + rng.normal(0, 2, own.shape))
-    return replace(
-        frame,
-        color=np.where(own[..., np.newaxis], color[..., np.newaxis], frame.color),
-        depth=np.where(own, depth, frame.depth).astype(np.float32),
-    )
-
-
 CHANGES = {
     change.name: change
     for change in (
@@ -193,7 +177,7 @@ CHANGES = {
         Degradation("depth averaged over frames", averaged),
         Degradation("depth of the frame before", late_depth),
         Degradation("depth of the frame before, of an unknown camera", of_unknown_camera),
-        each("a part of the robot in view", own_part),
+        each("a part of the robot in view", with_robot_part),
     )
 }
 

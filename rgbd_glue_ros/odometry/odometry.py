@@ -262,8 +262,7 @@ class Odometry(Closing):
         model = self._map.model_if_enough(features)
         if model is None:
             return OdometryEstimate(stamp_ns, self.state)
-        first = self._map.start(stamp_ns, features, model)
-        return self._start_at(first, features.stages_ms)
+        return self._start_at(self._map.start(stamp_ns, features, model), features.stages_ms)
 
     def _miss(self, attempt: Attempt, last: Motion, stamp_ns: int) -> OdometryEstimate:
         """No pose for this frame; after enough of them, a new start at the last one."""
@@ -286,6 +285,7 @@ class Odometry(Closing):
 
     def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Starts anew at the pose of a keyframe, and says so."""
+        self._calibration.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
         T_odom_camera = self._map.correction() @ keyframe.T_track_camera

@@ -50,6 +50,11 @@ class OdometryConfig:
         minimum=0.0,
         maximum=1.0,
     )
+    own_parts: bool = parameter(
+        True,
+        "Whether surfaces that move with the camera, as a gripper or a bumper in view, are looked "
+        "for and left out of frames.",
+    )
     references: int = parameter(
         3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
     )

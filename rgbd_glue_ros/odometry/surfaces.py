@@ -1,0 +1,114 @@
+"""The surfaces that a view shows, block by block, and which of them another should have seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.depth import surface_tolerance
+from rgbd_glue_ros.refinement.sampling import NEAREST_M
+from rgbd_glue_ros.types import Float32, Float64, UInt8, View
+
+BLOCK_PX = 8
+"""Edge of a block. An error of the pose of as many pixels does no harm."""
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """A depth image in blocks of ``BLOCK_PX``, and where it was taken.
+
+    Attributes:
+        depth: float32 [R, C], metres, of the pixel in the middle of each block; NaN where unknown.
+        nearest: float32 [R, C], least depth in a block and those around it; NaN in a block that
+            knows none.
+        K: float64 [4], of the image: fx, fy, cx, cy.
+        T_track_depth: float64 [4, 4], the camera's pose when depth was taken.
+    """
+
+    depth: Float32
+    nearest: Float32
+    K: Float64
+    T_track_depth: Float64
+
+    @staticmethod
+    def seen(view: View, T_track_camera: Float64) -> Surfaces:
+        """Those of a view of one block at least, whose pose is float64 [4, 4]."""
+        rows, columns = (size // BLOCK_PX for size in view.depth.shape)
+        middle = slice(BLOCK_PX // 2, None, BLOCK_PX)
+        return Surfaces(
+            np.ascontiguousarray(view.depth[middle, middle][:rows, :columns]),
+            _nearest_surfaces(view.depth),
+            view.intrinsics.focal_and_centre,
+            T_track_camera @ se3.exp(view.twist * view.depth_delay),
+        )
+
+    def in_front_of(self, other: Surfaces) -> UInt8:
+        """The blocks that lie in front of all that another view saw there, uint8 [R, C], 1 or 0."""
+        T_other_depth = se3.inverse(other.T_track_depth) @ self.T_track_depth
+        return np.asarray(
+            _in_front(self.depth, self.K, T_other_depth, other.nearest, other.K), np.uint8
+        )
+
+
+def _nearest_surfaces(depth: Float32) -> Float32:
+    """Least depth in each block and those around it, float32 [R, C]; NaN in one that knows none."""
+    blocks = _least_of_blocks(depth)
+    around = cv2.erode(blocks, np.ones((3, 3), np.uint8))
+    return np.asarray(np.where(np.isinf(blocks), np.nan, around), np.float32)
+
+
+@compiled
+def _least_of_blocks(depth: Float32) -> Float32:
+    """Least depth in each block, of every second pixel, float32 [R, C].
+
+    Infinite where none is known.
+    """
+    rows, columns = depth.shape[0] // BLOCK_PX, depth.shape[1] // BLOCK_PX
+    blocks = np.full((rows, columns), np.float32(np.inf))
+    for v in range(0, rows * BLOCK_PX, 2):
+        for u in range(0, columns * BLOCK_PX, 2):
+            # the comparison with NaN is false, where a call of min would take it
+            if depth[v, u] < blocks[v // BLOCK_PX, u // BLOCK_PX]:  # noqa: PLR1730
+                blocks[v // BLOCK_PX, u // BLOCK_PX] = depth[v, u]
+    return blocks
+
+
+@compiled
+def _in_front(
+    depth: Float32, K: Float64, T_other_depth: Float64, nearest: Float32, K_other: Float64
+) -> UInt8:
+    """1 in the blocks that lie in front of all that another depth image has there.
+
+    Args:
+        depth: float32 [R, C], of blocks.
+        K: of the image that they are of.
+        T_other_depth: from this camera to the other, float64 [4, 4].
+        nearest: of the other.
+        K_other: of the other.
+    """
+    in_front = np.zeros(depth.shape, np.uint8)
+    T = T_other_depth
+    for r in range(depth.shape[0]):
+        v = r * BLOCK_PX + BLOCK_PX // 2
+        for c in range(depth.shape[1]):
+            u = c * BLOCK_PX + BLOCK_PX // 2
+            z = depth[r, c]
+            x, y = (u - K[2]) / K[0] * z, (v - K[3]) / K[1] * z
+            there = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+            # with NaN this is false, too
+            if not there > NEAREST_M:
+                continue
+            right = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
+            down = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
+            row = math.floor((K_other[1] * down / there + K_other[3]) / BLOCK_PX)
+            column = math.floor((K_other[0] * right / there + K_other[2]) / BLOCK_PX)
+            if 0 <= row < nearest.shape[0] and 0 <= column < nearest.shape[1]:
+                known = nearest[row, column]
+                if there < known - surface_tolerance(known):
+                    in_front[r, c] = 1
+    return in_front
