@@ -21,7 +21,13 @@ RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder
 
 def path(text: str) -> Path:
     """A path; ``~`` is the home folder, which shells leave as it is in ``-o=~/out``."""
-    return Path(text).expanduser()
+    if not text:
+        # of a variable that is not set; as a path it would be the working folder
+        raise argparse.ArgumentTypeError("is empty, give a path")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is in the home of no user") from error
 
 
 # More of frames, gaps or processes there are not

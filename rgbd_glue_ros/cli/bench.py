@@ -97,7 +97,9 @@ def run(args: argparse.Namespace) -> str:
             )
         except KeyboardInterrupt:
             shown.close()
-            logger.warning("interrupted; what was measured is in %s", args.output)
+            is_measured = args.output.is_dir() and any(args.output.iterdir())
+            what = f"what was measured is in {args.output}" if is_measured else "nothing measured"
+            logger.warning("interrupted; %s", what)
             raise
     tables = args.output / TABLES
     text = tables.read_text(encoding="utf-8")

@@ -32,6 +32,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises:
         InputError: it cannot be written; what was there before still is.
     """
+    if path.exists() and not path.is_file():
+        # a device or a pipe would give way to the file, where the user may do that
+        raise InputError(path, "is there, and is no file", "give another place")
     aside = path.with_name(f".{path.name}.part")
     data = content.encode() if isinstance(content, str) else content
     try:

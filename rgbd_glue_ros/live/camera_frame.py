@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types import Float64, RgbdFrame
 
 # What joints and their encoders do to a mount that is called rigid, metres and radians.
 RIGID_M, RIGID_RAD = 0.002, 0.005
@@ -18,6 +20,10 @@ class CameraFrame:
     def __init__(self) -> None:
         self._name: str | None = None
         self._other: str | None = None
+
+    def named(self, frame: RgbdFrame) -> RgbdFrame:
+        """The frame with the name of the camera before it, where it bears none itself."""
+        return frame if frame.frame_id else replace(frame, frame_id=self._name or "")
 
     def changes_to(self, name: str) -> str | None:
         """The camera that frames were of until this one, which is of another; else None.

@@ -22,7 +22,8 @@ from rgbd_glue_ros.types import CameraIntrinsics, Float64, LensModel
 
 # Focal length and centre of a camera are within so many times, and above this part of, its image.
 MAX_SIDES = 100.0
-# Where a calibration tells no size, the image's has its centre so near to the principal point.
+# A calibration that tells no size, or another than the image has, is taken for one of the image if
+# its principal point is no farther from the centre, as a part of the size.
 _MAX_OFF_CENTRE = 0.2
 
 # Where a camera matrix has its skew
@@ -147,14 +148,20 @@ def of_image_size(
     if not (camera.width or camera.height):
         return _believed(replace(camera, width=width, height=height), where, image_topic)
     check_aspect((camera.height, camera.width), shape, where, image_topic)
+    if _is_off_centre(camera):
+        raise InputError(
+            where,
+            f"is of {camera.width}x{camera.height} pixels, {image_topic} of {width}x{height}, and "
+            f"its centre ({camera.cx:g}, {camera.cy:g}) is not that of its own size",
+            "give width and height of the images that the calibration is of",
+        )
     return camera.scaled(width, height)
 
 
 def _believed(camera: CameraIntrinsics, where: str, image_topic: str) -> CameraIntrinsics:
     """The camera, whose size is that of its image alone, if the centre of both agrees."""
     width, height = camera.width, camera.height
-    off_centre = max(abs(camera.cx / width - 0.5), abs(camera.cy / height - 0.5))
-    if off_centre > _MAX_OFF_CENTRE or not is_plausible(camera):
+    if _is_off_centre(camera) or not is_plausible(camera):
         raise InputError(
             where,
             f"tells no size, and its centre ({camera.cx:g}, {camera.cy:g}) is not that of the "
@@ -162,6 +169,12 @@ def _believed(camera: CameraIntrinsics, where: str, image_topic: str) -> CameraI
             "give width and height of the images that the calibration is of",
         )
     return camera
+
+
+def _is_off_centre(camera: CameraIntrinsics) -> bool:
+    """Whether the principal point is far from the middle of the camera's image."""
+    off_centre = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
+    return off_centre > _MAX_OFF_CENTRE
 
 
 def check_aspect(

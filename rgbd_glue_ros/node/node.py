@@ -318,7 +318,7 @@ class OdometryNode(LoggedNode):
         names = FrameTopics(color, depth, info, self._depth_camera.topic)
         taken_by = self._depth_camera.of(match, names)
         frame = frame_of_match(match, names, taken_by, self._node_config.metres_per_unit)
-        frame = reduced(frame, self._node_config.max_width)
+        frame = self._camera_frame.named(reduced(frame, self._node_config.max_width))
         self.monitor.width = frame.intrinsics.width
         return frame
 

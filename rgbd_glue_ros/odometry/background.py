@@ -6,6 +6,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Concatenate, Generic, ParamSpec, TypeVar
 
+from rgbd_glue_ros.errors import InputError
+
 P = ParamSpec("P")
 R = TypeVar("R")
 V = TypeVar("V")
@@ -18,14 +20,22 @@ class BackgroundThread:
     """
 
     def __init__(self) -> None:
+        self._is_closed = False
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="odometry_background")
 
     def submit(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Future[R]:
-        """Calls a function later; whoever asks the future for its result waits."""
+        """Calls a function later; whoever asks the future for its result waits.
+
+        Raises:
+            InputError: the thread has ended.
+        """
+        if self._is_closed:
+            raise InputError("the odometry", "was closed", "make another one for more frames")
         return self._executor.submit(function, *args, **kwargs)
 
     def close(self) -> None:
         """Ends the thread once its jobs are done; nothing can be submitted after that."""
+        self._is_closed = True
         self._executor.shutdown()
 
 

@@ -36,6 +36,7 @@ from rgbd_glue_ros.types import (
     TrackingState,
     View,
 )
+from rgbd_glue_ros.types.checks import check_guess
 
 # Between frames farther apart than this the twist says too little of the moment of one of them.
 _TWIST_IS_CERTAIN_NS = NANOSECONDS // 10
@@ -120,9 +121,11 @@ class Odometry(Closing):
             of one that starts anew, which is one already.
 
         Raises:
-            InputError: the frame is not later than the one before. Nothing else raises: an image
-                that shows nothing gives an estimate without a pose.
+            InputError: the frame is not later than the one before, or the guess is no pose. Nothing
+                else raises: an image that shows nothing gives an estimate without a pose.
         """
+        if T_guess_camera is not None:
+            check_guess(T_guess_camera)
         self.update_map()
         self._progress = self._progress.with_frame(frame.stamp_ns)
         self._inertial = self._inertial.at_frame(frame.stamp_ns)
@@ -248,8 +251,8 @@ class Odometry(Closing):
             self.state,
             T_odom_camera,
             se3.pose_covariance(T_odom_camera, covariance + self._map.uncorrected_covariance()),
-            motion.twist,
-            motion.covariance[6:, 6:],
+            motion.twist.copy(),
+            motion.covariance[6:, 6:].copy(),
             keyframe_id=fix.reference.number,
             registration=attempt.registration,
             stages_ms={**attempt.features.stages_ms, **attempt.registration.stages_ms},
@@ -274,11 +277,8 @@ class Odometry(Closing):
         model = self._map.model_if_enough(features)
         if model is None:
             return missed  # a covered camera may yet come back to a place that is known
-        frames_missed = self._progress.frames_missed + 1
-        self._progress = replace(self._progress, frames_missed=frames_missed)
-        config, seconds = self._config.odometry, (stamp_ns - last.stamp_ns) / NANOSECONDS
-        countdown = config.reset_countdown
-        if countdown == 0 or frames_missed < countdown or seconds < config.reset_delay:
+        self._progress = self._progress.with_miss()
+        if not self._progress.is_long_without_pose(stamp_ns, self._config.odometry):
             return missed
         anew = self._map.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, features.stages_ms)

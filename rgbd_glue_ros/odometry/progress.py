@@ -9,6 +9,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry.contradiction import Alternative
 from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState, View
 
 # Images that stay the same for longer are of a simulated camera that stands still.
@@ -53,6 +54,17 @@ class Progress:
     T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
     frames_missed: int = 0
+
+    def with_miss(self) -> Progress:
+        """After another frame that showed something and had no pose."""
+        return replace(self, frames_missed=self.frames_missed + 1)
+
+    def is_long_without_pose(self, stamp_ns: int, config: OdometryConfig) -> bool:
+        """Whether it is time to start anew, with the frame at a stamp."""
+        if self.last is None or config.reset_countdown == 0:
+            return False
+        seconds = (stamp_ns - self.last.motion.stamp_ns) / NANOSECONDS
+        return self.frames_missed >= config.reset_countdown and seconds >= config.reset_delay
 
     def with_frame(self, stamp_ns: int) -> Progress:
         """After a frame has come.

@@ -62,7 +62,8 @@ def convert(
     except OSError as error:
         raise not_written(target, error) from error
     except KeyboardInterrupt:
-        logger.warning("interrupted; the frames written so far are in %s", target)
+        what = f"the frames written so far are in {target}" if new.path.exists() else "no frame yet"
+        logger.warning("interrupted; %s", what)
         raise
     finally:
         new.close()

@@ -62,6 +62,8 @@ class CameraIntrinsics:
         """
         check_intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
         check_distortion(self.distortion, self.lens.counts)
+        # OpenCV gives an array [1, N]
+        object.__setattr__(self, "distortion", tuple(map(float, np.ravel(self.distortion))))
 
     @property
     def matrix(self) -> Float64:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,13 @@ from rgbd_glue_ros.errors import InputError
 _END_OF_TIME_NS = 2**63
 # Pixels: no camera that an image is of has others, and with others numbers overflow.
 _SHORTEST, _LONGEST = 0.01, 1e6
+# What a rotation of single precision, multiplied a few times, is off by.
+_NOT_ORTHONORMAL = 1e-3
+# Farther from where it started no odometry is, metres.
+_FARTHEST_M = 1e7
+_GUESS = "T_guess_camera"
 _CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"
+_TRAJECTORY = "Trajectory"
 
 
 def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
@@ -31,6 +36,10 @@ def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, c
         InputError: a size is negative, a focal length not from 0.01 to a million pixels, or the
             centre farther away.
     """
+    numbers = {"width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    for name, number in numbers.items():
+        if not isinstance(number, (int, float, np.number)):
+            raise _fault(_CAMERA, name, f"is {number!r}", "give a number of pixels")
     for name, size in (("width", width), ("height", height)):
         if size < 0:
             raise _fault(_CAMERA, name, f"is {size}", "give the size in pixels")
@@ -42,22 +51,25 @@ def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, c
             raise _fault(_CAMERA, name, f"is {centre}", "give pixels")
 
 
-def check_distortion(coefficients: Sequence[float], counts: Collection[int]) -> None:
+def check_distortion(coefficients: Any, counts: Collection[int]) -> None:
     """Refuses coefficients that are no lens.
 
     Args:
-        coefficients: of the distortion; none for a rectified image.
+        coefficients: of the distortion, numbers in any shape; none for a rectified image.
         counts: how many there can be.
 
     Raises:
         InputError: there are as many as no model has, or one is not finite.
     """
-    if len(coefficients) not in {0, *counts}:
-        known = ", ".join(map(str, counts))
+    numbers = np.ravel(coefficients)
+    known = ", ".join(map(str, counts))
+    if numbers.dtype.kind not in "iuf":
+        raise _fault(_CAMERA, "distortion", f"is {coefficients!r}", f"give 0 or {known} numbers")
+    if len(numbers) not in {0, *counts}:
         raise _fault(
-            _CAMERA, "distortion", f"has {len(coefficients)} coefficients", f"give 0 or {known}"
+            _CAMERA, "distortion", f"has {len(numbers)} coefficients", f"give 0 or {known}"
         )
-    if not all(map(math.isfinite, coefficients)):
+    if not np.isfinite(numbers).all():
         raise _fault(_CAMERA, "distortion", f"is {coefficients}", "calibrate the camera again")
 
 
@@ -71,6 +83,26 @@ def check_stamps(stamp_ns: object, depth_delay_ns: object) -> None:
         if not isinstance(value, (int, np.integer)) or abs(int(value)) >= _END_OF_TIME_NS:
             remedy = "give whole nanoseconds, as round(seconds * 1e9)"
             raise _fault(_FRAME, name, f"is {value!r}", remedy)
+
+
+def check_guess(T_guess_camera: Any) -> None:
+    """Refuses a pose that no camera has.
+
+    Args:
+        T_guess_camera: to be float64 [4, 4].
+
+    Raises:
+        InputError: it is another array, not finite, or no rotation and translation.
+    """
+    T = T_guess_camera
+    if not _is_array(T, np.float64) or T.shape != (4, 4):
+        raise _fault("track", _GUESS, f"is {_described(T)}", "give float64 [4, 4]")
+    R, last_row = T[:3, :3], np.array([0.0, 0.0, 0.0, 1.0])
+    # with NaN the comparisons are false
+    is_rotation = np.abs(R @ R.T - np.eye(3)).max() < _NOT_ORTHONORMAL and np.linalg.det(R) > 0
+    if not (is_rotation and (np.abs(T[:3, 3]) < _FARTHEST_M).all() and (T[3] == last_row).all()):
+        remedy = "give a rotation and metres, or None where the other odometry has no pose"
+        raise _fault("track", _GUESS, f"is no pose: {T.round(3).tolist()}", remedy)
 
 
 def check_frame_id(frame_id: object) -> None:
@@ -142,6 +174,28 @@ def check_imu(stamps_ns: Any, angular_velocity: Any, linear_acceleration: Any) -
         if not _is_array(value, np.float64) or value.shape != shape:
             remedy = f"give float64 {list(shape)}, NaN where it was not measured"
             raise _fault(_IMU, name, f"is {_described(value)}", remedy)
+
+
+def check_trajectory(stamps_ns: Any, poses: Any) -> None:
+    """Refuses a trajectory that is of another type or shape than it is taken for.
+
+    Args:
+        stamps_ns: to be int64 [N].
+        poses: to be float64 [N, 4, 4], finite.
+
+    Raises:
+        InputError: it is.
+    """
+    if not _is_array(stamps_ns, np.int64) or stamps_ns.ndim != 1:
+        remedy = "give int64 [N], whole nanoseconds"
+        raise _fault(_TRAJECTORY, "stamps_ns", f"is {_described(stamps_ns)}", remedy)
+    shape = (len(stamps_ns), 4, 4)
+    if not _is_array(poses, np.float64) or poses.shape != shape:
+        remedy = f"give float64 {list(shape)}, one pose for each stamp"
+        raise _fault(_TRAJECTORY, "poses", f"is {_described(poses)}", remedy)
+    if not np.isfinite(poses).all():
+        remedy = "leave out stamps that have no pose"
+        raise _fault(_TRAJECTORY, "poses", "is not finite", remedy)
 
 
 def _is_array(value: Any, dtype: type) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rgbd_glue_ros.types.arrays import Float64, Int64
+from rgbd_glue_ros.types.checks import check_trajectory
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,14 @@ class Trajectory:
 
     stamps_ns: Int64
     poses: Float64
+
+    def __post_init__(self) -> None:
+        """Checks the arrays.
+
+        Raises:
+            InputError: they are of another type or shape, or a pose is not finite.
+        """
+        check_trajectory(self.stamps_ns, self.poses)
 
     def __len__(self) -> int:
         return len(self.stamps_ns)

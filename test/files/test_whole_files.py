@@ -24,6 +24,14 @@ LONG = Trajectory(np.arange(1, 1001, dtype=np.int64) * 10**9, np.tile(np.eye(4),
 SHORT = Trajectory(LONG.stamps_ns[:2], LONG.poses[:2])
 
 
+def test_a_pipe_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe: is there, and is no file; give another place"):
+        write_whole(tmp_path / "pipe", "x")
+    assert (tmp_path / "pipe").is_fifo()
+    assert len(list(tmp_path.iterdir())) == 1
+
+
 def cloud_of(points: int) -> ColoredCloud:
     return ColoredCloud(np.zeros((points, 3), np.float32), np.zeros((points, 3), np.uint8))
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from rigs.scenes import VGA_HALVED
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.camera_frame import CameraFrame, explain_moved_camera
+from rgbd_glue_ros.types import RgbdFrame
 
 
 def test_one_frame_of_another_camera_is_refused_and_the_second_in_turn_believed() -> None:
@@ -45,3 +49,15 @@ def test_a_camera_that_moves_on_its_robot_is_told_and_how_far(
     T = se3.exp(np.array([0.2, 0, 0.5, 0, 0.3, 0]))
     explained = explain_moved_camera(T, T @ se3.exp(np.array(twist, np.float64)))
     assert explained is None if said is None else explained and said in explained
+
+
+def test_images_that_name_no_camera_are_of_the_one_before() -> None:
+    camera = CameraFrame()
+    image, depth = np.zeros((240, 320), np.uint8), np.ones((240, 320), np.float32)
+    unnamed = RgbdFrame(0, image, depth, VGA_HALVED)
+    assert camera.named(unnamed).frame_id == ""
+    assert camera.changes_to("left") is None
+    assert camera.named(unnamed).frame_id == "left"
+    assert camera.changes_to(camera.named(unnamed).frame_id) is None
+    right = replace(unnamed, frame_id="right")
+    assert camera.named(right) is right

@@ -146,6 +146,7 @@ def test_the_camera_is_that_of_the_image_as_it_came(name: str) -> None:
     ("message", "cause"),
     [
         (camera_info(replace(CAMERA, width=0, height=0, cx=90.0), HEAD), "tells no size"),
+        (camera_info(replace(CAMERA, width=32, height=24), HEAD), "is not that of its own size"),
         (replace(PLAIN, width=0), "an image of 0x48 pixels"),
         (replace(PLAIN, k=np.zeros(9), p=np.zeros(12)), "is not calibrated"),
         (replace(PLAIN, k=PLAIN.k + 2.5 * np.eye(9)[1]), "K has a skew of 2.5 pixels, and"),

@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from rigs.odd_frames import COLORS, DEPTHS, GUESSES, MUTATORS, Mutator
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.parameters import load_preset
+from rgbd_glue_ros.parameters import Config, load_preset
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, TrackingState
 
 SEED = int(os.environ.get("RGBD_GLUE_FUZZ_SEED", dt.date.today().toordinal()))
@@ -120,6 +121,42 @@ def test_an_odd_frame_is_refused_or_tracked_and_does_the_good_ones_no_harm(name:
         np.testing.assert_allclose(poses, undisturbed_poses(), rtol=0, atol=AFTER_ODD_M)
     else:
         np.testing.assert_array_equal(poses, undisturbed_poses())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", GUESSES)
+def test_one_odd_guess_among_good_ones_costs_one_frame_at_most(name: str) -> None:
+    with Odometry(load_preset("live")) as odometry:
+        for i, frame in enumerate(good_frames()):
+            guess = GUESSES[name] if i == ODD_AFTER else np.eye(4)
+            estimate = process_if_accepted(odometry, partial(replace, frame), guess)
+            if estimate is None:
+                assert i == ODD_AFTER
+            elif i > ODD_AFTER + 1:
+                assert estimate.state is TrackingState.TRACKING
+                error_m = np.linalg.norm(estimate.T_odom_camera - undisturbed_poses()[i])
+                assert error_m < AFTER_ODD_M
+
+
+@pytest.mark.parametrize(
+    "guess",
+    [
+        np.eye(4) * np.nan,
+        np.diag([1.01, 1.01, 1.01, 1.0]),
+        np.zeros((4, 4)),
+        np.eye(4)[:3],
+        np.eye(4).tolist(),
+        np.eye(4, dtype=np.float32),
+        np.diag([-1.0, 1.0, 1.0, 1.0]),
+    ],
+)
+def test_a_guess_that_is_no_pose_is_refused_and_changes_nothing(guess: Any) -> None:
+    first, second = good_frames()[:2]
+    with Odometry(Config()) as odometry:
+        odometry.process(first)
+        with pytest.raises(InputError, match=r"^track\.T_guess_camera: is "):
+            odometry.process(second, guess)
+        assert odometry.process(second).state is TrackingState.TRACKING
 
 
 def rounds() -> Iterator[int]:

@@ -61,6 +61,32 @@ def tracked() -> tuple[OdometryEstimate, ...]:
     return tuple(track(recorded_frames()))
 
 
+def test_what_a_caller_does_to_an_estimate_changes_no_later_one() -> None:
+    frames = recorded_frames()[:6]
+    with Odometry(PATIENT) as odometry:
+        for frame in frames:
+            estimate = odometry.process(frame)
+            arrays = (
+                estimate.T_odom_camera,
+                estimate.covariance,
+                estimate.twist,
+                estimate.twist_covariance,
+            )
+            for array in arrays:
+                if array is not None:
+                    array[:] = 57.3
+        last = odometry.process(recorded_frames()[6])
+    np.testing.assert_array_equal(last.T_odom_camera, tracked()[6].T_odom_camera)
+
+
+def test_an_odometry_that_was_closed_says_so() -> None:
+    odometry = Odometry(PATIENT)
+    odometry.process(recorded_frames()[0])
+    odometry.close()
+    with pytest.raises(InputError, match="the odometry: was closed; make another one"):
+        track(recorded_frames()[1:3], odometry=odometry)
+
+
 def without_depth(frame: RgbdFrame) -> RgbdFrame:
     return replace(frame, depth=np.full_like(frame.depth, np.nan))
 

@@ -6,8 +6,10 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -86,11 +88,42 @@ def test_depth_that_is_known_nowhere_is_depth() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("fx", 0.0), ("fy", -1.0), ("fx", np.nan), ("cx", np.inf), ("width", -1)]
+    ("name", "value"),
+    [
+        ("fx", 0.0),
+        ("fy", -1.0),
+        ("fx", np.nan),
+        ("fx", "525"),
+        ("cx", np.inf),
+        ("width", -1),
+        ("distortion", (0.1, np.nan, 0.0, 0.0)),
+        ("distortion", ("k1", "k2", "p1", "p2")),
+    ],
 )
-def test_a_camera_that_sees_nothing_is_refused(name: str, value: float) -> None:
+def test_a_camera_that_sees_nothing_is_refused(name: str, value: Any) -> None:
     with pytest.raises(InputError, match=rf"^CameraIntrinsics\.{name}: is "):
-        replace(CAMERA, **{name: value})  # type: ignore[arg-type]
+        replace(CAMERA, **{name: value})
+
+
+@pytest.mark.parametrize("make", [list, np.array, lambda k: np.array([k])])
+def test_a_lens_is_taken_as_opencv_gives_it(make: Callable[[Any], Any]) -> None:
+    coefficients = (0.1, 0.0, 0.0, 0.0, 0.0)
+    lensed = replace(CAMERA, distortion=make(coefficients))
+    assert lensed == replace(CAMERA, distortion=coefficients)
+    assert hash(lensed) == hash(replace(CAMERA, distortion=coefficients))
+
+
+@pytest.mark.parametrize(
+    ("stamps_ns", "poses", "where"),
+    [
+        ([0], np.eye(4)[np.newaxis], "stamps_ns"),
+        (np.zeros(2, np.int64), np.eye(4)[np.newaxis], "poses"),
+        (np.zeros(1, np.int64), np.full((1, 4, 4), np.nan), "poses"),
+    ],
+)
+def test_a_trajectory_that_is_none_is_refused(stamps_ns: Any, poses: Any, where: str) -> None:
+    with pytest.raises(InputError, match=rf"^Trajectory\.{where}: is "):
+        Trajectory(stamps_ns, poses)
 
 
 @pytest.mark.slow
