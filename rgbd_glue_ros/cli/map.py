@@ -70,9 +70,10 @@ def run(args: argparse.Namespace) -> str:
             )
     figures = mapped.figures
     loops = "{found} found, {refused} of them refused by the optimiser".format(**figures["loops"])
-    text = f"{summary(figures)}loops    {loops}\n"
+    text = summary(figures)
     if figures["odometry"]:
         text += f"before   {figures['odometry']['ape']['rmse_m']:.4f} m rmse (APE of odometry)\n"
+    text += f"loops    {loops}\n"
     return (
         f"{text}map      {folder / CLOUD}, {figures['map_points']} points\n"
         f"path     {folder / TRAJECTORY}\nreport   {folder / REPORT}\n"

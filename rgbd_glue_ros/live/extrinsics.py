@@ -218,8 +218,9 @@ def parse_extrinsics(
         raise InputError(
             "camera_pose",
             f"not set, so where the camera sits in {frame_id!r} is not known",
-            f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), install "
-            "tf2_msgs to have it from TF, or leave frame_id empty to publish the camera's own pose",
+            f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), have "
+            "it from TF (tf2_msgs, which scripts/tf2-msgs of a clone brings where ROS is not from "
+            "apt), or leave frame_id empty to publish the camera's own pose",
         )
     T_robot_camera = parse_pose("camera_pose", camera_pose) @ AXES[camera_axes]
     return robot_extrinsics(T_robot_camera, planar=planar)

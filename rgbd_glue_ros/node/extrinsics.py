@@ -41,7 +41,7 @@ class NodeExtrinsics:
             raise InputError(
                 "guess_frame_id",
                 "needs frame_id, and TF",
-                "set frame_id, and install tf2_msgs, or leave guess_frame_id empty",
+                "set frame_id, install tf2_msgs (scripts/tf2-msgs), or leave guess_frame_id empty",
             )
 
     def _given(self) -> Extrinsics | None:

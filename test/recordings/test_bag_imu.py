@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -145,3 +146,17 @@ def test_a_replay_turns_with_the_imu_of_its_bag(tmp_path: Path) -> None:
     # at the first frame there was one sample of the moving sensor
     true_up = true_pose(0.0)[:3, :3].T @ [0, 0, 1]
     assert np.degrees(np.arccos(up @ true_up)) < 10
+
+
+@pytest.mark.slow
+def test_a_replay_says_when_a_gyroscope_turns_otherwise_than_the_images(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = [room_frame(i / 10) for i in range(30)]
+    moving = simulated_imu(true_pose, 0.0, 3.0, BMI055)
+    still = replace(moving, angular_velocity=np.zeros_like(moving.angular_velocity))
+    images: list[Any] = recorded(frames)
+    path = write_rosbag2(tmp_path / "bag", [*images, *imu_messages(still, frames[0].frame_id)])
+    with open_recording(path, inputs=InputConfig(imu_pose="0 0 0 0 0 0")) as recording:
+        replay(recording, load_preset("live"), tmp_path / "out")
+    assert "imu: the gyroscope turns otherwise than the images do" in caplog.text

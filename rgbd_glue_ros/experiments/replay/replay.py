@@ -28,6 +28,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
     explain_no_pose,
 )
+from rgbd_glue_ros.odometry.gyroscope import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
@@ -160,6 +161,7 @@ def replay_into(
                 _leave_cloud(left, cloud, clouds, run)
     if not run.frames:
         raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
+    _warn_of_imu(odometry)
     if last is not None and len(run.trajectory) == 0:
         why = explain_no_pose(last, config.camera)
         raise InputError(
@@ -187,6 +189,12 @@ def _leave_cloud(left: ExitStack, file: Path | None, clouds: KeyframeClouds, run
 def _learnt(odometry: Odometry) -> ImuCalibration | None:
     imu = odometry.inertial.calibration
     return None if imu.use is ImuUse.NONE else imu
+
+
+def _warn_of_imu(odometry: Odometry) -> None:
+    distrust = explain_distrust(odometry.inertial.gyroscope)
+    if _learnt(odometry) is not None and distrust is not None:
+        logger.warning("imu: %s", distrust)
 
 
 def _warn_of_scale(frame: RgbdFrame, name: str) -> None:
