@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from rgbd_glue_ros.types import Float32, UInt8, View
 
@@ -25,8 +26,14 @@ _STEEPEST, _BLACK_TO_WHITE = 0.01, 255 / 2
 _LEAST_OVER_NOISE = 4.0
 # With every further multiple, limits may shrink by this factor more, down to the least contrast.
 _GAIN_PER_MULTIPLE, _LEAST_CONTRAST = 2.0, 1 / 16
+# Grey levels of lamps and windows, whose edges say nothing of the light on all else.
+_OVEREXPOSED = 240
+# Pixels of the small image that have to be left.
+_FEWEST = 100
 # Grey levels: what is rounded to whole ones errs by as much, even in the mean of some pixels.
 _LEAST_NOISE = 0.2
+# What is beside one in the small image: where both mix, and the pixels that its gradients reach to.
+_BESIDE = np.ones((5, 5), np.uint8)
 # The second difference along both axes; Immerkaer's estimate of noise (1996) takes its mean, the
 # median leaves out edges. Its standard deviation is 6 times that of the noise.
 _CURVATURE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
@@ -51,7 +58,9 @@ def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
     if min(small.shape) < 3:
         return 1.0
     along_u, along_v = small[1:-1, 2:] - small[1:-1, :-2], small[2:, 1:-1] - small[:-2, 1:-1]
-    gradients = cv2.magnitude(along_u, along_v) / 2
+    gradients = cv2.magnitude(along_u, along_v)[~_overexposed(small)] / 2
+    if gradients.size < _FEWEST:
+        return 1.0
     edges = _quantile(gradients, 1 - _EDGES)
     if edges >= well_lit_gradient:
         return 1.0
@@ -59,6 +68,12 @@ def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
     gain = _GAIN_PER_MULTIPLE * (edges / _noise(small) - _LEAST_OVER_NOISE)
     least = max(1 / max(gain, 1.0), steepest / _BLACK_TO_WHITE, _LEAST_CONTRAST)
     return min(1.0, max(edges / well_lit_gradient, least))
+
+
+def _overexposed(image: Float32) -> NDArray[np.bool_]:
+    """Which pixels, but those at the border, lie on a lamp or a window or beside it."""
+    bright = np.asarray(image >= _OVEREXPOSED, np.uint8)
+    return np.asarray(cv2.dilate(bright, _BESIDE)[1:-1, 1:-1] > 0, np.bool_)
 
 
 def well_lit(view: View) -> UInt8:

@@ -75,6 +75,20 @@ def test_noise_keeps_limits_from_shrinking_to_it() -> None:
     assert contrasts[-1] > 0.3
 
 
+@pytest.mark.parametrize("light", [0.05, 0.12])
+def test_a_lamp_says_nothing_of_the_dark_around_it(light: float) -> None:
+    dark = light * room().astype(np.float64)
+    lamp = dark.copy()
+    lamp[40:110, 500:600] = 250
+    without = contrast_of(seen(dark, 1.0), GRADIENT)
+    assert without < 0.5
+    assert contrast_of(seen(lamp, 1.0), GRADIENT) == pytest.approx(without, rel=0.05)
+
+
+def test_an_overexposed_image_is_left_as_it_is() -> None:
+    assert contrast_of(np.full((480, 640), 255, np.uint8), GRADIENT) == 1.0
+
+
 def test_limits_never_shrink_below_a_sixteenth() -> None:
     checks = np.kron(np.indices((12, 16)).sum(axis=0) % 2, np.ones((40, 40)))
     assert contrast_of(seen(10 + 8 * checks, 0.0), 255.0) == 1 / 16
