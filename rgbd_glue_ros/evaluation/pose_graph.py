@@ -117,7 +117,7 @@ def read_graph(path: Path) -> PoseGraph:
         pass
     if sorted(poses) != list(range(len(poses))) or stamps.keys() != poses.keys():
         raise InputError(path, "its vertices are not 0, 1, 2… with stamps", "export it again")
-    if not all(0 <= row < len(poses) for edge in edges for row in (edge.parent, edge.child)):
+    if not all(0 <= end < len(poses) for edge in edges for end in (edge.parent, edge.child)):
         raise InputError(path, "an edge names a vertex that is not there", "export it again")
     keyframes = Trajectory(
         np.array([stamps[i] for i in range(len(poses))], np.int64),
@@ -145,6 +145,7 @@ def _edge(words: list[str], reader: GraphReader, origin: EdgeOrigin) -> PoseGrap
     upper = np.zeros((6, 6))
     upper[_UPPER] = finite_numbers(words[10:], 21)
     information = upper + np.triu(upper, 1).T
+    # the inverse of the matrix in ``residual_covariance``, which has its rows scaled
     A = se3.adjoint(T) / reader.residual_scale.T
     covariance = A @ np.linalg.inv(information) @ A.T
     return PoseGraphEdge(int(words[1]), int(words[2]), T, covariance, origin)

@@ -1,4 +1,8 @@
-"""What poses are refined against: the planes and the textured pixels of a frame."""
+"""What poses are refined against: the planes and the textured pixels of a frame.
+
+Each keeps the row it was seen in and how fast it passed, so that a rolling shutter can be allowed
+for: the rows of an image are not of one moment.
+"""
 
 from __future__ import annotations
 

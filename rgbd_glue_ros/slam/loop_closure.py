@@ -1,7 +1,8 @@
 """Whether two keyframes show the same place, and where they were taken from each other.
 
-A candidate becomes a loop when RGBD-Glue finds a transform in the two images alone, the refinement
-from there is certain of it, and so is the refinement of the first on the second, at the same place.
+A candidate becomes a loop when RGBD-Glue finds a transform in the two images, or the graph expects
+one, the refinement from there is certain of it, and so is the refinement of the first on the
+second, at the same place.
 A place that looks like another may pass one of these; two rooms never passed all.
 """
 

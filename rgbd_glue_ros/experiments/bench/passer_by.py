@@ -20,7 +20,8 @@ _CONTRAST = 50.0
 class PasserBy:
     """An upright cylinder in mottled cloth that swings from side to side before the camera.
 
-    It moves with the camera, as somebody would who accompanies it, and hides what is behind.
+    Its place is in the camera's frame, as that of somebody who accompanies it, and it hides what is
+    behind.
 
     Attributes:
         distance: of its axis, metres.
