@@ -88,6 +88,17 @@ def tracked_covariance(motion: Motion, reference: Keyframe, config: OdometryConf
     return covariance
 
 
+def timing_covariance(motion: Motion, config: OdometryConfig) -> Float64:
+    """What of ``tracked_covariance`` is of the time of this image alone, float64 [6, 6].
+
+    Args:
+        motion: with the pose.
+        config: how large errors of time are.
+    """
+    A = se3.adjoint(motion.T_track_camera)
+    return np.asarray(A @ _late_covariance(motion.twist, config) @ A.T, np.float64)
+
+
 def unseen_covariance(twist: Float64, distance: float, config: OdometryConfig) -> Float64:
     """What no residual shows of a relative pose: errors of time and of scale.
 
@@ -99,6 +110,11 @@ def unseen_covariance(twist: Float64, distance: float, config: OdometryConfig) -
     Returns:
         float64 [6, 6], in the camera's frame.
     """
+    scale = np.diag([(config.scale_error * distance) ** 2] * 3 + [0.0] * 3)
+    return np.asarray(_late_covariance(twist, config) + scale, np.float64)
+
+
+def _late_covariance(twist: Float64, config: OdometryConfig) -> Float64:
+    """What an image of another moment is off by, float64 [6, 6], in the camera's frame."""
     late = config.timing_error * np.linalg.norm(twist.reshape(2, 3), axis=1)
-    translation = late[0] ** 2 + (config.scale_error * distance) ** 2
-    return np.diag([translation] * 3 + [late[1] ** 2] * 3)
+    return np.diag([late[0] ** 2] * 3 + [late[1] ** 2] * 3)

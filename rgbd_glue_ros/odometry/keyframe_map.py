@@ -35,6 +35,7 @@ class KeyframeCandidate:
         stamp_ns: of the frame.
         T_track_camera: float64 [4, 4].
         covariance: float64 [6, 6] of the pose, perturbation on the left, track frame.
+        timing: float64 [6, 6], the part of it that is of the time of this image alone.
         features: of the frame.
         reference: the keyframe that the pose was found from.
         overlap: the part of what it shows that the keyframes showed too.
@@ -43,6 +44,7 @@ class KeyframeCandidate:
     stamp_ns: int
     T_track_camera: Float64
     covariance: Float64
+    timing: Float64
     features: FrameFeatures
     reference: Keyframe
     overlap: float
@@ -139,7 +141,8 @@ class KeyframeMap:
         if shown is None:
             return False
         T, covariance = candidate.T_track_camera, candidate.covariance
-        keyframe = self._add(candidate.stamp_ns, T, covariance, *shown)
+        # a keyframe of another moment is off, and what is tracked from it comes back by as much
+        keyframe = self._add(candidate.stamp_ns, T, covariance - candidate.timing, *shown)
         relative = covariance - candidate.reference.covariance
         self._edges.append(edge_from(candidate.reference, keyframe.number, T, relative))
         self._compare_with_anchors(keyframe, calibration)

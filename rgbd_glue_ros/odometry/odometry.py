@@ -13,7 +13,7 @@ from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
-from rgbd_glue_ros.odometry.keyframe_edges import tracked_covariance
+from rgbd_glue_ros.odometry.keyframe_edges import timing_covariance, tracked_covariance
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
@@ -137,7 +137,10 @@ class Odometry(Closing):
             estimate = self._start(frame.stamp_ns, view)
         else:
             attempt = self._find_pose(view, last, predicted)
-            estimate = self._conclude(attempt, last.motion, predicted)
+            if attempt.fix is None:
+                estimate = self._miss(attempt, last.motion, frame.stamp_ns)
+            else:
+                estimate = self._accept(attempt, attempt.fix, last.motion, predicted)
         if estimate.T_odom_camera is None:
             estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
         else:
@@ -208,12 +211,6 @@ class Odometry(Closing):
         )
         return tracked if relocalised is None else relocalised
 
-    def _conclude(self, attempt: Attempt, last: Motion, predicted: Motion) -> OdometryEstimate:
-        """What follows from an attempt: a pose, or another frame missed."""
-        if attempt.fix is None:
-            return self._miss(attempt, last, predicted.stamp_ns)
-        return self._accept(attempt, attempt.fix, last, predicted)
-
     def _accept(
         self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: Motion
     ) -> OdometryEstimate:
@@ -241,6 +238,7 @@ class Odometry(Closing):
             motion.stamp_ns,
             motion.T_track_camera,
             covariance,
+            timing_covariance(said, learnt.odometry),
             replace(attempt.features, view=view),
             fix.reference,
             overlap(view, fix.estimate.refinement, refine),

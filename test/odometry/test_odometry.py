@@ -79,6 +79,27 @@ def test_what_a_caller_does_to_an_estimate_changes_no_later_one() -> None:
     np.testing.assert_array_equal(last.T_odom_camera, tracked()[6].T_odom_camera)
 
 
+@pytest.mark.slow
+def test_what_images_are_off_in_time_does_not_add_up_over_keyframes() -> None:
+    """Each is off by its own error, and no later one by those of others."""
+    # a Kinect, whose timing is known
+    frames = [replace(f, frame_id="openni_rgb_optical_frame") for f in recorded_frames()]
+    late_s = Config().odometry.timing_error
+    exact, late = (
+        track(frames, with_values(PATIENT, {"odometry.timing_error": seconds}))
+        for seconds in (0.0, late_s)
+    )
+    assert len({estimate.keyframe_id for estimate in late}) > 3
+    for before, estimate in zip(exact[1:], late[1:], strict=True):
+        np.testing.assert_array_equal(before.T_odom_camera, estimate.T_odom_camera)
+        assert before.covariance is not None
+        assert estimate.covariance is not None
+        assert estimate.twist is not None
+        added = np.trace((estimate.covariance - before.covariance)[3:, 3:])
+        of_this_image = 3 * (late_s * np.linalg.norm(estimate.twist[3:])) ** 2
+        assert 0.8 * of_this_image < added < 1.2 * of_this_image + 1e-8
+
+
 def test_an_odometry_that_was_closed_says_so() -> None:
     odometry = Odometry(PATIENT)
     odometry.process(recorded_frames()[0])
