@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.user_paths import expanded
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
@@ -21,7 +22,10 @@ RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder
 
 def path(text: str) -> Path:
     """A path; ``~`` is the home folder, which shells leave as it is in ``-o=~/out``."""
-    return Path(text).expanduser()
+    try:
+        return expanded(text, "")
+    except InputError as error:
+        raise argparse.ArgumentTypeError(error.cause) from error
 
 
 # More of frames, gaps or processes there are not

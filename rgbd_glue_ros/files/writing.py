@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import json
@@ -46,7 +47,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
     except OSError as error:
         raise not_written(path, error) from error
     finally:
-        aside.unlink(missing_ok=True)
+        # where the place itself is at fault, this fails as the rest did
+        with contextlib.suppress(OSError):
+            aside.unlink(missing_ok=True)
 
 
 def json_text(content: Any) -> str:

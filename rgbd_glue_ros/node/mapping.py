@@ -24,6 +24,7 @@ from std_srvs.srv import Trigger
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.user_paths import expanded
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.fault_news import FaultNews
@@ -269,7 +270,7 @@ def _map_before(config: cfg.NodeConfig) -> SavedMap | None:
         InputError: it cannot be read, or there is none where one is needed.
     """
     if config.map_file:
-        return read_map(Path(config.map_file).expanduser())
+        return read_map(expanded(config.map_file, "map_file"))
     if config.localize_only:
         raise InputError("localize_only", "there is no map", "set map_file")
     return None
