@@ -40,7 +40,7 @@ from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
 from rgbd_glue_ros.node.input_watch import LOOK_S, explain_namesakes
 from rgbd_glue_ros.node.inputs import node_inputs
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
-from rgbd_glue_ros.node.parameters import declare_parameters
+from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
@@ -55,6 +55,8 @@ NODE_NAME = "rgbd_mapping"
 FRAMES_KEPT = 60
 KEYFRAMES_WAITING = 100
 CLOSE_S = 4.0
+# What keyframes are compared by holds for the whole map.
+CHANGEABLE = ("save_map_file",)
 
 
 class MappingNode(LoggedNode):
@@ -70,7 +72,8 @@ class MappingNode(LoggedNode):
         super().__init__(NODE_NAME)
         self._log_handler = RosLogHandler(self)
         logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
-        self._config, config = declare_parameters(self)
+        self._config, config = declare_parameters(self, CHANGEABLE)
+        self._config.check_map_frame()
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
         self._map = LiveMap(config, _map_before(self._config))
@@ -78,9 +81,8 @@ class MappingNode(LoggedNode):
         self._stream = KeyframeStream()
         self._faults = FaultNews()
         self._frames: OrderedDict[int, Match[Any]] = OrderedDict()
-        approximate_ns = round(self._config.approx_sync_max_interval * NANOSECONDS)
         self._synchronizer: Synchronizer[Any] = Synchronizer(
-            approximate_ns if self._config.approx_sync else 0, self._config.sync_queue_size
+            round(self._config.max_interval_s * NANOSECONDS), self._config.sync_queue_size
         )
         self._depth_camera = DepthCameraInput(self, self._config, transforms)
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
@@ -97,6 +99,7 @@ class MappingNode(LoggedNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_S, self._look_for_namesakes, clock=steady)
         self.create_service(Trigger, topics.SAVE_MAP_SERVICE, self._serve_save_map)
+        follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
         frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
         when = "" if self._map.is_placed else " once a place of the map is recognised"
         self.get_logger().info(f"Subscribed; publishing {frames}{when}")
@@ -119,6 +122,9 @@ class MappingNode(LoggedNode):
     def is_news(self, where: str, cause: str) -> bool:
         """Whether a fault deserves a line in the log."""
         return self._faults.is_news(where, cause)
+
+    def _take_parameters(self, config: cfg.NodeConfig, _: cfg.Config) -> None:
+        self._config = config
 
     def _look_for_namesakes(self) -> None:
         """Says so, once, where another node maps too."""

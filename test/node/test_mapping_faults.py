@@ -1,0 +1,99 @@
+"""What the mapping node refuses, over real DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import pytest
+
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
+from rgbd_glue_ros.parameters import Config, NodeConfig, parameters
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+pytest.importorskip("gtsam", reason="GTSAM is not installed")
+pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+
+from rclpy.parameter_client import AsyncParameterClient
+from rigs.faults import shown
+from rigs.ros import PATIENCE_S, START_S, Rig
+
+NODE_NAME = "rgbd_mapping"
+MODULE = "rgbd_glue_ros.node.mapping"
+
+
+@dataclass
+class Running:
+    """A node with default parameters that many tests share; no keyframe comes."""
+
+    node: NodeProcess
+    rig: Rig
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Running]:
+    with (
+        private_domain() as domain,
+        shown(NodeProcess({}, ros_environment(domain), module=MODULE)) as node,
+        Rig(domain) as rig,
+    ):
+        node.wait_for_line("Subscribed", START_S)
+        yield Running(node, rig)
+        assert node.is_running
+        assert not [line for line in node.lines if "Traceback" in line]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("map_frame_id", "world"),
+        ("map_file", "room.rgbdmap"),
+        ("localize_only", True),
+        ("sync_queue_size", 20),
+        ("glue.k", 4.0),
+        ("odometry.min_pixels", 100),
+        ("graph_file", "other.g2o"),
+    ],
+)
+def test_what_the_mapping_node_reads_once_is_refused_with_the_reason(
+    running: Running, name: str, value: object
+) -> None:
+    reason = running.rig.set_parameter(NODE_NAME, name, value)
+    assert reason == (
+        f"{name} cannot change while the node runs: it is read once, when the node starts"
+    )
+
+
+def test_only_the_file_of_the_map_is_described_as_one_that_can_change(running: Running) -> None:
+    names = [p.name for part in (NodeConfig(), Config()) for p in parameters(part)]
+    client = AsyncParameterClient(running.rig.node, NODE_NAME)
+    running.rig.wait(client.services_are_ready, "the parameter services")
+    described = client.describe_parameters(names)
+    running.rig.wait(described.done, "the descriptions")
+    assert [
+        descriptor.name
+        for descriptor in described.result().descriptors
+        if "Cannot change" not in descriptor.additional_constraints
+    ] == ["save_map_file"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"map_frame_id": "odom"}, "map_frame_id: is 'odom', as odom_frame_id is, and a frame is"),
+        ({"map_frame_id": "base", "frame_id": "base"}, "map_frame_id: is 'base', as frame_id is"),
+        ({"map_frame_id": "/map"}, "map_frame_id: '/map' begins with a slash"),
+        ({"map_frame_id": '""'}, "map_frame_id: '' is no name of a frame; give the name of a fra"),
+        ({"map_file": '"~nobodyhere/x"'}, "map_file: ~nobodyhere has no home folder; give the wh"),
+        ({"map_file": "/absent.rgbdmap"}, "/absent.rgbdmap: cannot be read"),
+        ({"localize_only": True}, "localize_only: there is no map; set map_file"),
+    ],
+)
+def test_what_makes_no_sense_ends_the_mapping_node_with_exit_code_2_and_a_line(
+    ros_domain: int, given: dict[str, object], said: str
+) -> None:
+    environment = ros_environment(ros_domain)
+    with shown(NodeProcess(given, environment, module=MODULE)) as node:
+        node.wait_for_line(said, START_S)
+        assert node.wait_for_end(PATIENCE_S) == 2
+        assert not [line for line in node.lines if "Traceback" in line]
