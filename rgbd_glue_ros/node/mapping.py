@@ -11,7 +11,6 @@ import sys
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -20,11 +19,10 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path as PathMessage
 from rclpy.clock import Clock, ClockType
-from std_srvs.srv import Trigger
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.user_paths import expanded
+from rgbd_glue_ros.files.user_paths import expanded, file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.fault_news import FaultNews
@@ -42,6 +40,7 @@ from rgbd_glue_ros.node.inputs import node_inputs
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import run_node
+from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
@@ -98,7 +97,7 @@ class MappingNode(LoggedNode):
         # not the node's clock: simulated time may stand still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_S, self._look_for_namesakes, clock=steady)
-        self.create_service(Trigger, topics.SAVE_MAP_SERVICE, self._serve_save_map)
+        create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
         follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
         frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
         when = "" if self._map.is_placed else " once a place of the map is recognised"
@@ -132,18 +131,14 @@ class MappingNode(LoggedNode):
         if line is not None and self.is_news("name", line):
             self.get_logger().warning(line)
 
-    def _serve_save_map(self, _request: object, response: Trigger.Response) -> Trigger.Response:
-        path = Path(self._config.save_map_file).expanduser()
-        try:
-            with self._map_lock:
-                saved = self._map.saved()
-            write_map(path, saved)
-            response.message = f"{path}: {len(saved)} keyframes"
-            response.success = True
-        except InputError as fault:
-            response.message = str(fault)
-        self.get_logger().info(f"Told to save the map: {response.message}")
-        return response
+    def _save_map(self) -> str:
+        path = file_to_write(self._config.save_map_file, "save_map_file")
+        with self._map_lock:
+            saved = self._map.saved()
+        if not len(saved):
+            raise InputError(path, "there is no keyframe yet", "move the camera")
+        write_map(path, saved)
+        return f"{path}: {len(saved)} keyframes"
 
     # Input
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -75,6 +76,26 @@ def test_only_the_file_of_the_map_is_described_as_one_that_can_change(running: R
         for descriptor in described.result().descriptors
         if "Cannot change" not in descriptor.additional_constraints
     ] == ["save_map_file"]
+
+
+@pytest.mark.parametrize("file", ["", "/", "~nobodyhere/room.rgbdmap", "/dev/null/room.rgbdmap"])
+def test_a_map_that_cannot_be_saved_there_is_answered_in_one_line(
+    running: Running, file: str
+) -> None:
+    assert not running.rig.set_parameter(NODE_NAME, "save_map_file", file)
+    answer = running.rig.trigger(f"/{NODE_NAME}/save_map")
+    assert not answer.success
+    assert answer.message.startswith("save_map_file: ")
+    running.node.wait_for_line(f"Told to save the map: {answer.message}", PATIENCE_S)
+
+
+def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path) -> None:
+    file = tmp_path / "room.rgbdmap"
+    assert not running.rig.set_parameter(NODE_NAME, "save_map_file", str(file))
+    answer = running.rig.trigger(f"/{NODE_NAME}/save_map")
+    assert not answer.success
+    assert answer.message == f"{file}: there is no keyframe yet; move the camera"
+    assert not file.exists()
 
 
 @pytest.mark.parametrize(

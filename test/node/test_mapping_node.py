@@ -148,7 +148,7 @@ def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int
 def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
     ros_domain: int, tmp_path: FilePath
 ) -> None:
-    keyframes, room = drifted()[:4], tmp_path / "room.rgbdmap"
+    keyframes, room = drifted()[:4], tmp_path / "new" / "room.rgbdmap"
     saving = {**CHANGED, "save_map_file": str(tmp_path / "before.rgbdmap")}
     with (
         NodeProcess(saving, ros_environment(ros_domain), module=MODULE) as node,

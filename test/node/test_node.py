@@ -417,6 +417,18 @@ def test_reset_starts_anew_at_the_initial_pose_whatever_the_time(ros_domain: int
         rig.wait(lambda: len(rig.keyframes) == 2, "a keyframe after the reset")
 
 
+@pytest.mark.parametrize("file", ["", "/", "~nobodyhere/graph.g2o", "/dev/null/graph.g2o"])
+def test_a_graph_that_cannot_be_saved_there_is_answered_in_one_line(
+    running: Running, file: str
+) -> None:
+    assert not set_parameter(running.rig, "graph_file", file)
+    answer = running.rig.trigger("/rgbd_odometry/save_graph")
+    assert not answer.success
+    assert answer.message.startswith("graph_file: ")
+    running.node.wait_for_line(f"Told to save the graph: {answer.message}", PATIENCE_S)
+    assert not [line for line in running.node.lines if "Traceback" in line]
+
+
 def test_paused_no_frame_is_processed_and_resumed_the_pose_goes_on(running: Running) -> None:
     running.rig.pose_of(running.frame())
     call(running.rig, "pause_odom")
