@@ -18,26 +18,27 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path as PathMessage
-from rclpy.clock import Clock, ClockType
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.user_paths import expanded, file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.fault_news import FaultNews
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
+from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
-from rgbd_glue_ros.node.input_watch import LOOK_S, explain_namesakes
+from rgbd_glue_ros.node.input_watch import NodeWatch
 from rgbd_glue_ros.node.inputs import node_inputs
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
+from rgbd_glue_ros.node.odometry_input import OdometryInput
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
@@ -78,7 +79,7 @@ class MappingNode(LoggedNode):
         self._map = LiveMap(config, _map_before(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
-        self._faults = FaultNews()
+        self._monitor = Monitor()
         self._frames: OrderedDict[int, Match[Any]] = OrderedDict()
         self._synchronizer: Synchronizer[Any] = Synchronizer(
             round(self._config.max_interval_s * NANOSECONDS), self._config.sync_queue_size
@@ -91,17 +92,13 @@ class MappingNode(LoggedNode):
         )
         self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
         self._inputs = node_inputs(self, self._config, self._receive)
-        self.create_subscription(PoseStamped, topics.KEYFRAME_POSE, self._take_pose, 100)
-        self.create_subscription(OdometryMessage, topics.KEYFRAME_EDGES, self._take_edge, 100)
-        self.create_subscription(PoseStamped, topics.POSE, self._broadcast, 10)
-        # not the node's clock: simulated time may stand still
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(LOOK_S, self._look_for_namesakes, clock=steady)
+        self._odometry = OdometryInput(self, self._broadcast, self._take_keyframe, self._take_edge)
+        NodeWatch(self, self._synchronizer, self._monitor, StampSource(cfg.HEADER), ()).start(
+            self._inputs
+        )
         create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
         follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
-        frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
-        when = "" if self._map.is_placed else " once a place of the map is recognised"
-        self.get_logger().info(f"Subscribed; publishing {frames}{when}")
+        self.get_logger().info(self._description())
 
     def __enter__(self) -> MappingNode:
         return self
@@ -120,16 +117,10 @@ class MappingNode(LoggedNode):
 
     def is_news(self, where: str, cause: str) -> bool:
         """Whether a fault deserves a line in the log."""
-        return self._faults.is_news(where, cause)
+        return self._monitor.is_news(where, cause)
 
     def _take_parameters(self, config: cfg.NodeConfig, _: cfg.Config) -> None:
         self._config = config
-
-    def _look_for_namesakes(self) -> None:
-        """Says so, once, where another node maps too."""
-        line = explain_namesakes(self)
-        if line is not None and self.is_news("name", line):
-            self.get_logger().warning(line)
 
     def _save_map(self) -> str:
         path = file_to_write(self._config.save_map_file, "save_map_file")
@@ -150,7 +141,7 @@ class MappingNode(LoggedNode):
                 self._frames.popitem(last=False)
         self._submit([])
 
-    def _take_pose(self, message: PoseStamped) -> None:
+    def _take_keyframe(self, message: PoseStamped) -> None:
         at_ns = stamp_ns(message.header.stamp)
         T = pose_from_message(message, topics.KEYFRAME_POSE)
         self._submit(self._stream.add_pose(at_ns, T))
@@ -262,6 +253,19 @@ class MappingNode(LoggedNode):
             self._broadcaster.publish(
                 self._config.map_frame_id, self._config.odom_frame_id, T_map_odom, at_ns
             )
+
+    def _description(self) -> str:
+        """What is subscribed and published."""
+        subscribed = ", ".join([*(i.topic for i in self._inputs), *self._odometry.topics])
+        path = self._path.topic_name
+        frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
+        if self._broadcaster is None:
+            published = f"{path} alone, since {frames} needs tf2_msgs"
+        elif self._map.is_placed:
+            published = f"{path} and {frames}"
+        else:
+            published = f"{path}, and {frames} once a place of the map is recognised"
+        return f"Subscribed to {subscribed}; publishing {published}"
 
 
 def _map_before(config: cfg.NodeConfig) -> SavedMap | None:

@@ -1,23 +1,28 @@
-"""What the mapping node refuses, over real DDS."""
+"""What the mapping node refuses, and what it says where nothing comes; over real DDS."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from rigs.paths import ROOT
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
+from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_POSE, POSE
 from rgbd_glue_ros.parameters import Config, NodeConfig, parameters
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 pytest.importorskip("pyhbst", reason="pyHBST is not installed")
 
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.parameter_client import AsyncParameterClient
 from rigs.faults import shown
-from rigs.ros import PATIENCE_S, START_S, Rig
+from rigs.ros import PATIENCE_S, START_S, Rig, corner_frame
 
 NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
@@ -118,3 +123,47 @@ def test_what_makes_no_sense_ends_the_mapping_node_with_exit_code_2_and_a_line(
         node.wait_for_line(said, START_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
+
+
+def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: int) -> None:
+    environment = {
+        **ros_environment(ros_domain),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
+    }
+    with shown(NodeProcess({}, environment, module="rigs.mapping_without_tf")) as node:
+        line = node.wait_for_line("Subscribed", START_S)
+        assert "TF: none" in node.lines[0]
+        assert line.endswith("; publishing /map/path alone, since map -> odom needs tf2_msgs")
+        assert node.stop() == 0
+
+
+@pytest.mark.slow
+def test_what_does_not_come_is_named_topic_by_topic_until_it_does(ros_domain: int) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        nobody = node.wait_for_line("No frame for 5 s", START_S)
+        for topic in ("/rgb/image (color)", "/depth/image (depth)", "/rgb/camera_info"):
+            assert topic in nobody
+        assert "color and depth and camera_info are missing: start the camera" in nobody
+        missing = "No keyframes: /pose, /keyframe/pose and /keyframe/edges have no publisher"
+        node.wait_for_line(missing, PATIENCE_S)
+        with Rig(ros_domain) as rig:
+            poses = rig.publisher(PoseStamped, POSE)
+            rig.publisher(PoseStamped, KEYFRAME_POSE)
+            rig.publisher(OdometryMessage, KEYFRAME_EDGES)
+            by = "came from /rig (geometry_msgs/msg/PoseStamped, reliable)"
+
+            def logs(line: str) -> bool:
+                return any(line in said for said in node.lines)
+
+            rig.wait(lambda: logs(f"no message of /pose {by}: the odometry has no pose"), "a look")
+            rig.wait(lambda: logs("/rgb/image (color) by /rig"), "a look at images")
+
+            def publish_until(line: str) -> bool:
+                rig.publish(corner_frame(rig.node.get_clock().now().nanoseconds))
+                poses.publish(PoseStamped())
+                return logs(line)
+
+            at_rest = f"no message of /keyframe/pose {by}: they come as the camera moves"
+            rig.wait(lambda: publish_until(at_rest), "a look at keyframes")
+        for line in (missing, "no message of /pose", at_rest):
+            assert len([said for said in node.lines if line in said]) == 1
