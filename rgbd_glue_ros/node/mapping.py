@@ -24,6 +24,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.user_paths import expanded, file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.live.worker import QueueWorker
@@ -301,9 +302,9 @@ def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
     return PoseGraphEdge(parent, child, T, se3.perturbation_covariance(T, covariance))
 
 
-def main(args: list[str] | None = None) -> int:
-    """Runs the node until SIGINT or SIGTERM; the exit code is as that of the odometry node."""
-    return run_node(NODE_NAME, lambda _: MappingNode(), args)
+def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
+    """Runs the node until SIGINT or SIGTERM; arguments and exit code as of the odometry node."""
+    return run_node(NODE_NAME, lambda _: MappingNode(), args, end_signals)
 
 
 if __name__ == "__main__":
