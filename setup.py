@@ -60,7 +60,7 @@ setup(
         "console_scripts": [
             f"rgbd-glue = {NAME}.cli.main:main",
             f"odometry = {NAME}.cli.odometry:main",
-            f"mapping = {NAME}.node.mapping:main",
+            f"mapping = {NAME}.cli.mapping:main",
         ]
     },
     zip_safe=True,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.user_paths import expanded
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
@@ -25,9 +26,9 @@ def path(text: str) -> Path:
         # of a variable that is not set; as a path it would be the working folder
         raise argparse.ArgumentTypeError("is empty, give a path")
     try:
-        return Path(text).expanduser()
-    except RuntimeError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is in the home of no user") from error
+        return expanded(text, "")
+    except InputError as error:
+        raise argparse.ArgumentTypeError(error.cause) from error
 
 
 # More of frames, gaps or processes there are not

@@ -46,6 +46,7 @@ class Command:
 COMMANDS = (
     Command("demo", "play the bundled bag, or a recording, to the node over DDS"),
     Command("odometry", "run the ROS node", is_ros_node=True),
+    Command("mapping", "run the ROS node that closes the loops of the odometry", is_ros_node=True),
     Command("play", "publish a recording as the topics of a camera"),
     Command("replay", "run the odometry over a recording"),
     Command("map", "close the loops of a recording and make a map of it"),

@@ -19,6 +19,7 @@ from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features.checkpoint import read_tensors
 from rgbd_glue_ros.features.layers import Weights
 from rgbd_glue_ros.files.reading import read_bytes
+from rgbd_glue_ros.files.user_paths import expanded
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 logger = logging.getLogger(__name__)
@@ -183,7 +184,7 @@ FILES: Mapping[str, WeightsFile] = {
 def weights_folder(config: FeaturesConfig) -> Path:
     """Where weights are looked for: ``features.weights``, or else the user's data folder."""
     if config.weights:
-        return Path(config.weights).expanduser()
+        return expanded(config.weights, "features.weights")
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(data) / "rgbd_glue_ros" / "weights"
 

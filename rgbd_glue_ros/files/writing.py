@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import json
@@ -32,12 +33,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises:
         InputError: it cannot be written; what was there before still is.
     """
-    if path.exists() and not path.is_file():
-        # a device or a pipe would give way to the file, where the user may do that
-        raise InputError(path, "is there, and is no file", "give another place")
     aside = path.with_name(f".{path.name}.part")
     data = content.encode() if isinstance(content, str) else content
     try:
+        if path.exists() and not path.is_file():
+            # a device or a pipe would give way to the file, where the user may do that
+            raise InputError(path, "is there, and is no file", "give another place")
         # what lies there is of a run that was killed, or a link that leads elsewhere
         aside.unlink(missing_ok=True)
         with aside.open("xb") as file:
@@ -49,7 +50,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
     except OSError as error:
         raise not_written(path, error) from error
     finally:
-        aside.unlink(missing_ok=True)
+        # where the place itself is at fault, this fails as the rest did
+        with contextlib.suppress(OSError):
+            aside.unlink(missing_ok=True)
 
 
 def json_text(content: Any) -> str:

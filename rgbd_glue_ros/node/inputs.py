@@ -118,13 +118,24 @@ class NodeInput:
     @property
     def publishers(self) -> tuple[str, ...]:
         """Who publishes the topic, its type and its reliability."""
-        words = []
-        for info in self._node.get_publishers_info_by_topic(self.topic):
-            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            expected = self._type.__module__.split(".")[0] + "/msg/" + self._type.__name__
-            wrong = "" if info.topic_type == expected else f", not {expected}"
-            words.append(f"{name} ({info.topic_type}{wrong}, {_offer(info.qos_profile)})")
-        return tuple(words)
+        return publisher_words(self._node, self.topic, self._type)
+
+
+def publisher_words(node: Node, topic: str, message_type: type) -> tuple[str, ...]:
+    """Who publishes a topic, its type and its reliability.
+
+    Args:
+        node: asks.
+        topic: its full name.
+        message_type: that it should have.
+    """
+    expected = message_type.__module__.split(".")[0] + "/msg/" + message_type.__name__
+    words = []
+    for info in node.get_publishers_info_by_topic(topic):
+        name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        wrong = "" if info.topic_type == expected else f", not {expected}"
+        words.append(f"{name} ({info.topic_type}{wrong}, {_offer(info.qos_profile)})")
+    return tuple(words)
 
 
 def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeInput, ...]:

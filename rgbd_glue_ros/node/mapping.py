@@ -11,7 +11,6 @@ import sys
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -19,28 +18,31 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path as PathMessage
-from rclpy.clock import Clock, ClockType
-from std_srvs.srv import Trigger
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.user_paths import expanded, file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.fault_news import FaultNews
+from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
+from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
-from rgbd_glue_ros.node.input_watch import LOOK_S, explain_namesakes
+from rgbd_glue_ros.node.input_watch import NodeWatch
 from rgbd_glue_ros.node.inputs import node_inputs
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
-from rgbd_glue_ros.node.parameters import declare_parameters
+from rgbd_glue_ros.node.odometry_input import OdometryInput
+from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import run_node
+from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
@@ -54,6 +56,8 @@ NODE_NAME = "rgbd_mapping"
 FRAMES_KEPT = 60
 KEYFRAMES_WAITING = 100
 CLOSE_S = 4.0
+# What keyframes are compared by holds for the whole map.
+CHANGEABLE = ("save_map_file",)
 
 
 class MappingNode(LoggedNode):
@@ -69,17 +73,17 @@ class MappingNode(LoggedNode):
         super().__init__(NODE_NAME)
         self._log_handler = RosLogHandler(self)
         logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
-        self._config, config = declare_parameters(self)
+        self._config, config = declare_parameters(self, CHANGEABLE)
+        self._config.check_map_frame()
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
         self._map = LiveMap(config, _map_before(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
-        self._faults = FaultNews()
+        self._monitor = Monitor()
         self._frames: OrderedDict[int, Match[Any]] = OrderedDict()
-        approximate_ns = round(self._config.approx_sync_max_interval * NANOSECONDS)
         self._synchronizer: Synchronizer[Any] = Synchronizer(
-            approximate_ns if self._config.approx_sync else 0, self._config.sync_queue_size
+            round(self._config.max_interval_s * NANOSECONDS), self._config.sync_queue_size
         )
         self._depth_camera = DepthCameraInput(self, self._config, transforms)
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
@@ -89,16 +93,13 @@ class MappingNode(LoggedNode):
         )
         self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
         self._inputs = node_inputs(self, self._config, self._receive)
-        self.create_subscription(PoseStamped, topics.KEYFRAME_POSE, self._take_pose, 100)
-        self.create_subscription(OdometryMessage, topics.KEYFRAME_EDGES, self._take_edge, 100)
-        self.create_subscription(PoseStamped, topics.POSE, self._broadcast, 10)
-        # not the node's clock: simulated time may stand still
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(LOOK_S, self._look_for_namesakes, clock=steady)
-        self.create_service(Trigger, topics.SAVE_MAP_SERVICE, self._serve_save_map)
-        frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
-        when = "" if self._map.is_placed else " once a place of the map is recognised"
-        self.get_logger().info(f"Subscribed; publishing {frames}{when}")
+        self._odometry = OdometryInput(self, self._broadcast, self._take_keyframe, self._take_edge)
+        NodeWatch(self, self._synchronizer, self._monitor, StampSource(cfg.HEADER), ()).start(
+            self._inputs
+        )
+        create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
+        follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
+        self.get_logger().info(self._description())
 
     def __enter__(self) -> MappingNode:
         return self
@@ -117,26 +118,19 @@ class MappingNode(LoggedNode):
 
     def is_news(self, where: str, cause: str) -> bool:
         """Whether a fault deserves a line in the log."""
-        return self._faults.is_news(where, cause)
+        return self._monitor.is_news(where, cause)
 
-    def _look_for_namesakes(self) -> None:
-        """Says so, once, where another node maps too."""
-        line = explain_namesakes(self)
-        if line is not None and self.is_news("name", line):
-            self.get_logger().warning(line)
+    def _take_parameters(self, config: cfg.NodeConfig, _: cfg.Config) -> None:
+        self._config = config
 
-    def _serve_save_map(self, _request: object, response: Trigger.Response) -> Trigger.Response:
-        path = Path(self._config.save_map_file).expanduser()
-        try:
-            with self._map_lock:
-                saved = self._map.saved()
-            write_map(path, saved)
-            response.message = f"{path}: {len(saved)} keyframes"
-            response.success = True
-        except InputError as fault:
-            response.message = str(fault)
-        self.get_logger().info(f"Told to save the map: {response.message}")
-        return response
+    def _save_map(self) -> str:
+        path = file_to_write(self._config.save_map_file, "save_map_file")
+        with self._map_lock:
+            saved = self._map.saved()
+        if not len(saved):
+            raise InputError(path, "there is no keyframe yet", "move the camera")
+        write_map(path, saved)
+        return f"{path}: {len(saved)} keyframes"
 
     # Input
 
@@ -148,7 +142,7 @@ class MappingNode(LoggedNode):
                 self._frames.popitem(last=False)
         self._submit([])
 
-    def _take_pose(self, message: PoseStamped) -> None:
+    def _take_keyframe(self, message: PoseStamped) -> None:
         at_ns = stamp_ns(message.header.stamp)
         T = pose_from_message(message, topics.KEYFRAME_POSE)
         self._submit(self._stream.add_pose(at_ns, T))
@@ -261,6 +255,19 @@ class MappingNode(LoggedNode):
                 self._config.map_frame_id, self._config.odom_frame_id, T_map_odom, at_ns
             )
 
+    def _description(self) -> str:
+        """What is subscribed and published."""
+        subscribed = ", ".join([*(i.topic for i in self._inputs), *self._odometry.topics])
+        path = self._path.topic_name
+        frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
+        if self._broadcaster is None:
+            published = f"{path} alone, since {frames} needs tf2_msgs"
+        elif self._map.is_placed:
+            published = f"{path} and {frames}"
+        else:
+            published = f"{path}, and {frames} once a place of the map is recognised"
+        return f"Subscribed to {subscribed}; publishing {published}"
+
 
 def _map_before(config: cfg.NodeConfig) -> SavedMap | None:
     """The map to begin with, if one is given.
@@ -269,7 +276,7 @@ def _map_before(config: cfg.NodeConfig) -> SavedMap | None:
         InputError: it cannot be read, or there is none where one is needed.
     """
     if config.map_file:
-        return read_map(Path(config.map_file).expanduser())
+        return read_map(expanded(config.map_file, "map_file"))
     if config.localize_only:
         raise InputError("localize_only", "there is no map", "set map_file")
     return None
@@ -295,9 +302,9 @@ def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
     return PoseGraphEdge(parent, child, T, se3.perturbation_covariance(T, covariance))
 
 
-def main(args: list[str] | None = None) -> int:
-    """Runs the node until SIGINT or SIGTERM; the exit code is as that of the odometry node."""
-    return run_node(NODE_NAME, lambda _: MappingNode(), args)
+def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
+    """Runs the node until SIGINT or SIGTERM; arguments and exit code as of the odometry node."""
+    return run_node(NODE_NAME, lambda _: MappingNode(), args, end_signals)
 
 
 if __name__ == "__main__":

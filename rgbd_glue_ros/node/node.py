@@ -13,18 +13,18 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.exceptions import InvalidHandle
-from std_srvs.srv import Empty, Trigger
+from std_srvs.srv import Empty
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.weights import learned_features
+from rgbd_glue_ros.files.user_paths import file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live import topics
@@ -49,6 +49,7 @@ from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.runtime import run_node
+from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.node.viewer import NodeViewer
 from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_pose
@@ -128,7 +129,7 @@ class OdometryNode(LoggedNode):
             (topics.RESUME_SERVICE, self._serve_resume),
         ):
             self.create_service(Empty, name, serve)
-        self.create_service(Trigger, topics.SAVE_GRAPH_SERVICE, self._serve_save_graph)
+        create_save_service(self, topics.SAVE_GRAPH_SERVICE, "graph", self._save_graph)
         follow_changes(self, self._node_config, self._config, self._take_parameters)
         self._warmed_up = self.create_guard_condition(self._subscribe)
         # compiling for the first time takes long, and the process is to end when it is told to
@@ -184,14 +185,8 @@ class OdometryNode(LoggedNode):
         self.get_logger().info("Resumed")
         return response
 
-    def _serve_save_graph(self, _request: object, response: Trigger.Response) -> Trigger.Response:
-        try:
-            response.message = self._graph.save(Path(self._node_config.graph_file).expanduser())
-            response.success = True
-        except InputError as fault:
-            response.message = str(fault)
-        self.get_logger().info(f"Told to save the graph: {response.message}")
-        return response
+    def _save_graph(self) -> str:
+        return self._graph.save(file_to_write(self._node_config.graph_file, "graph_file"))
 
     # Input
 

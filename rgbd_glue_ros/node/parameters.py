@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -17,11 +17,18 @@ from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 
 
-def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
+def declare_parameters(
+    node: Node, changeable: Container[str] | None = None
+) -> tuple[cfg.NodeConfig, cfg.Config]:
     """Declares all parameters with the values that the node's overrides give them.
 
     Overrides are read before the declaration, which would refuse an int where a double is
     declared, take a misspelt name for nothing, and know no preset below them.
+
+    Args:
+        node: declares them.
+        changeable: the only ones that may change while the node runs; None for all whose
+            declaration allows it.
 
     Raises:
         InputError: a parameter has a value that it cannot have, or there is no such parameter.
@@ -43,7 +50,7 @@ def declare_parameters(node: Node) -> tuple[cfg.NodeConfig, cfg.Config]:
         node.declare_parameter(
             parameter.name,
             resolved[parameter.name],
-            _descriptor(parameter),
+            _descriptor(parameter, _why_fixed(parameter, changeable)),
             ignore_override=True,
         )
     for name in given:
@@ -58,6 +65,7 @@ def follow_changes(
     node_config: cfg.NodeConfig,
     config: cfg.Config,
     changed: Callable[[cfg.NodeConfig, cfg.Config], None],
+    changeable: Container[str] | None = None,
 ) -> None:
     """Lets parameters change that can while the node runs; others are refused with the reason.
 
@@ -66,12 +74,13 @@ def follow_changes(
         node_config: the node's values so far.
         config: the method's values so far.
         changed: called with all values after some have changed.
+        changeable: as of ``declare_parameters``.
     """
-    changes = _Changes(node_config, config, changed)
+    changes = _Changes(node_config, config, changed, changeable)
 
     def say(parameters: list[RosParameter]) -> None:
         said = ", ".join(f"{p.name}: {p.value}" for p in parameters)
-        node.get_logger().info(f"Changed from the next frame on: {said}")
+        node.get_logger().info(f"Changed: {said}")
 
     node.add_on_set_parameters_callback(changes.check)
     node.add_post_set_parameters_callback(changes.take)
@@ -86,12 +95,15 @@ class _Changes:
         node_config: cfg.NodeConfig,
         config: cfg.Config,
         changed: Callable[[cfg.NodeConfig, cfg.Config], None],
+        changeable: Container[str] | None,
     ) -> None:
         self._node_config = node_config
         self._config = config
         self._changed = changed
         self._fixed = {
-            p.name: p.fixed for part in (node_config, config) for p in cfg.parameters(part)
+            p.name: _why_fixed(p, changeable)
+            for part in (node_config, config)
+            for p in cfg.parameters(part)
         }
 
     def check(self, parameters: list[RosParameter]) -> SetParametersResult:
@@ -127,14 +139,21 @@ def _of(part: cfg.NodeConfig | cfg.Config, parameters: list[RosParameter]) -> di
     return {p.name: p.value for p in parameters if p.name in names}
 
 
-def _descriptor(parameter: cfg.Parameter) -> ParameterDescriptor:
-    """The declaration of a parameter, as ROS tells it."""
+def _why_fixed(parameter: cfg.Parameter, changeable: Container[str] | None) -> str:
+    """Why a parameter cannot change while the node runs; "" if it can."""
+    if changeable is None or parameter.name in changeable:
+        return parameter.fixed
+    return parameter.fixed or cfg.READ_ONCE
+
+
+def _descriptor(parameter: cfg.Parameter, fixed: str) -> ParameterDescriptor:
+    """The declaration of a parameter, as ROS tells it; ``fixed`` is why it cannot change."""
     descriptor = ParameterDescriptor(
         name=parameter.name,
         description=parameter.description,
         # not read_only, which would refuse without the reason
         additional_constraints=f"Takes {parameter.allowed}."
-        + (f" Cannot change while the node runs: {parameter.fixed}." if parameter.fixed else ""),
+        + (f" Cannot change while the node runs: {fixed}." if fixed else ""),
     )
     low, high = parameter.minimum, parameter.maximum
     # of a range without an end, tools would make a slider to 1.8e308

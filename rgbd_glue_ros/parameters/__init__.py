@@ -19,7 +19,7 @@ from rgbd_glue_ros.parameters.files import (
     to_markdown,
     to_yaml,
 )
-from rgbd_glue_ros.parameters.inputs import InputConfig, metres_per_unit
+from rgbd_glue_ros.parameters.inputs import HEADER, READ_ONCE, InputConfig, metres_per_unit
 from rgbd_glue_ros.parameters.method import (
     FALLBACK_METHODS,
     FIT_METHODS,
@@ -52,10 +52,12 @@ __all__ = [
     "FALLBACK_METHODS",
     "FIT_METHODS",
     "GEOMETRIC_FEATURES",
+    "HEADER",
     "LEARNED_VISUAL_FEATURES",
     "OLD_NAMES",
     "PACKAGE",
     "POSE",
+    "READ_ONCE",
     "USUAL_NAMES",
     "VISUAL_FEATURES",
     "CameraConfig",

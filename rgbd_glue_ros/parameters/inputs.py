@@ -11,7 +11,9 @@ from rgbd_glue_ros.parameters.parameter import parameter
 
 HEADER, RECEIPT = "header", "receipt"
 
-read_once = partial(parameter, fixed="it is read once, when the node starts")
+READ_ONCE = "it is read once, when the node starts"
+
+read_once = partial(parameter, fixed=READ_ONCE)
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,9 @@ class NodeConfig(InputConfig):
         "File that all the node sees is written to for the Rerun viewer, or address of a viewer "
         "that runs, as rerun+http://127.0.0.1:9876/proxy; empty for none. Needs the extra viz.",
     )
-    map_frame_id: str = read_once("map", "Frame of the map, which the mapping node publishes.")
+    map_frame_id: str = read_once(
+        "map", "Frame of the map, which the mapping node publishes.", check=FRAME
+    )
     map_file: str = read_once(
         "",
         "Map that the mapping node begins with, as rgbd-glue map --save-map or ~/save_map wrote "
@@ -156,14 +158,25 @@ class NodeConfig(InputConfig):
         Raises:
             InputError: two of the frames have one name.
         """
-        names = {"odom_frame_id": self.odom_frame_id}
-        for parameter_name in ("frame_id", "guess_frame_id"):
+        self._check_distinct("odom_frame_id", "frame_id", "guess_frame_id")
+
+    def check_map_frame(self) -> None:
+        """Refuses a map that would be its own parent; for the odometry alone it may be anything.
+
+        Raises:
+            InputError: the map's frame has the name of another.
+        """
+        self._check_distinct("odom_frame_id", "frame_id", "guess_frame_id", "map_frame_id")
+
+    def _check_distinct(self, *frames: str) -> None:
+        names: dict[str, str] = {}
+        for parameter_name in frames:
             name = getattr(self, parameter_name)
             same = next((other for other, value in names.items() if value == name), None)
             if name and same:
                 raise InputError(
                     parameter_name,
                     f"is {name!r}, as {same} is, and a frame is not its own parent",
-                    "give each its own name, as base_link and odom",
+                    "give each its own name, as map, odom and base_link",
                 )
             names[parameter_name] = name

@@ -15,6 +15,7 @@ from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.files.user_paths import expanded
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project, rectified
@@ -94,7 +95,7 @@ class RerunRecording(Closing):
             _check_viewer(target)
             self._stream.connect_grpc(target, default_blueprint=blueprint)
         else:
-            self._stream.save(_writable(Path(target).expanduser()), default_blueprint=blueprint)
+            self._stream.save(_writable(expanded(target, "rerun")), default_blueprint=blueprint)
         self._describe()
         self.place(T_BODY_OPTICAL)
 

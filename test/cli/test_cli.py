@@ -88,7 +88,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["replay", "test", "-o", "out", "--calibration", "README.md"], "README.md"),
         (["replay", "test", "-o", "out", "--ground-truth", "README.md"], "README.md:"),
         (["replay", ""], "SRC: is empty, give a path"),
-        (["replay", "bags/living_room", "-o", "~nobodyhere/x"], "is in the home of no user"),
+        (["replay", "bags/living_room", "-o", "~nobodyhere/x"], "~nobodyhere has no home folder"),
     ],
 )
 def test_bad_input_is_one_line_on_stderr_and_exit_code_2(

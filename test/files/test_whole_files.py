@@ -59,6 +59,13 @@ def test_what_does_not_fit_on_the_disk_leaves_the_file_as_it_was(name: str, tmp_
     assert path.stat().st_size > 10_000
 
 
+def test_a_place_that_can_hold_no_file_is_told_as_that(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file" / "metrics.json", tmp_path / ("x" * 300)):
+        with pytest.raises(InputError, match="cannot be written"):
+            write_whole(path, "{}")
+
+
 def test_a_link_in_place_of_a_file_in_the_writing_is_not_followed(tmp_path: Path) -> None:
     other = tmp_path / "others"
     other.write_text("not ours")

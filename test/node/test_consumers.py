@@ -30,7 +30,6 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from rigs.ros import START_S
 from rigs.tf import Robot
-from std_srvs.srv import Trigger
 
 FRAMES = 60
 # rtabmap's number for "not known", and the one that it takes for a default that nobody set
@@ -74,12 +73,9 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Drive]:
         robot.wait(lambda: len(robot.heard) == FRAMES, "all of /tf")
         robot.wait(lambda: len(edges) >= len(robot.keyframes) - 1, "all edges")
         name = f"/rgbd_odometry/{SAVE_GRAPH_SERVICE.removeprefix('~/')}"
-        client = robot.node.create_client(Trigger, name)
-        robot.wait(client.service_is_ready, name)
-        answer = client.call_async(Trigger.Request())
-        robot.wait(answer.done, "the answer")
+        answer = robot.trigger(name)
         graphs = {reader: read_graph(path) for reader, path in _files(file).items()}
-        yield Drive(robot.odoms, robot.keyframes, edges, robot.heard, answer.result(), graphs)
+        yield Drive(robot.odoms, robot.keyframes, edges, robot.heard, answer, graphs)
         sys.stdout.write("\n".join(node.lines))
 
 

@@ -36,7 +36,6 @@ from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
 from rigs.ros import START_S
 from rigs.tf import Robot
-from std_srvs.srv import Trigger
 
 NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
@@ -108,12 +107,7 @@ class Session:
 
     def save(self) -> str:
         """Calls ~/save_map and returns what it says."""
-        client = self._robot.node.create_client(Trigger, f"/{NODE_NAME}/save_map")
-        self._robot.wait(client.service_is_ready, "the service")
-        answer = client.call_async(Trigger.Request())
-        self._robot.wait(answer.done, "the answer")
-        response = answer.result()
-        assert response is not None
+        response = self._robot.trigger(f"/{NODE_NAME}/save_map")
         assert response.success, response.message
         return str(response.message)
 
@@ -154,8 +148,8 @@ def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int
 def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
     ros_domain: int, tmp_path: FilePath
 ) -> None:
-    keyframes, room = drifted()[:4], tmp_path / "room.rgbdmap"
-    saving = {**CHANGED, "save_map_file": str(room)}
+    keyframes, room = drifted()[:4], tmp_path / "new" / "room.rgbdmap"
+    saving = {**CHANGED, "save_map_file": str(tmp_path / "before.rgbdmap")}
     with (
         NodeProcess(saving, ros_environment(ros_domain), module=MODULE) as node,
         Robot(ros_domain) as robot,
@@ -164,7 +158,9 @@ def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
         for keyframe in keyframes:
             session.publish(keyframe, keyframe.keyframe.T_odom_camera)
         session.wait_for_path_of(len(keyframes))
+        assert not robot.set_parameter(NODE_NAME, "save_map_file", str(room))
         assert session.save() == f"{room}: {len(keyframes)} keyframes"
+    assert not (tmp_path / "before.rgbdmap").exists()
 
     # odometry starts elsewhere the next time
     T_start = se3.exp(np.array([0.4, 0.2, -0.1, 0.1, 0.2, -0.3]))

@@ -28,7 +28,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigs.faults import running_node
@@ -198,13 +198,8 @@ def test_every_parameter_is_declared_with_its_description_and_range(running: Run
 
 
 def set_parameter(rig: Rig, name: str, value: object) -> str:
-    """Sets a parameter; returns why that was refused, "" if it was not."""
-    client = AsyncParameterClient(rig.node, "rgbd_odometry")
-    rig.wait(client.services_are_ready, "the parameter services")
-    change = client.set_parameters([Parameter(name, value=value)])
-    rig.wait(change.done, "the answer")
-    (result,) = change.result().results
-    return "" if result.successful else result.reason
+    """Sets a parameter of the odometry; returns why that was refused, "" if it was not."""
+    return rig.set_parameter("rgbd_odometry", name, value)
 
 
 @pytest.mark.parametrize(
@@ -234,7 +229,7 @@ def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_dom
         # nothing is believed any more, and then everything again
         assert not set_parameter(rig, "odometry.min_planes", 10**6)
         assert not set_parameter(rig, "odometry.min_pixels", 10**6)
-        node.wait_for_line("Changed from the next frame on: odometry.min_pixels: 1000000", 1.0)
+        node.wait_for_line("Changed: odometry.min_pixels: 1000000", 1.0)
         rig.publish(corner_frame(2 * PERIOD_NS))
         node.wait_for_line("Lost at 0.067", PATIENCE_S)
         assert not set_parameter(rig, "odometry.min_planes", 200)
@@ -420,6 +415,18 @@ def test_reset_starts_anew_at_the_initial_pose_whatever_the_time(ros_domain: int
         expected = parse_pose("", "1 2 3 0 0 0.5") @ T_BODY_OPTICAL
         np.testing.assert_allclose(pose_from_message(again, "pose"), expected, atol=1e-12)
         rig.wait(lambda: len(rig.keyframes) == 2, "a keyframe after the reset")
+
+
+@pytest.mark.parametrize("file", ["", "/", "~nobodyhere/graph.g2o", "/dev/null/graph.g2o"])
+def test_a_graph_that_cannot_be_saved_there_is_answered_in_one_line(
+    running: Running, file: str
+) -> None:
+    assert not set_parameter(running.rig, "graph_file", file)
+    answer = running.rig.trigger("/rgbd_odometry/save_graph")
+    assert not answer.success
+    assert answer.message.startswith("graph_file: ")
+    running.node.wait_for_line(f"Told to save the graph: {answer.message}", PATIENCE_S)
+    assert not [line for line in running.node.lines if "Traceback" in line]
 
 
 def test_paused_no_frame_is_processed_and_resumed_the_pose_goes_on(running: Running) -> None:

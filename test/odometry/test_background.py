@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 
 PATIENCE_S = 10.0
@@ -59,5 +60,5 @@ def test_closing_finishes_what_was_submitted_and_takes_nothing_more() -> None:
     last = background.submit(int, "5")
     background.close()
     assert last.done()
-    with pytest.raises(RuntimeError):
+    with pytest.raises(InputError, match="was closed"):
         background.submit(int, "5")

@@ -98,7 +98,7 @@ def test_ros_finds_the_installed_package_in_the_resource_index(prefix: Path) -> 
 
 
 def test_the_executables_are_installed(prefix: Path) -> None:
-    assert {"odometry", "rgbd-glue"} <= {path.name for path in prefix.rglob("bin/*")}
+    assert {"mapping", "odometry", "rgbd-glue"} <= {path.name for path in prefix.rglob("bin/*")}
 
 
 def test_pip_and_ros_agree_on_version_and_licence(prefix: Path) -> None:

@@ -106,7 +106,8 @@ def test_a_wheel_finds_its_launch_file_and_all_presets(environment: Path, tmp_pa
 @pytest.mark.slow
 def test_a_wheel_has_a_help_and_runs_the_demonstration(environment: Path, tmp_path: Path) -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
-    assert "--camera PRESET" in run(environment, tmp_path, "odometry", "--help")
+    for node in ("odometry", "mapping"):
+        assert "--camera PRESET" in run(environment, tmp_path, node, "--help")
     said = run(environment, tmp_path, "rgbd-glue", "demo", "--duration", "1", "-o", "out")
     assert "APE" in said
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text(encoding="utf-8"))

@@ -16,9 +16,12 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import Trigger
 
 from rgbd_glue_ros.live.topics import (
     DIAGNOSTICS,
@@ -161,6 +164,26 @@ class Rig:
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self._executor.spin_once(timeout_sec=left)
+
+    def set_parameter(self, node: str, name: str, value: object) -> str:
+        """Sets a parameter of a node; returns why that was refused, "" if it was not."""
+        client = AsyncParameterClient(self.node, node)
+        self.wait(client.services_are_ready, "the parameter services")
+        change = client.set_parameters([Parameter(name, value=value)])
+        self.wait(change.done, "the answer")
+        (result,) = change.result().results
+        return "" if result.successful else result.reason
+
+    def trigger(self, service: str) -> Trigger.Response:
+        """Calls a service, as ``/rgbd_odometry/save_graph``, and returns its answer."""
+        client = self.node.create_client(Trigger, service)
+        self.wait(client.service_is_ready, service)
+        answer = client.call_async(Trigger.Request())
+        self.wait(answer.done, f"the answer of {service}")
+        response = answer.result()
+        assert response is not None
+        self.node.destroy_client(client)
+        return response
 
     def wait_until_matched(self) -> None:
         """Waits until the node listens, with the reliability it settles on, and is listened to."""

@@ -1,4 +1,4 @@
-"""``odometry``: the node as an executable, with its help, its faults, and cameras."""
+"""``odometry`` and ``mapping``: the nodes as executables, with help, faults, and cameras."""
 
 from __future__ import annotations
 
@@ -14,21 +14,27 @@ from rigs.paths import ROOT
 from rgbd_glue_ros.cli.parser import split_ros_arguments
 from rgbd_glue_ros.experiments.demo.node_process import ros_environment
 
-ODOMETRY = (sys.executable, "-m", "rgbd_glue_ros", "odometry")
+PROGRAM = (sys.executable, "-m", "rgbd_glue_ros")
+NODES = ("odometry", "mapping")
 
 
-def run(*words: str) -> subprocess.CompletedProcess[str]:
+def run(node: str, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*ODOMETRY, *words], cwd=ROOT, capture_output=True, text=True, check=False
+        [*PROGRAM, node, *words], cwd=ROOT, capture_output=True, text=True, check=False
     )
 
 
-def test_its_help_shows_how_ros_arguments_are_given() -> None:
-    done = run("--help")
+@pytest.mark.parametrize(
+    ("node", "example"),
+    [("odometry", "-p frame_id:=base_link"), ("mapping", "-p map_file:=room.rgbdmap")],
+)
+def test_its_help_shows_how_ros_arguments_are_given(node: str, example: str) -> None:
+    done = run(node, "--help")
     assert done.returncode == 0
-    assert "--ros-args -p frame_id:=base_link" in done.stdout
+    assert f"{node} --camera realsense_d400 --ros-args {example}" in done.stdout
 
 
+@pytest.mark.parametrize("node", NODES)
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -39,18 +45,21 @@ def test_its_help_shows_how_ros_arguments_are_given() -> None:
         (["--camera", "absent.yaml"], "absent.yaml: cannot be read"),
     ],
 )
-def test_words_that_make_no_sense_end_it_with_one_line(words: list[str], says: str) -> None:
-    done = run(*words)
+def test_words_that_make_no_sense_end_it_with_one_line(
+    node: str, words: list[str], says: str
+) -> None:
+    done = run(node, *words)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert says in line
 
 
-def test_without_ros_it_says_in_one_line_what_to_install() -> None:
+@pytest.mark.parametrize("node", NODES)
+def test_without_ros_it_says_in_one_line_what_to_install(node: str) -> None:
     program = (
         "import sys\n"
         "sys.modules['rclpy'] = None\n"
-        "from rgbd_glue_ros.cli.odometry import main\n"
+        f"from rgbd_glue_ros.cli.{node} import main\n"
         "sys.exit(main())"
     )
     done = subprocess.run(
@@ -68,9 +77,16 @@ def test_the_words_of_ros_may_come_in_groups_as_launch_gives_them() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("node", "publishing"), [("odometry", "ours -> base"), ("mapping", "/map/path and map -> ours")]
+)
 def test_a_camera_gives_topics_and_parameters_and_ros_arguments_win(
-    ros_domain: int, tmp_path: Path
+    node: str, publishing: str, ros_domain: int, tmp_path: Path
 ) -> None:
+    if node == "mapping":
+        pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed")
+        pytest.importorskip("gtsam", reason="GTSAM is not installed")
+        pytest.importorskip("pyhbst", reason="pyHBST is not installed")
     camera = tmp_path / "mine.yaml"
     camera.write_text(
         "topics: {color: /mine/color, depth: /mine/depth}\n"
@@ -78,7 +94,7 @@ def test_a_camera_gives_topics_and_parameters_and_ros_arguments_win(
     )
     given = ["-r", "rgb/image:=/ours/color", "-p", "odom_frame_id:=ours"]
     with subprocess.Popen(
-        [*ODOMETRY, "--camera", str(camera), "--ros-args", *given],
+        [*PROGRAM, node, "--camera", str(camera), "--ros-args", *given],
         cwd=ROOT,
         env={**os.environ, **ros_environment(ros_domain)},
         stdout=subprocess.PIPE,
@@ -90,5 +106,5 @@ def test_a_camera_gives_topics_and_parameters_and_ros_arguments_win(
         process.send_signal(signal.SIGINT)
         process.communicate()
     assert "Subscribed to /ours/color, /mine/depth, /rgb/camera_info" in line
-    assert "publishing ours -> base" in line
+    assert f"publishing {publishing}" in line
     assert process.returncode == 0

@@ -1,0 +1,27 @@
+"""``rgbd-glue mapping``: the node that closes loops; it is also the executable ``mapping``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from rgbd_glue_ros.cli.node_command import add_node_arguments, run_node
+
+_EXAMPLE = "mapping --camera realsense_d400 --ros-args -p map_file:=room.rgbdmap -r __ns:=/robot"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Those of a node."""
+    add_node_arguments(parser, _EXAMPLE)
+
+
+def run(args: argparse.Namespace) -> str:
+    """Runs the node until SIGINT or SIGTERM."""
+    return run_node(args, "rgbd_glue_ros.node.mapping")
+
+
+def main() -> int:
+    """The executable ``mapping``."""
+    from rgbd_glue_ros.cli.main import main as run_command
+
+    return run_command(["mapping", *sys.argv[1:]])

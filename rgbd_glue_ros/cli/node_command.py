@@ -1,0 +1,87 @@
+"""What the commands that run a node have in common: its arguments, and those of ROS."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.live.camera_presets import Camera
+
+_EPILOG = """\
+ROS arguments, as of every node, follow --ros-args:
+  -r rgb/image:=/camera/color    take a topic (rgb/image, depth/image, rgb/camera_info)
+  -p frame_id:=base_link         set a parameter (`rgbd-glue params`, `rgbd-glue params --node`)
+  --params-file FILE             set those in a file
+
+"""
+
+
+def add_node_arguments(parser: argparse.ArgumentParser, example: str) -> None:
+    """A camera; the arguments of ROS are none of ours.
+
+    Args:
+        parser: of the command.
+        example: of a command line, for the help.
+    """
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.usage = "%(prog)s [-h] [--debug] [--camera PRESET] [--ros-args ...]"
+    parser.epilog = f"{_EPILOG}  {example}\n"
+    parser.add_argument(
+        "--camera",
+        metavar="PRESET",
+        help="topics and parameters of a camera: a name in config/cameras, as realsense_d400, or "
+        "a file like those; ROS arguments win over it",
+    ).completer = arguments.camera_presets  # type: ignore[attr-defined]
+
+
+def run_node(args: argparse.Namespace, module: str) -> str:
+    """Runs a node until SIGINT or SIGTERM.
+
+    Args:
+        args: of the command.
+        module: the node's; its ``main`` takes ROS arguments and the signals.
+    """
+    from rgbd_glue_ros.live.end_signals import EndSignals
+    from rgbd_glue_ros.live.heap import keep_freed_memory
+
+    end_signals = EndSignals()
+    keep_freed_memory()
+    ros = args.ros
+    if args.camera:
+        from rgbd_glue_ros.live.camera_presets import load_camera
+
+        ros = _with_camera(load_camera(args.camera), ros)
+    # ROS from PyPI does not set it, and rclpy finds no resources without
+    os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    try:
+        node = import_module(module)
+    except ImportError as error:
+        library = (error.name or "rclpy").split(".", maxsplit=1)[0]
+        raise MissingExtraError(library, "ros", "the node") from error
+    # the node has a log of its own
+    logging.getLogger().handlers.clear()
+    code = node.main(["--ros-args", *ros], end_signals)
+    if code:
+        raise SystemExit(code)
+    return ""
+
+
+def _with_camera(camera: Camera, ros: list[str]) -> list[str]:
+    """ROS arguments with a camera's: of parameters the last one counts, of remappings the first."""
+    from rgbd_glue_ros.live.camera_presets import remappings
+
+    set_first, mapped_last = [], []
+    for name, value in camera.parameters.items():
+        set_first += ["-p", f"{name}:={json.dumps(value)}"]
+    for own, topic in remappings(camera, {}):
+        mapped_last += ["-r", f"{own}:={topic}"]
+    return [*set_first, *ros, *mapped_last]

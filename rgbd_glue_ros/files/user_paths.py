@@ -1,0 +1,41 @@
+"""Paths as a user writes them: ``~`` stands for a home folder, and any text may come."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rgbd_glue_ros.errors import InputError
+
+
+def expanded(text: str, where: str) -> Path:
+    """The path that a text stands for.
+
+    Args:
+        text: as ``~/.ros/map.rgbdmap``.
+        where: the parameter or option that it was given to.
+
+    Raises:
+        InputError: it begins with the home folder of nobody.
+    """
+    try:
+        return Path(text).expanduser()
+    except RuntimeError as error:
+        home = text.partition("/")[0]
+        raise InputError(where, f"{home} has no home folder", "give the whole path") from error
+
+
+def file_to_write(text: str, where: str) -> Path:
+    """The file that a text stands for, with its folders made.
+
+    Raises:
+        InputError: it names no file, or the folders cannot be made.
+    """
+    path = expanded(text, where)
+    if not path.name or "\0" in text:
+        raise InputError(where, f"{text!r} names no file", "give the path of a file")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        cause = f"the folder of {path} cannot be made ({error.strerror})"
+        raise InputError(where, cause, "give another place") from error
+    return path

@@ -1,0 +1,85 @@
+"""What the mapping node takes of the odometry node, and what it says where that does not come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
+from rgbd_glue_ros.node.input_watch import LOOK_S
+from rgbd_glue_ros.node.inputs import publisher_words
+
+_DEPTH = 100
+
+
+@dataclass
+class _Subscribed:
+    """A topic, and how many of its messages came."""
+
+    topic: str
+    type: type
+    received: int = 0
+    received_before: int = 0
+
+
+class OdometryInput:
+    """Subscriptions to poses, keyframes and edges, looked at every few seconds."""
+
+    def __init__(
+        self,
+        node: Node,
+        take_pose: Callable[[PoseStamped], None],
+        take_keyframe: Callable[[PoseStamped], None],
+        take_edge: Callable[[OdometryMessage], None],
+    ) -> None:
+        """Subscribes.
+
+        Args:
+            node: subscribes, has the timer and the log.
+            take_pose: called with the pose of each frame.
+            take_keyframe: called with that of each keyframe.
+            take_edge: called with each edge between keyframes.
+        """
+        self._node = node
+        self._said: set[str] = set()
+        self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
+        self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
+        self._edge = self._subscribe(OdometryMessage, topics.KEYFRAME_EDGES, take_edge)
+        # not the node's clock: simulated time may stand still
+        node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The full names of what is subscribed."""
+        return tuple(of.topic for of in (self._pose, self._keyframe, self._edge))
+
+    def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None]) -> _Subscribed:
+        subscribed = _Subscribed(self._node.resolve_topic_name(topic), kind)
+
+        def receive(message: Any) -> None:
+            subscribed.received += 1
+            take(message)
+
+        self._node.create_subscription(kind, topic, receive, _DEPTH)
+        return subscribed
+
+    def _look(self) -> None:
+        """Logs why there are no keyframes, once for each cause."""
+        line = explain_no_keyframes(*map(self._seen, (self._pose, self._keyframe, self._edge)))
+        self._pose.received_before = self._pose.received
+        if line is None:
+            self._said.clear()
+        elif line not in self._said:
+            self._said.add(line)
+            self._node.get_logger().warning(line)
+
+    def _seen(self, of: _Subscribed) -> OdometryTopic:
+        by = publisher_words(self._node, of.topic, of.type)
+        return OdometryTopic(of.topic, by, of.received - of.received_before)

@@ -1,0 +1,169 @@
+"""What the mapping node refuses, and what it says where nothing comes; over real DDS."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from rigs.paths import ROOT
+
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
+from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_POSE, POSE
+from rgbd_glue_ros.parameters import Config, NodeConfig, parameters
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+pytest.importorskip("gtsam", reason="GTSAM is not installed")
+pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.parameter_client import AsyncParameterClient
+from rigs.faults import shown
+from rigs.ros import PATIENCE_S, START_S, Rig, corner_frame
+
+NODE_NAME = "rgbd_mapping"
+MODULE = "rgbd_glue_ros.node.mapping"
+
+
+@dataclass
+class Running:
+    """A node with default parameters that many tests share; no keyframe comes."""
+
+    node: NodeProcess
+    rig: Rig
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Running]:
+    with (
+        private_domain() as domain,
+        shown(NodeProcess({}, ros_environment(domain), module=MODULE)) as node,
+        Rig(domain) as rig,
+    ):
+        node.wait_for_line("Subscribed", START_S)
+        yield Running(node, rig)
+        assert node.is_running
+        assert not [line for line in node.lines if "Traceback" in line]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("map_frame_id", "world"),
+        ("map_file", "room.rgbdmap"),
+        ("localize_only", True),
+        ("sync_queue_size", 20),
+        ("glue.k", 4.0),
+        ("odometry.min_pixels", 100),
+        ("graph_file", "other.g2o"),
+    ],
+)
+def test_what_the_mapping_node_reads_once_is_refused_with_the_reason(
+    running: Running, name: str, value: object
+) -> None:
+    reason = running.rig.set_parameter(NODE_NAME, name, value)
+    assert reason == (
+        f"{name} cannot change while the node runs: it is read once, when the node starts"
+    )
+
+
+def test_only_the_file_of_the_map_is_described_as_one_that_can_change(running: Running) -> None:
+    names = [p.name for part in (NodeConfig(), Config()) for p in parameters(part)]
+    client = AsyncParameterClient(running.rig.node, NODE_NAME)
+    running.rig.wait(client.services_are_ready, "the parameter services")
+    described = client.describe_parameters(names)
+    running.rig.wait(described.done, "the descriptions")
+    assert [
+        descriptor.name
+        for descriptor in described.result().descriptors
+        if "Cannot change" not in descriptor.additional_constraints
+    ] == ["save_map_file"]
+
+
+@pytest.mark.parametrize("file", ["", "/", "~nobodyhere/room.rgbdmap", "/dev/null/room.rgbdmap"])
+def test_a_map_that_cannot_be_saved_there_is_answered_in_one_line(
+    running: Running, file: str
+) -> None:
+    assert not running.rig.set_parameter(NODE_NAME, "save_map_file", file)
+    answer = running.rig.trigger(f"/{NODE_NAME}/save_map")
+    assert not answer.success
+    assert answer.message.startswith("save_map_file: ")
+    running.node.wait_for_line(f"Told to save the map: {answer.message}", PATIENCE_S)
+
+
+def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path) -> None:
+    file = tmp_path / "room.rgbdmap"
+    assert not running.rig.set_parameter(NODE_NAME, "save_map_file", str(file))
+    answer = running.rig.trigger(f"/{NODE_NAME}/save_map")
+    assert not answer.success
+    assert answer.message == f"{file}: there is no keyframe yet; move the camera"
+    assert not file.exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"map_frame_id": "odom"}, "map_frame_id: is 'odom', as odom_frame_id is, and a frame is"),
+        ({"map_frame_id": "base", "frame_id": "base"}, "map_frame_id: is 'base', as frame_id is"),
+        ({"map_frame_id": "/map"}, "map_frame_id: '/map' begins with a slash"),
+        ({"map_frame_id": '""'}, "map_frame_id: '' is no name of a frame; give the name of a fra"),
+        ({"map_file": '"~nobodyhere/x"'}, "map_file: ~nobodyhere has no home folder; give the wh"),
+        ({"map_file": "/absent.rgbdmap"}, "/absent.rgbdmap: cannot be read"),
+        ({"localize_only": True}, "localize_only: there is no map; set map_file"),
+    ],
+)
+def test_what_makes_no_sense_ends_the_mapping_node_with_exit_code_2_and_a_line(
+    ros_domain: int, given: dict[str, object], said: str
+) -> None:
+    environment = ros_environment(ros_domain)
+    with shown(NodeProcess(given, environment, module=MODULE)) as node:
+        node.wait_for_line(said, START_S)
+        assert node.wait_for_end(PATIENCE_S) == 2
+        assert not [line for line in node.lines if "Traceback" in line]
+
+
+def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: int) -> None:
+    environment = {
+        **ros_environment(ros_domain),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
+    }
+    with shown(NodeProcess({}, environment, module="rigs.mapping_without_tf")) as node:
+        line = node.wait_for_line("Subscribed", START_S)
+        assert "TF: none" in node.lines[0]
+        assert line.endswith("; publishing /map/path alone, since map -> odom needs tf2_msgs")
+        assert node.stop() == 0
+
+
+@pytest.mark.slow
+def test_what_does_not_come_is_named_topic_by_topic_until_it_does(ros_domain: int) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        nobody = node.wait_for_line("No frame for 5 s", START_S)
+        for topic in ("/rgb/image (color)", "/depth/image (depth)", "/rgb/camera_info"):
+            assert topic in nobody
+        assert "color and depth and camera_info are missing: start the camera" in nobody
+        missing = "No keyframes: /pose, /keyframe/pose and /keyframe/edges have no publisher"
+        node.wait_for_line(missing, PATIENCE_S)
+        with Rig(ros_domain) as rig:
+            poses = rig.publisher(PoseStamped, POSE)
+            rig.publisher(PoseStamped, KEYFRAME_POSE)
+            rig.publisher(OdometryMessage, KEYFRAME_EDGES)
+            by = "came from /rig (geometry_msgs/msg/PoseStamped, reliable)"
+
+            def logs(line: str) -> bool:
+                return any(line in said for said in node.lines)
+
+            rig.wait(lambda: logs(f"no message of /pose {by}: the odometry has no pose"), "a look")
+            rig.wait(lambda: logs("/rgb/image (color) by /rig"), "a look at images")
+
+            def publish_until(line: str) -> bool:
+                rig.publish(corner_frame(rig.node.get_clock().now().nanoseconds))
+                poses.publish(PoseStamped())
+                return logs(line)
+
+            at_rest = f"no message of /keyframe/pose {by}: they come as the camera moves"
+            rig.wait(lambda: publish_until(at_rest), "a look at keyframes")
+        for line in (missing, "no message of /pose", at_rest):
+            assert len([said for said in node.lines if line in said]) == 1
