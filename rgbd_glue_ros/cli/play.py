@@ -15,6 +15,7 @@ QOS = ("reliable", "best_effort")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """A recording, its part and speed, and how it is published."""
     arguments.add_recording(parser)
+    arguments.add_set(parser)
     arguments.add_part(parser)
     parser.add_argument("--loop", action="store_true", help="begin again at its end")
     parser.add_argument("--qos", choices=QOS, default=QOS[0], help="(default: %(default)s)")

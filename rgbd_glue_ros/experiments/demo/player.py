@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import TypeVar
 
@@ -16,9 +16,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 
-from rgbd_glue_ros.experiments.demo.played import Played, PlayedMessage, transport
+from rgbd_glue_ros.experiments.demo.played import Played, PlayedMessage, Sensor, Stream, transport
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -26,8 +26,12 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
-MESSAGE_TYPES = {f"sensor_msgs/msg/{t.__name__}": t for t in (Image, CompressedImage, CameraInfo)}
+MESSAGE_TYPES = {
+    f"sensor_msgs/msg/{t.__name__}": t for t in (Image, CompressedImage, CameraInfo, Imu)
+}
 QUEUE = 10
+# Of an IMU, which has many samples between two images.
+IMU_QUEUE = 1000
 # Poses wait while messages are published; none may be lost, since they are counted.
 ANSWERS = 1000
 C = TypeVar("C", bound="Camera")
@@ -37,7 +41,8 @@ class Camera:
     """Publishes a recording as a camera's driver would; a context manager.
 
     Attributes:
-        published_ns: by stamp, when publication of the last message with it began, monotonic clock.
+        published_ns: by stamp, when publication of the last message of a frame with it began,
+            monotonic clock.
         frames_ns: stamps of the colour images published.
         topics: what is published, by channel, with the transport.
     """
@@ -48,7 +53,6 @@ class Camera:
         domain: int | None = None,
         *,
         reliable: bool = True,
-        names: Mapping[Channel, str] = topics.SUBSCRIBED,
     ) -> None:
         """Joins the domain.
 
@@ -56,7 +60,6 @@ class Camera:
             recording: what is to be played.
             domain: ROS domain; None for the environment's.
             reliable: whether what is lost is sent again; best effort if not.
-            names: of the topics, without the transport.
         """
         self.published_ns: dict[int, int] = {}
         self.frames_ns: set[int] = set()
@@ -72,8 +75,11 @@ class Camera:
         self._publishers = {
             channel: self._node.create_publisher(
                 MESSAGE_TYPES[message_type],
-                topics.transported(names[channel], transport(recording, channel)),
-                QoSProfile(depth=QUEUE, reliability=self._reliability),
+                _topic(channel, transport(recording, channel)),
+                QoSProfile(
+                    depth=IMU_QUEUE if channel is Sensor.IMU else QUEUE,
+                    reliability=self._reliability,
+                ),
             )
             for channel, message_type in recording.types.items()
         }
@@ -105,8 +111,9 @@ class Camera:
 
     def publish(self, message: PlayedMessage) -> None:
         """Publishes a message as it was recorded, byte for byte."""
-        # before, since a node may have it before this process goes on
-        self.published_ns[message.stamp_ns] = time.monotonic_ns()
+        if message.channel is not Sensor.IMU:
+            # before, since a node may have it before this process goes on
+            self.published_ns[message.stamp_ns] = time.monotonic_ns()
         if message.channel is Channel.COLOR:
             self.frames_ns.add(message.stamp_ns)
         self._publishers[message.channel].publish(message.data)
@@ -126,6 +133,11 @@ class Camera:
                 self._executor.spin_once(timeout_sec=max(0.0, left_ns / NANOSECONDS))
             self.publish(message)
             yield message
+
+
+def _topic(stream: Stream, image_transport: str) -> str:
+    own = topics.IMU if isinstance(stream, Sensor) else topics.SUBSCRIBED[stream]
+    return topics.transported(own, image_transport)
 
 
 class Player(Camera):
@@ -161,10 +173,11 @@ class Player(Camera):
             self._node.create_subscription(kind, name, receive, ANSWERS)
 
     def is_matched(self) -> bool:
-        """Whether the node listens to all topics, reliably, and publishes."""
-        for publisher in self._publishers.values():
+        """Whether the node listens to all topics, to those of frames reliably, and publishes."""
+        for stream, publisher in self._publishers.items():
             listeners = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
-            if [i.qos_profile.reliability for i in listeners] != [self._reliability]:
+            is_reliable = [i.qos_profile.reliability for i in listeners] == [self._reliability]
+            if isinstance(stream, Channel) and not is_reliable:
                 return False
             if publisher.get_subscription_count() != 1:
                 return False
