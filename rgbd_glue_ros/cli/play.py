@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Collection
 
 from rgbd_glue_ros.cli import arguments
-from rgbd_glue_ros.errors import InputError, MissingExtraError
+from rgbd_glue_ros.errors import MissingExtraError
 
 QOS = ("reliable", "best_effort")
 
@@ -17,7 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_recording(parser)
     arguments.add_set(parser)
     arguments.add_part(parser)
-    parser.add_argument("--loop", action="store_true", help="begin again at its end")
+    parser.add_argument(
+        "--loop", action="store_true", help="begin again at its end, with stamps that go on"
+    )
     parser.add_argument("--qos", choices=QOS, default=QOS[0], help="(default: %(default)s)")
 
 
@@ -43,25 +44,12 @@ def run(args: argparse.Namespace) -> str:
             shown.write(f"in another terminal: {arguments.node_command(args)}")
             while True:
                 shown.reset()
-                for message in camera.play(args.rate):
-                    shown.update(message.channel is Channel.COLOR)
+                stamps_ns = []
+                for message in camera.play(args.rate, played):
+                    if message.channel is Channel.COLOR:
+                        stamps_ns.append(message.stamp_ns)
+                        shown.update()
                 if not args.loop:
                     break
-                _require_loop(camera.frames_ns)
-            count = counted(len(camera.frames_ns), "frame")
-    return f"played {count} of {recording.name}\n"
-
-
-def _require_loop(stamps_ns: Collection[int]) -> None:
-    """Raises InputError where a node would take a second round for messages that come late."""
-    from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
-    from rgbd_glue_ros.types import NANOSECONDS
-
-    length_ns = max(stamps_ns) - min(stamps_ns)
-    if length_ns <= BACKWARD_JUMP_NS:
-        raise InputError(
-            "--loop",
-            f"{length_ns / NANOSECONDS:.2f} s are too short: stamps that go back by up to "
-            f"{BACKWARD_JUMP_NS / NANOSECONDS:g} s are of late messages to a node",
-            "play a longer part, or leave --loop out",
-        )
+                played = played.next_round(stamps_ns)
+    return f"played {counted(len(stamps_ns), 'frame')} of {recording.name}\n"

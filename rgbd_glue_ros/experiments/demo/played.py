@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Protocol
@@ -30,6 +30,8 @@ from rgbd_glue_ros.types import NANOSECONDS, ImuSamples, RgbdFrame, Trajectory
 
 # Samples of an IMU before the first frame: a node takes their mean for gravity's.
 _LEAD_NS = NANOSECONDS // 2
+# Between two rounds of a single frame.
+_USUAL_PERIOD_NS = NANOSECONDS // 30
 
 
 class Sensor(Enum):
@@ -154,11 +156,15 @@ class PlayedRecording(WrappedRecording):
         codec: how images are put into messages.
         start_s: left out of its beginning, seconds.
         duration_s: length of what is played, seconds; None for all that is left.
+        later_ns: added to all stamps, nanoseconds.
+        lead_ns: how much of an IMU is played before the first frame, nanoseconds.
     """
 
     codec: ImageCodec
     start_s: float = 0.0
     duration_s: float | None = None
+    later_ns: int = 0
+    lead_ns: int = _LEAD_NS
 
     @property
     def types(self) -> Mapping[Stream, str]:
@@ -186,6 +192,18 @@ class PlayedRecording(WrappedRecording):
         if is_empty:
             raise InputError(self.name, "has no frame to play", "start earlier, or play for longer")
 
+    def next_round(self, stamps_ns: Sequence[int]) -> PlayedRecording:
+        """The same, to be played again with stamps that go on.
+
+        Args:
+            stamps_ns: of the frames of this round.
+        """
+        first_ns, last_ns = min(stamps_ns), max(stamps_ns)
+        gaps = len(stamps_ns) - 1
+        period_ns = (last_ns - first_ns) // gaps if last_ns > first_ns else _USUAL_PERIOD_NS
+        later_ns = self.later_ns + last_ns - first_ns + period_ns
+        return replace(self, later_ns=later_ns, lead_ns=period_ns - 1)
+
     def sample(self, count: int) -> list[RgbdFrame]:
         """At most ``count`` frames spread over the recording."""
         return _sample(self.recording, count)
@@ -199,14 +217,15 @@ class PlayedRecording(WrappedRecording):
         samples = self._imu or ImuSamples.empty()
         after_ns: int | None = None
         for frame in frames:
-            first_ns = frame.stamp_ns - _LEAD_NS if after_ns is None else after_ns + 1
+            first_ns = frame.stamp_ns - self.lead_ns if after_ns is None else after_ns + 1
             after_ns = frame.stamp_ns
             yield samples.between(first_ns, after_ns), frame
 
     def _encoded(self, taken: tuple[ImuSamples, RgbdFrame]) -> list[PlayedMessage]:
         samples, frame = taken
-        stamp = frame.stamp_ns
-        encoded = encode_frame(frame, self.codec)
+        samples = replace(samples, stamps_ns=samples.stamps_ns + self.later_ns)
+        stamp = frame.stamp_ns + self.later_ns
+        encoded = encode_frame(replace(frame, stamp_ns=stamp), self.codec)
         messages = [
             PlayedMessage(
                 Sensor.IMU, int(at), int(at), bytes(encode_imu(samples, i, frame.frame_id))

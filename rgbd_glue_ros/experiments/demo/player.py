@@ -41,9 +41,6 @@ class Camera:
     """Publishes a recording as a camera's driver would; a context manager.
 
     Attributes:
-        published_ns: by stamp, when publication of the last message of a frame with it began,
-            monotonic clock.
-        frames_ns: stamps of the colour images published.
         topics: what is published, by channel, with the transport.
     """
 
@@ -61,8 +58,6 @@ class Camera:
             domain: ROS domain; None for the environment's.
             reliable: whether what is lost is sent again; best effort if not.
         """
-        self.published_ns: dict[int, int] = {}
-        self.frames_ns: set[int] = set()
         self._recording = recording
         self._reliability = (
             ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
@@ -111,17 +106,17 @@ class Camera:
 
     def publish(self, message: PlayedMessage) -> None:
         """Publishes a message as it was recorded, byte for byte."""
-        if message.channel is not Sensor.IMU:
-            # before, since a node may have it before this process goes on
-            self.published_ns[message.stamp_ns] = time.monotonic_ns()
-        if message.channel is Channel.COLOR:
-            self.frames_ns.add(message.stamp_ns)
         self._publishers[message.channel].publish(message.data)
 
-    def play(self, rate: float) -> Iterator[PlayedMessage]:
-        """Publishes all messages at ``rate`` times the recording's speed; gives each after that."""
+    def play(self, rate: float, recording: Played | None = None) -> Iterator[PlayedMessage]:
+        """Publishes all messages at ``rate`` times the recording's speed; gives each after that.
+
+        Args:
+            rate: 1 for the speed of the recording.
+            recording: with the same channels, in place of the one that it was made with.
+        """
         start_ns = first_ns = None
-        for message in self._recording.messages:
+        for message in (recording or self._recording).messages:
             if start_ns is None or first_ns is None:
                 start_ns, first_ns = time.monotonic_ns(), message.recorded_ns
             due_ns = start_ns + (message.recorded_ns - first_ns) / rate
@@ -144,6 +139,9 @@ class Player(Camera):
     """A camera that hears what the node answers.
 
     Attributes:
+        published_ns: by stamp, when publication of the last message of a frame with it began,
+            monotonic clock.
+        frames_ns: stamps of the colour images published.
         poses: by stamp, the poses [4, 4] that came.
         covariances: by stamp, those of the poses [6, 6].
         arrived_ns: by stamp, when the pose came, monotonic clock.
@@ -159,6 +157,8 @@ class Player(Camera):
             domain: ROS domain.
         """
         super().__init__(recording, domain)
+        self.published_ns: dict[int, int] = {}
+        self.frames_ns: set[int] = set()
         self.poses: dict[int, Float64] = {}
         self.covariances: dict[int, Float64] = {}
         self.arrived_ns: dict[int, int] = {}
@@ -171,6 +171,15 @@ class Player(Camera):
             (DiagnosticArray, topics.DIAGNOSTICS, self._receive_diagnostics),
         ):
             self._node.create_subscription(kind, name, receive, ANSWERS)
+
+    def publish(self, message: PlayedMessage) -> None:
+        """Publishes a message, and keeps when."""
+        if message.channel is not Sensor.IMU:
+            # before, since a node may have it before this process goes on
+            self.published_ns[message.stamp_ns] = time.monotonic_ns()
+        if message.channel is Channel.COLOR:
+            self.frames_ns.add(message.stamp_ns)
+        super().publish(message)
 
     def is_matched(self) -> bool:
         """Whether the node listens to all topics, to those of frames reliably, and publishes."""
