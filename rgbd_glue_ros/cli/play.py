@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
+from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.demo.player import Listeners
 
 QOS = ("reliable", "best_effort")
 
@@ -42,6 +46,8 @@ def run(args: argparse.Namespace) -> str:
         ):
             shown.write(f"publishing {', '.join(camera.topics.values())}")
             shown.write(f"in another terminal: {arguments.node_command(args)}")
+            shown.write("waiting a few seconds for those who listen")
+            shown.write(_said(camera.wait_for_listeners()))
             while True:
                 shown.reset()
                 stamps_ns = []
@@ -53,3 +59,11 @@ def run(args: argparse.Namespace) -> str:
                     break
                 played = played.next_round(stamps_ns)
     return f"played {counted(len(stamps_ns), 'frame')} of {recording.name}\n"
+
+
+def _said(listeners: Listeners) -> str:
+    if not listeners.nodes:
+        return "nobody listens; playing all the same"
+    heard = f"heard by {', '.join(listeners.nodes)}"
+    unheard = f"; nobody listens to {', '.join(listeners.unheard)}" if listeners.unheard else ""
+    return heard + unheard

@@ -20,6 +20,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.demo.demo import bundled_bag
 from rgbd_glue_ros.experiments.demo.node_process import ros_environment
 from rgbd_glue_ros.experiments.demo.played import PlayedRecording, Sensor, transport
+from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.recordings import open_recording
@@ -139,6 +140,60 @@ def test_a_single_frame_is_played_again_at_a_later_time(bag: Path) -> None:
         (first,) = {m.stamp_ns for m in played.messages}
         (again,) = {m.stamp_ns for m in played.next_round([first]).messages}
     assert again - first == NANOSECONDS // 30
+
+
+@pytest.mark.slow
+def test_the_first_frame_reaches_a_node_that_was_there_before(
+    tmp_path: Path, ros_domain: int
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    from rigs.faults import running_node
+    from rigs.ros import START_S, Rig
+
+    frames = recorded_frames()[:10]
+    path = write_rosbag2(tmp_path / "bag", recorded(frames))
+    with running_node(ros_domain) as node, Rig(ros_domain) as listener:
+        for publisher in (listener.color, listener.depth, listener.info):
+            listener.node.destroy_publisher(publisher)
+        node.wait_for_line("Subscribed", START_S)
+        listener.wait(lambda: listener.node.count_publishers(topics.POSE), "the node's poses")
+        with playing(ros_domain, str(path)) as player:
+            listener.wait(lambda: listener.poses, "a pose")
+            said, faults = player.communicate()
+            assert player.returncode == 0, faults
+    assert "heard by /rgbd_odometry\n" in said
+    stamp = fields.header(frames[0].stamp_ns, "").stamp
+    first = listener.poses[0].header.stamp
+    assert (first.sec, first.nanosec) == (stamp.sec, stamp.nanosec)
+
+
+@pytest.mark.slow
+def test_where_nobody_listens_it_is_said_and_played_all_the_same(
+    bag: Path, ros_domain: int
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    with playing(ros_domain, str(bag)) as player:
+        said, faults = player.communicate()
+    assert player.returncode == 0, faults
+    assert "nobody listens; playing all the same\n" in said
+    assert said.endswith("played 10 frames of small\n")
+
+
+@pytest.mark.slow
+def test_topics_that_nobody_listens_to_are_named(bag: Path, ros_domain: int) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    from rigs.ros import Rig
+    from sensor_msgs.msg import Image
+
+    with Rig(ros_domain) as viewer:
+        images: list[Image] = []
+        for publisher in (viewer.color, viewer.depth, viewer.info):
+            viewer.node.destroy_publisher(publisher)
+        viewer.node.create_subscription(Image, "rgb/image", images.append, 10)
+        with playing(ros_domain, str(bag)) as player:
+            viewer.wait(lambda: len(images) == 10, "all images")
+            said, _ = player.communicate()
+    assert "heard by /rig; nobody listens to /rgb/camera_info, /depth/image\n" in said
 
 
 @pytest.mark.slow

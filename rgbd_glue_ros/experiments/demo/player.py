@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from types import TracebackType
 from typing import TypeVar
 
@@ -32,9 +33,29 @@ MESSAGE_TYPES = {
 QUEUE = 10
 # Of an IMU, which has many samples between two images.
 IMU_QUEUE = 1000
+# Who has not found this process after that is not there.
+LISTENERS_S = 5.0
+# Of several nodes one may find it at once, and another only when it tells of itself again.
+ALL_FOUND_S = 3.0
+# Subscriptions match one by one, are known here before they are there, and a node makes new ones by
+# the QoS that it found.
+SETTLED_S = 1.0
 # Poses wait while messages are published; none may be lost, since they are counted.
 ANSWERS = 1000
 C = TypeVar("C", bound="Camera")
+
+
+@dataclass(frozen=True)
+class Listeners:
+    """Who listens to a camera.
+
+    Attributes:
+        nodes: their full names, sorted.
+        unheard: topics of frames that nobody listens to.
+    """
+
+    nodes: tuple[str, ...]
+    unheard: tuple[str, ...]
 
 
 class Camera:
@@ -103,6 +124,46 @@ class Camera:
             # conditions may depend on what wakes nothing here, as the discovery of others
             self._executor.spin_once(timeout_sec=min(left, 0.05))
         return True
+
+    def wait_for_listeners(self) -> Listeners:
+        """Waits until all who listen do so, or until it is clear that nobody does."""
+        start = since = time.monotonic()
+        known = self._subscriptions()
+
+        def is_settled() -> bool:
+            nonlocal known, since
+            now = time.monotonic()
+            if (found := self._subscriptions()) != known:
+                known, since = found, now
+            is_quiet = now - start >= ALL_FOUND_S and now - since >= SETTLED_S
+            return is_quiet and not self._unheard()
+
+        publishers = self._publishers.values()
+        if not self.wait(lambda: any(p.get_subscription_count() for p in publishers), LISTENERS_S):
+            return Listeners((), self._unheard())
+        self.wait(is_settled, LISTENERS_S)
+        names = {name for _, name, _ in self._subscriptions()[0]}
+        return Listeners(tuple(sorted(names)), self._unheard())
+
+    def _unheard(self) -> tuple[str, ...]:
+        return tuple(
+            publisher.topic_name
+            for stream, publisher in self._publishers.items()
+            if isinstance(stream, Channel) and not publisher.get_subscription_count()
+        )
+
+    def _subscriptions(self) -> tuple[set[tuple[str, str, bytes]], list[int]]:
+        """Topic, node and identity of each subscription, and how many of each topic are matched."""
+        found = {
+            (
+                p.topic_name,
+                f"{info.node_namespace.rstrip('/')}/{info.node_name}",
+                bytes(info.endpoint_gid),
+            )
+            for p in self._publishers.values()
+            for info in self._node.get_subscriptions_info_by_topic(p.topic_name)
+        }
+        return found, [p.get_subscription_count() for p in self._publishers.values()]
 
     def publish(self, message: PlayedMessage) -> None:
         """Publishes a message as it was recorded, byte for byte."""
