@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_recording(parser)
     arguments.add_set(parser)
     arguments.add_part(parser)
+    arguments.add_camera(parser, "publish the topics of a camera, for `odometry --camera` of it")
     parser.add_argument(
         "--loop", action="store_true", help="begin again at its end, with stamps that go on"
     )
@@ -30,8 +31,10 @@ def run(args: argparse.Namespace) -> str:
     """Plays until the end, or until it is interrupted."""
     from rgbd_glue_ros.cli.progress import bar, counted
     from rgbd_glue_ros.experiments.demo.node_process import shared_environment
+    from rgbd_glue_ros.live.camera_presets import load_camera, remappings
     from rgbd_glue_ros.messages.synchronizer import Channel
 
+    remapped = dict(remappings(load_camera(args.camera), {})) if args.camera else {}
     os.environ.update(shared_environment())  # before ROS is loaded
     try:
         from rgbd_glue_ros.experiments.demo.player import Camera
@@ -41,7 +44,7 @@ def run(args: argparse.Namespace) -> str:
     with arguments.opener(args)(args.recording) as recording:
         played = arguments.played(args, recording)
         with (
-            Camera(played, reliable=args.qos == "reliable") as camera,
+            Camera(played, reliable=args.qos == "reliable", remapped=remapped) as camera,
             bar(" frames", played.frame_count) as shown,
         ):
             shown.write(f"publishing {', '.join(camera.topics.values())}")

@@ -21,6 +21,7 @@ from rgbd_glue_ros.experiments.demo.demo import bundled_bag
 from rgbd_glue_ros.experiments.demo.node_process import ros_environment
 from rgbd_glue_ros.experiments.demo.played import PlayedRecording, Sensor, transport
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.camera_presets import load_camera, remappings
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.recordings import open_recording
@@ -143,8 +144,9 @@ def test_a_single_frame_is_played_again_at_a_later_time(bag: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("camera", [None, "oak_d"])
 def test_the_first_frame_reaches_a_node_that_was_there_before(
-    tmp_path: Path, ros_domain: int
+    tmp_path: Path, ros_domain: int, camera: str | None
 ) -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
     from rigs.faults import running_node
@@ -152,16 +154,19 @@ def test_the_first_frame_reaches_a_node_that_was_there_before(
 
     frames = recorded_frames()[:10]
     path = write_rosbag2(tmp_path / "bag", recorded(frames))
-    with running_node(ros_domain) as node, Rig(ros_domain) as listener:
+    named = remappings(load_camera(camera), {}) if camera else []
+    remapped = [word for own, topic in named for word in ("-r", f"{own}:={topic}")]
+    with running_node(ros_domain, *remapped) as node, Rig(ros_domain) as listener:
         for publisher in (listener.color, listener.depth, listener.info):
             listener.node.destroy_publisher(publisher)
         node.wait_for_line("Subscribed", START_S)
         listener.wait(lambda: listener.node.count_publishers(topics.POSE), "the node's poses")
-        with playing(ros_domain, str(path)) as player:
+        with playing(ros_domain, str(path), *(["--camera", camera] if camera else [])) as player:
             listener.wait(lambda: listener.poses, "a pose")
             said, faults = player.communicate()
             assert player.returncode == 0, faults
     assert "heard by /rgbd_odometry\n" in said
+    assert f"odometry{f' --camera {camera}' if camera else ''}\n" in said
     stamp = fields.header(frames[0].stamp_ns, "").stamp
     first = listener.poses[0].header.stamp
     assert (first.sec, first.nanosec) == (stamp.sec, stamp.nanosec)
@@ -172,9 +177,10 @@ def test_where_nobody_listens_it_is_said_and_played_all_the_same(
     bag: Path, ros_domain: int
 ) -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
-    with playing(ros_domain, str(bag)) as player:
+    with playing(ros_domain, str(bag), "--camera", "realsense_d400") as player:
         said, faults = player.communicate()
     assert player.returncode == 0, faults
+    assert "publishing /camera/camera/color/camera_info, /camera/camera/color/image_raw, " in said
     assert "nobody listens; playing all the same\n" in said
     assert said.endswith("played 10 frames of small\n")
 

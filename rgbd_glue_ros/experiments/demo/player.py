@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import TypeVar
 
 import numpy as np
@@ -71,6 +71,7 @@ class Camera:
         domain: int | None = None,
         *,
         reliable: bool = True,
+        remapped: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Joins the domain.
 
@@ -78,6 +79,7 @@ class Camera:
             recording: what is to be played.
             domain: ROS domain; None for the environment's.
             reliable: whether what is lost is sent again; best effort if not.
+            remapped: topics without the transport, by the node's own names for them.
         """
         self._recording = recording
         self._reliability = (
@@ -91,7 +93,7 @@ class Camera:
         self._publishers = {
             channel: self._node.create_publisher(
                 MESSAGE_TYPES[message_type],
-                _topic(channel, transport(recording, channel)),
+                _topic(channel, remapped, transport(recording, channel)),
                 QoSProfile(
                     depth=IMU_QUEUE if channel is Sensor.IMU else QUEUE,
                     reliability=self._reliability,
@@ -191,9 +193,9 @@ class Camera:
             yield message
 
 
-def _topic(stream: Stream, image_transport: str) -> str:
+def _topic(stream: Stream, remapped: Mapping[str, str], image_transport: str) -> str:
     own = topics.IMU if isinstance(stream, Sensor) else topics.SUBSCRIBED[stream]
-    return topics.transported(own, image_transport)
+    return topics.transported(remapped.get(own, own), image_transport)
 
 
 class Player(Camera):
