@@ -9,12 +9,13 @@ of a frame is measured apart, without ROS, and says something on a busy machine 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import process_time
+from types import MappingProxyType
 from typing import Any
 
 import cv2
@@ -22,7 +23,7 @@ import numpy as np
 
 from rgbd_glue_ros import Odometry, RgbdFrame, Trajectory, load_preset, open_recording
 from rgbd_glue_ros.experiments.demo.demo import DemoResult, bundled_bag, demo
-from rgbd_glue_ros.experiments.demo.played import PlayedMessage
+from rgbd_glue_ros.experiments.demo.played import PlayedMessage, Stream
 from rgbd_glue_ros.experiments.report.colophon import machine_text
 from rgbd_glue_ros.experiments.report.machine import load, machine
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
@@ -43,7 +44,9 @@ TIMED = 40
 class Resized:
     """Frames of another size as messages in memory; a ``Played``."""
 
-    types = {Channel.INFO: INFO_TYPE, Channel.COLOR: RAW.type, Channel.DEPTH: RAW.type}  # noqa: RUF012
+    types: Mapping[Stream, str] = MappingProxyType(
+        {Channel.INFO: INFO_TYPE, Channel.COLOR: RAW.type, Channel.DEPTH: RAW.type}
+    )
 
     def __init__(self, frames: Iterable[RgbdFrame], width: int, height: int) -> None:
         self.name = f"{width}x{height}"

@@ -175,6 +175,15 @@ def add_part(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_camera(parser: argparse.ArgumentParser, what: str) -> None:
+    """``--camera``; ``what`` is what is taken of it."""
+    parser.add_argument(
+        "--camera",
+        metavar="PRESET",
+        help=f"{what}: a name in config/cameras, as realsense_d400, or a file like those",
+    ).completer = camera_presets  # type: ignore[attr-defined]
+
+
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Where many recordings are worked on."""
     where = parser.add_mutually_exclusive_group()
@@ -315,10 +324,11 @@ def command(args: argparse.Namespace) -> str:
 
 def node_command(args: argparse.Namespace) -> str:
     """Starts a node, with no ROS but that of Python packages, that hears what is played."""
-    words = "odometry"
+    words = ["odometry", *(["--camera", args.camera] if args.camera else [])]
     if args.compressed:
-        words += " --ros-args -p image_transport:=compressed -p depth_transport:=compressedDepth"
-    return words
+        words += ["--ros-args", "-p", "image_transport:=compressed"]
+        words += ["-p", "depth_transport:=compressedDepth"]
+    return shlex.join(words)
 
 
 def parameter_names(prefix: str = "", **_: object) -> list[str]:

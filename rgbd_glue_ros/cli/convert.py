@@ -53,7 +53,10 @@ def run(args: argparse.Namespace) -> str:
         suffixes = ("/compressed", "/compressedDepth") if args.compressed else ("", "")
         named = (topics.color + suffixes[0], topics.depth + suffixes[1], topics.info)
         text += f"topics   {', '.join(named)}\n"
-    return f"{text}play it  {shlex.join([PROGRAM, 'play', str(args.target)])}\n"
+    play = [PROGRAM, "play", str(args.target)]
+    if args.topics_like:
+        play += ["--camera", args.topics_like]
+    return f"{text}play it  {shlex.join(play)}\n"
 
 
 def _topics(args: argparse.Namespace) -> WrittenTopics:

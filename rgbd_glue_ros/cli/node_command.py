@@ -35,12 +35,7 @@ def add_node_arguments(parser: argparse.ArgumentParser, example: str) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.usage = "%(prog)s [-h] [--debug] [--camera PRESET] [--ros-args ...]"
     parser.epilog = f"{_EPILOG}  {example}\n"
-    parser.add_argument(
-        "--camera",
-        metavar="PRESET",
-        help="topics and parameters of a camera: a name in config/cameras, as realsense_d400, or "
-        "a file like those; ROS arguments win over it",
-    ).completer = arguments.camera_presets  # type: ignore[attr-defined]
+    arguments.add_camera(parser, "topics and parameters, over which ROS arguments win, of a camera")
 
 
 def run_node(args: argparse.Namespace, module: str) -> str:

@@ -14,6 +14,8 @@ from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 _WIDTH, _HEIGHT = 640, 480
 _FOCAL_PX = 525.0
 _PERIOD_NS = NANOSECONDS // 30
+# So many that views are far enough apart for a part of the robot to be looked for.
+_FRAMES = 8
 
 
 def warm_up(config: Config, glue: Glue | None = None) -> None:
@@ -26,7 +28,7 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
     # every frame becomes a keyframe, as that takes code of its own
     config = with_values(config, {"odometry.keyframe_translation": 0.001})
     with Odometry(config, glue) as odometry:
-        for i in range(4):
+        for i in range(_FRAMES):
             odometry.process(_frame(i))
     reduced(_frame(0), _WIDTH // 2)
 

@@ -6,20 +6,58 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rigs.bags import START_NS, make_frames, recorded, write_rosbag1
+from rigs.bag_frames import recorded_frames
+from rigs.bags import START_NS, Recorded, make_frames, recorded, write_rosbag1, write_rosbag2
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.demo.demo import bundled_bag
 from rgbd_glue_ros.experiments.demo.node_process import ros_environment
-from rgbd_glue_ros.experiments.demo.played import PlayedRecording, transport
+from rgbd_glue_ros.experiments.demo.played import PlayedRecording, Sensor, transport
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.camera_presets import load_camera, remappings
+from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW
-from rgbd_glue_ros.types import NANOSECONDS
+from rgbd_glue_ros.types import NANOSECONDS, ImuSamples, RgbdFrame
+
+IMU_PERIOD_NS = 5_000_000
+UP = np.array([0.2, -0.9, -0.3]) / np.linalg.norm([0.2, -0.9, -0.3])
+
+
+def with_imu_at_rest(folder: Path, frames: list[RgbdFrame]) -> Path:
+    """A bag of frames and of an IMU in the camera's axes, a second before to a second after."""
+    first_ns, last_ns = frames[0].stamp_ns - NANOSECONDS, frames[-1].stamp_ns + NANOSECONDS
+    stamps = np.arange(first_ns, last_ns, IMU_PERIOD_NS, dtype=np.int64)
+    samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(9.81 * UP, (len(stamps), 1)))
+    imu = [
+        Recorded("/imu", "sensor_msgs/msg/Imu", at, fields.imu(samples, i, frames[0].frame_id))
+        for i, at in enumerate(stamps.tolist())
+    ]
+    return write_rosbag2(folder, sorted([*recorded(frames), *imu], key=lambda m: m.stamp_ns))
+
+
+@contextmanager
+def playing(domain: int, *words: str) -> Iterator[subprocess.Popen[str]]:
+    """The command in a process of its own, whose lines come as they are written."""
+    with subprocess.Popen(
+        [sys.executable, "-u", "-m", "rgbd_glue_ros", "play", *words],
+        env={**os.environ, **ros_environment(domain)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()  # where it has not ended
 
 
 @pytest.fixture
@@ -61,20 +99,124 @@ def test_the_transport_to_receive_with_follows_from_the_messages(bag: Path) -> N
         assert sum(len(m.data) for m in small.messages) < sum(len(m.data) for m in raw.messages)
 
 
+def test_the_samples_of_an_imu_are_played_between_the_frames_in_order(tmp_path: Path) -> None:
+    path = with_imu_at_rest(tmp_path / "bag", list(make_frames(10)))
+    with open_recording(path) as recording:
+        played = PlayedRecording(recording, RAW)
+        messages = list(played.messages)
+    stamps = [m.stamp_ns for m in messages]
+    assert stamps == sorted(stamps)
+    imu = [m.stamp_ns for m in messages if m.channel is Sensor.IMU]
+    # half a second before the first frame, by which a node finds out which way is up
+    assert imu[0] == START_NS - NANOSECONDS // 2
+    assert set(np.diff(imu)) == {IMU_PERIOD_NS}
+    assert 0 <= messages[-1].stamp_ns - imu[-1] < IMU_PERIOD_NS
+
+
+def test_a_recording_without_an_imu_is_played_without_one(bag: Path) -> None:
+    with open_recording(bag) as recording:
+        assert Sensor.IMU not in PlayedRecording(recording, RAW).types
+
+
+def test_in_a_loop_time_goes_on_by_a_period_for_frames_and_imu(tmp_path: Path) -> None:
+    path = with_imu_at_rest(tmp_path / "bag", list(make_frames(10)))
+    frames: list[int] = []
+    imu: list[int] = []
+    with open_recording(path) as recording:
+        played = PlayedRecording(recording, RAW)
+        for _ in range(3):
+            messages = list(played.messages)
+            imu += [m.stamp_ns for m in messages if m.channel is Sensor.IMU]
+            stamps = [m.stamp_ns for m in messages if m.channel is Channel.COLOR]
+            frames += stamps
+            played = played.next_round(stamps)
+    assert len(frames) == 30
+    np.testing.assert_allclose(np.diff(frames), NANOSECONDS / 30, rtol=0, atol=9)
+    assert all(0 < b - a < 2 * IMU_PERIOD_NS for a, b in pairwise(imu))
+
+
+def test_a_single_frame_is_played_again_at_a_later_time(bag: Path) -> None:
+    with open_recording(bag) as recording:
+        played = PlayedRecording(recording, RAW, duration_s=0.01)
+        (first,) = {m.stamp_ns for m in played.messages}
+        (again,) = {m.stamp_ns for m in played.next_round([first]).messages}
+    assert again - first == NANOSECONDS // 30
+
+
 @pytest.mark.slow
-def test_a_loop_that_a_node_would_not_see_as_one_is_refused_after_its_first_round(
+@pytest.mark.parametrize("camera", [None, "oak_d"])
+def test_the_first_frame_reaches_a_node_that_was_there_before(
+    tmp_path: Path, ros_domain: int, camera: str | None
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    from rigs.faults import running_node
+    from rigs.ros import START_S, Rig
+
+    frames = recorded_frames()[:10]
+    path = write_rosbag2(tmp_path / "bag", recorded(frames))
+    named = remappings(load_camera(camera), {}) if camera else []
+    remapped = [word for own, topic in named for word in ("-r", f"{own}:={topic}")]
+    with running_node(ros_domain, *remapped) as node, Rig(ros_domain) as listener:
+        for publisher in (listener.color, listener.depth, listener.info):
+            listener.node.destroy_publisher(publisher)
+        node.wait_for_line("Subscribed", START_S)
+        listener.wait(lambda: listener.node.count_publishers(topics.POSE), "the node's poses")
+        with playing(ros_domain, str(path), *(["--camera", camera] if camera else [])) as player:
+            listener.wait(lambda: listener.poses, "a pose")
+            said, faults = player.communicate()
+            assert player.returncode == 0, faults
+    assert "heard by /rgbd_odometry\n" in said
+    assert f"odometry{f' --camera {camera}' if camera else ''}\n" in said
+    stamp = fields.header(frames[0].stamp_ns, "").stamp
+    first = listener.poses[0].header.stamp
+    assert (first.sec, first.nanosec) == (stamp.sec, stamp.nanosec)
+
+
+@pytest.mark.slow
+def test_where_nobody_listens_it_is_said_and_played_all_the_same(
     bag: Path, ros_domain: int
 ) -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
-    done = subprocess.run(
-        [sys.executable, "-m", "rgbd_glue_ros", "play", str(bag), "--loop"],
-        env={**os.environ, **ros_environment(ros_domain)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "--loop: 0.30 s are too short" in done.stderr
+    with playing(ros_domain, str(bag), "--camera", "realsense_d400") as player:
+        said, faults = player.communicate()
+    assert player.returncode == 0, faults
+    assert "publishing /camera/camera/color/camera_info, /camera/camera/color/image_raw, " in said
+    assert "nobody listens; playing all the same\n" in said
+    assert said.endswith("played 10 frames of small\n")
+
+
+@pytest.mark.slow
+def test_topics_that_nobody_listens_to_are_named(bag: Path, ros_domain: int) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    from rigs.ros import Rig
+    from sensor_msgs.msg import Image
+
+    with Rig(ros_domain) as viewer:
+        images: list[Image] = []
+        for publisher in (viewer.color, viewer.depth, viewer.info):
+            viewer.node.destroy_publisher(publisher)
+        viewer.node.create_subscription(Image, "rgb/image", images.append, 10)
+        with playing(ros_domain, str(bag)) as player:
+            viewer.wait(lambda: len(images) == 10, "all images")
+            said, _ = player.communicate()
+    assert "heard by /rig; nobody listens to /rgb/camera_info, /depth/image\n" in said
+
+
+@pytest.mark.slow
+def test_a_node_finds_out_which_way_is_up_by_the_imu_that_is_played(
+    tmp_path: Path, ros_domain: int
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    from rigs.faults import node_in
+    from rigs.ros import PATIENCE_S
+
+    path = with_imu_at_rest(tmp_path / "bag", list(recorded_frames()[:10]))
+    with node_in(ros_domain) as node, playing(ros_domain, str(path)) as player:
+        node.wait_for_line("Gravity: odom is level", PATIENCE_S)
+        node.wait_for_line("Turning with /imu", PATIENCE_S)
+        said, faults = player.communicate()
+        assert player.returncode == 0, faults
+    assert "/depth/image, /imu\n" in said
 
 
 @pytest.mark.slow
@@ -87,19 +229,20 @@ def test_a_node_hears_what_is_played_in_a_loop_until_it_is_interrupted(
     from rigs.ros import Rig
 
     transports = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
-    words = ["play", str(bundled_bag()), option, "--loop", "--start", "0.5", "--duration", "1"]
+    words = [str(bundled_bag()), option, "--loop", "--start", "0.5", "--duration", "1"]
     with (
-        node_in(ros_domain, **(transports if option == "--compressed" else {})),
+        node_in(ros_domain, **(transports if option == "--compressed" else {})) as node,
         Rig(ros_domain) as listener,
-        subprocess.Popen(
-            [sys.executable, "-m", "rgbd_glue_ros", *words],
-            env={**os.environ, **ros_environment(ros_domain)},
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as player,
+        playing(ros_domain, *words) as player,
     ):
         for publisher in (listener.color, listener.depth, listener.info):
             listener.node.destroy_publisher(publisher)
-        listener.wait(lambda: len(listener.poses) > 35, "poses of a second round")
+
+        def stamps() -> list[float]:
+            return [p.header.stamp.sec + 1e-9 * p.header.stamp.nanosec for p in listener.poses]
+
+        listener.wait(lambda: max(stamps(), default=0) - min(stamps(), default=0) > 2, "rounds")
+        assert stamps() == sorted(stamps())
         player.send_signal(signal.SIGINT)
         assert player.wait() == 130
+        assert not [line for line in node.lines if "Time went back" in line]

@@ -89,7 +89,9 @@ def test_a_recording_is_converted_to_a_bag_with_the_topics_of_a_preset(
     assert main([*words, "--topics-like", name]) == 0
     topics = load_camera(name).topics
     named = [topics["color"], topics["depth"], topics["camera_info"]]
-    assert f"topics   {', '.join(named)}\n" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"topics   {', '.join(named)}\n" in said
+    assert f"play it  rgbd-glue play {tmp_path / 'bag'} --camera {name}\n" in said
     with open_recording(tmp_path / "bag") as bag:
         assert isinstance(bag, BagRecording)
         assert [bag.topics.color, bag.topics.depth, bag.topics.info] == named

@@ -34,7 +34,7 @@ from rigs.malformed import INFOS
 from rigs.paths import ROOT
 from rigs.ros import PATIENCE_S, Rig, corner_frame, frame_messages
 
-from rgbd_glue_ros.experiments.demo.played import PlayedBag, PlayedMessage, transport
+from rgbd_glue_ros.experiments.demo.played import PlayedBag, PlayedMessage, Stream, transport
 from rgbd_glue_ros.experiments.demo.player import Player
 
 RIGS = ROOT / "test" / "rigs"
@@ -191,7 +191,8 @@ def _at(message: PlayedMessage, time_ns: int) -> PlayedMessage:
 
 def small_bag() -> PlayedBag:
     """The bundled recording in a quarter of its pixels, compressed as it is."""
-    messages, types = [], {}
+    messages: list[PlayedMessage] = []
+    types: dict[Stream, str] = {}
     for frame in recorded_frames():
         triple = frame_messages(frame, is_compressed=True)
         for channel, message in (

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
 from typing import Protocol
 
@@ -14,13 +14,34 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
-from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.recordings import Recording, imu_of
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
-from rgbd_glue_ros.recordings.bag.writer import INFO_TYPE, ImageCodec, encode_frame
+from rgbd_glue_ros.recordings.bag.writer import (
+    IMU_TYPE,
+    INFO_TYPE,
+    ImageCodec,
+    encode_frame,
+    encode_imu,
+)
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
-from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, Trajectory
+from rgbd_glue_ros.types import NANOSECONDS, ImuSamples, RgbdFrame, Trajectory
+
+# Samples of an IMU before the first frame: a node takes their mean for gravity's.
+_LEAD_NS = NANOSECONDS // 2
+# Between two rounds of a single frame.
+_USUAL_PERIOD_NS = NANOSECONDS // 30
+
+
+class Sensor(Enum):
+    """What a recording may hold beside the channels of its frames."""
+
+    IMU = "imu"
+
+
+Stream = Channel | Sensor
+"""What is published on a topic of its own."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +55,7 @@ class PlayedMessage:
         data: its CDR.
     """
 
-    channel: Channel
+    channel: Stream
     recorded_ns: int
     stamp_ns: int
     data: bytes
@@ -48,8 +69,8 @@ class Played(Protocol):
         """What to call it in a report."""
 
     @property
-    def types(self) -> dict[Channel, str]:
-        """Of the messages of each channel."""
+    def types(self) -> Mapping[Stream, str]:
+        """Of the messages of each channel, and of its sensors."""
 
     @property
     def frame_count(self) -> int:
@@ -67,7 +88,7 @@ class Played(Protocol):
         """At most ``count`` frames spread over the recording, to be looked at."""
 
 
-def transport(played: Played, channel: Channel) -> str:
+def transport(played: Played, channel: Stream) -> str:
     """The value of ``image_transport`` or ``depth_transport`` to receive a channel with."""
     if played.types[channel] != "sensor_msgs/msg/CompressedImage":
         return topics.RAW
@@ -79,7 +100,7 @@ class PlayedBag:
     """A bag in memory, byte for byte; a ``Played``."""
 
     name: str
-    types: dict[Channel, str]
+    types: Mapping[Stream, str]
     messages: tuple[PlayedMessage, ...]
     ground_truth: Trajectory | None
     path: Path
@@ -93,7 +114,7 @@ class PlayedBag:
         """
         with BagRecording(path) as sequence:
             name, found, truth = sequence.name, sequence.topics, sequence.ground_truth
-        channels = {
+        channels: dict[str | None, Stream] = {
             found.color: Channel.COLOR,
             found.depth: Channel.DEPTH,
             found.info: Channel.INFO,
@@ -135,41 +156,88 @@ class PlayedRecording(WrappedRecording):
         codec: how images are put into messages.
         start_s: left out of its beginning, seconds.
         duration_s: length of what is played, seconds; None for all that is left.
+        later_ns: added to all stamps, nanoseconds.
+        lead_ns: how much of an IMU is played before the first frame, nanoseconds.
     """
 
     codec: ImageCodec
     start_s: float = 0.0
     duration_s: float | None = None
+    later_ns: int = 0
+    lead_ns: int = _LEAD_NS
 
     @property
-    def types(self) -> dict[Channel, str]:
-        """Of the messages of each channel."""
-        return {
+    def types(self) -> Mapping[Stream, str]:
+        """Of the messages of each channel, and of the IMU if there is one."""
+        types: dict[Stream, str] = {
             Channel.INFO: INFO_TYPE,
             Channel.COLOR: self.codec.type,
             Channel.DEPTH: self.codec.type,
         }
+        if self._imu:
+            types[Sensor.IMU] = IMU_TYPE
+        return types
 
     @property
     def messages(self) -> Iterator[PlayedMessage]:
-        """Camera info, colour and depth of each frame, at the frame's stamp.
+        """Camera info, colour and depth of each frame at its stamp, the IMU's samples between.
 
         Raises:
             InputError: a frame cannot be read, or none is in the part to be played.
         """
         is_empty = True
-        for encoded in mapped_ahead(partial(encode_frame, codec=self.codec), self._part()):
+        for messages in mapped_ahead(self._encoded, self._with_imu(self._part())):
             is_empty = False
-            stamp = encoded.stamp_ns
-            yield PlayedMessage(Channel.INFO, stamp, stamp, bytes(encoded.info))
-            yield PlayedMessage(Channel.COLOR, stamp, stamp, bytes(encoded.color))
-            yield PlayedMessage(Channel.DEPTH, stamp, stamp, bytes(encoded.depth))
+            yield from messages
         if is_empty:
             raise InputError(self.name, "has no frame to play", "start earlier, or play for longer")
+
+    def next_round(self, stamps_ns: Sequence[int]) -> PlayedRecording:
+        """The same, to be played again with stamps that go on.
+
+        Args:
+            stamps_ns: of the frames of this round.
+        """
+        first_ns, last_ns = min(stamps_ns), max(stamps_ns)
+        gaps = len(stamps_ns) - 1
+        period_ns = (last_ns - first_ns) // gaps if last_ns > first_ns else _USUAL_PERIOD_NS
+        later_ns = self.later_ns + last_ns - first_ns + period_ns
+        return replace(self, later_ns=later_ns, lead_ns=period_ns - 1)
 
     def sample(self, count: int) -> list[RgbdFrame]:
         """At most ``count`` frames spread over the recording."""
         return _sample(self.recording, count)
+
+    @property
+    def _imu(self) -> ImuSamples | None:
+        return imu_of(self.recording)
+
+    def _with_imu(self, frames: Iterable[RgbdFrame]) -> Iterator[tuple[ImuSamples, RgbdFrame]]:
+        """The frames, each with the samples since the one before."""
+        samples = self._imu or ImuSamples.empty()
+        after_ns: int | None = None
+        for frame in frames:
+            first_ns = frame.stamp_ns - self.lead_ns if after_ns is None else after_ns + 1
+            after_ns = frame.stamp_ns
+            yield samples.between(first_ns, after_ns), frame
+
+    def _encoded(self, taken: tuple[ImuSamples, RgbdFrame]) -> list[PlayedMessage]:
+        samples, frame = taken
+        samples = replace(samples, stamps_ns=samples.stamps_ns + self.later_ns)
+        stamp = frame.stamp_ns + self.later_ns
+        encoded = encode_frame(replace(frame, stamp_ns=stamp), self.codec)
+        messages = [
+            PlayedMessage(
+                Sensor.IMU, int(at), int(at), bytes(encode_imu(samples, i, frame.frame_id))
+            )
+            for i, at in enumerate(samples.stamps_ns)
+        ]
+        return [
+            *messages,
+            PlayedMessage(Channel.INFO, stamp, stamp, bytes(encoded.info)),
+            PlayedMessage(Channel.COLOR, stamp, stamp, bytes(encoded.color)),
+            PlayedMessage(Channel.DEPTH, stamp, stamp, bytes(encoded.depth)),
+        ]
 
     def _part(self) -> Iterator[RgbdFrame]:
         first_ns: int | None = None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from types import TracebackType
+from dataclasses import dataclass
+from types import MappingProxyType, TracebackType
 from typing import TypeVar
 
 import numpy as np
@@ -16,9 +17,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 
-from rgbd_glue_ros.experiments.demo.played import Played, PlayedMessage, transport
+from rgbd_glue_ros.experiments.demo.played import Played, PlayedMessage, Sensor, Stream, transport
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -26,19 +27,41 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
-MESSAGE_TYPES = {f"sensor_msgs/msg/{t.__name__}": t for t in (Image, CompressedImage, CameraInfo)}
+MESSAGE_TYPES = {
+    f"sensor_msgs/msg/{t.__name__}": t for t in (Image, CompressedImage, CameraInfo, Imu)
+}
 QUEUE = 10
+# Of an IMU, which has many samples between two images.
+IMU_QUEUE = 1000
+# Who has not found this process after that is not there.
+LISTENERS_S = 5.0
+# Of several nodes one may find it at once, and another only when it tells of itself again.
+ALL_FOUND_S = 3.0
+# Subscriptions match one by one, are known here before they are there, and a node makes new ones by
+# the QoS that it found.
+SETTLED_S = 1.0
 # Poses wait while messages are published; none may be lost, since they are counted.
 ANSWERS = 1000
 C = TypeVar("C", bound="Camera")
+
+
+@dataclass(frozen=True)
+class Listeners:
+    """Who listens to a camera.
+
+    Attributes:
+        nodes: their full names, sorted.
+        unheard: topics of frames that nobody listens to.
+    """
+
+    nodes: tuple[str, ...]
+    unheard: tuple[str, ...]
 
 
 class Camera:
     """Publishes a recording as a camera's driver would; a context manager.
 
     Attributes:
-        published_ns: by stamp, when publication of the last message with it began, monotonic clock.
-        frames_ns: stamps of the colour images published.
         topics: what is published, by channel, with the transport.
     """
 
@@ -48,7 +71,7 @@ class Camera:
         domain: int | None = None,
         *,
         reliable: bool = True,
-        names: Mapping[Channel, str] = topics.SUBSCRIBED,
+        remapped: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Joins the domain.
 
@@ -56,10 +79,8 @@ class Camera:
             recording: what is to be played.
             domain: ROS domain; None for the environment's.
             reliable: whether what is lost is sent again; best effort if not.
-            names: of the topics, without the transport.
+            remapped: topics without the transport, by the node's own names for them.
         """
-        self.published_ns: dict[int, int] = {}
-        self.frames_ns: set[int] = set()
         self._recording = recording
         self._reliability = (
             ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
@@ -72,8 +93,11 @@ class Camera:
         self._publishers = {
             channel: self._node.create_publisher(
                 MESSAGE_TYPES[message_type],
-                topics.transported(names[channel], transport(recording, channel)),
-                QoSProfile(depth=QUEUE, reliability=self._reliability),
+                _topic(channel, remapped, transport(recording, channel)),
+                QoSProfile(
+                    depth=IMU_QUEUE if channel is Sensor.IMU else QUEUE,
+                    reliability=self._reliability,
+                ),
             )
             for channel, message_type in recording.types.items()
         }
@@ -103,18 +127,59 @@ class Camera:
             self._executor.spin_once(timeout_sec=min(left, 0.05))
         return True
 
+    def wait_for_listeners(self) -> Listeners:
+        """Waits until all who listen do so, or until it is clear that nobody does."""
+        start = since = time.monotonic()
+        known = self._subscriptions()
+
+        def is_settled() -> bool:
+            nonlocal known, since
+            now = time.monotonic()
+            if (found := self._subscriptions()) != known:
+                known, since = found, now
+            is_quiet = now - start >= ALL_FOUND_S and now - since >= SETTLED_S
+            return is_quiet and not self._unheard()
+
+        publishers = self._publishers.values()
+        if not self.wait(lambda: any(p.get_subscription_count() for p in publishers), LISTENERS_S):
+            return Listeners((), self._unheard())
+        self.wait(is_settled, LISTENERS_S)
+        names = {name for _, name, _ in self._subscriptions()[0]}
+        return Listeners(tuple(sorted(names)), self._unheard())
+
+    def _unheard(self) -> tuple[str, ...]:
+        return tuple(
+            publisher.topic_name
+            for stream, publisher in self._publishers.items()
+            if isinstance(stream, Channel) and not publisher.get_subscription_count()
+        )
+
+    def _subscriptions(self) -> tuple[set[tuple[str, str, bytes]], list[int]]:
+        """Topic, node and identity of each subscription, and how many of each topic are matched."""
+        found = {
+            (
+                p.topic_name,
+                f"{info.node_namespace.rstrip('/')}/{info.node_name}",
+                bytes(info.endpoint_gid),
+            )
+            for p in self._publishers.values()
+            for info in self._node.get_subscriptions_info_by_topic(p.topic_name)
+        }
+        return found, [p.get_subscription_count() for p in self._publishers.values()]
+
     def publish(self, message: PlayedMessage) -> None:
         """Publishes a message as it was recorded, byte for byte."""
-        # before, since a node may have it before this process goes on
-        self.published_ns[message.stamp_ns] = time.monotonic_ns()
-        if message.channel is Channel.COLOR:
-            self.frames_ns.add(message.stamp_ns)
         self._publishers[message.channel].publish(message.data)
 
-    def play(self, rate: float) -> Iterator[PlayedMessage]:
-        """Publishes all messages at ``rate`` times the recording's speed; gives each after that."""
+    def play(self, rate: float, recording: Played | None = None) -> Iterator[PlayedMessage]:
+        """Publishes all messages at ``rate`` times the recording's speed; gives each after that.
+
+        Args:
+            rate: 1 for the speed of the recording.
+            recording: with the same channels, in place of the one that it was made with.
+        """
         start_ns = first_ns = None
-        for message in self._recording.messages:
+        for message in (recording or self._recording).messages:
             if start_ns is None or first_ns is None:
                 start_ns, first_ns = time.monotonic_ns(), message.recorded_ns
             due_ns = start_ns + (message.recorded_ns - first_ns) / rate
@@ -128,10 +193,18 @@ class Camera:
             yield message
 
 
+def _topic(stream: Stream, remapped: Mapping[str, str], image_transport: str) -> str:
+    own = topics.IMU if isinstance(stream, Sensor) else topics.SUBSCRIBED[stream]
+    return topics.transported(remapped.get(own, own), image_transport)
+
+
 class Player(Camera):
     """A camera that hears what the node answers.
 
     Attributes:
+        published_ns: by stamp, when publication of the last message of a frame with it began,
+            monotonic clock.
+        frames_ns: stamps of the colour images published.
         poses: by stamp, the poses [4, 4] that came.
         covariances: by stamp, those of the poses [6, 6].
         arrived_ns: by stamp, when the pose came, monotonic clock.
@@ -147,6 +220,8 @@ class Player(Camera):
             domain: ROS domain.
         """
         super().__init__(recording, domain)
+        self.published_ns: dict[int, int] = {}
+        self.frames_ns: set[int] = set()
         self.poses: dict[int, Float64] = {}
         self.covariances: dict[int, Float64] = {}
         self.arrived_ns: dict[int, int] = {}
@@ -160,11 +235,21 @@ class Player(Camera):
         ):
             self._node.create_subscription(kind, name, receive, ANSWERS)
 
+    def publish(self, message: PlayedMessage) -> None:
+        """Publishes a message, and keeps when."""
+        if message.channel is not Sensor.IMU:
+            # before, since a node may have it before this process goes on
+            self.published_ns[message.stamp_ns] = time.monotonic_ns()
+        if message.channel is Channel.COLOR:
+            self.frames_ns.add(message.stamp_ns)
+        super().publish(message)
+
     def is_matched(self) -> bool:
-        """Whether the node listens to all topics, reliably, and publishes."""
-        for publisher in self._publishers.values():
+        """Whether the node listens to all topics, to those of frames reliably, and publishes."""
+        for stream, publisher in self._publishers.items():
             listeners = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
-            if [i.qos_profile.reliability for i in listeners] != [self._reliability]:
+            is_reliable = [i.qos_profile.reliability for i in listeners] == [self._reliability]
+            if isinstance(stream, Channel) and not is_reliable:
                 return False
             if publisher.get_subscription_count() != 1:
                 return False

@@ -31,10 +31,11 @@ from rgbd_glue_ros.messages.fields import (
     compressed_depth_image,
     depth_image,
     header,
+    imu,
     pose_stamped,
 )
 from rgbd_glue_ros.messages.images import COLOR_SUFFIX, DEPTH_SUFFIX
-from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, UInt8
+from rgbd_glue_ros.types import Float32, Float64, ImuSamples, RgbdFrame, UInt8
 
 GROUND_TRUTH_TOPIC = "/ground_truth/pose"
 """Where the bags written here have true poses."""
@@ -100,6 +101,7 @@ COMPRESSED = ImageCodec(
 """JPEG, and PNG of whole millimetres, as image_transport has them."""
 
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
+IMU_TYPE = "sensor_msgs/msg/Imu"
 _POSE_TYPE = "geometry_msgs/msg/PoseStamped"
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -159,6 +161,12 @@ def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
         serialize(codec.depth(frame.depth, depth_head), codec.type),
         serialize(camera_info(frame.intrinsics, head), INFO_TYPE),
     )
+
+
+def encode_imu(samples: ImuSamples, index: int, frame_id: str) -> memoryview:
+    """Serialises one of the samples, in the axes of a frame; raises InputError as of its time."""
+    check_recordable(int(samples.stamps_ns[index]))
+    return _TYPES.serialize_cdr(imu(samples, index, frame_id or CAMERA_FRAME), IMU_TYPE)
 
 
 class BagWriter(Closing):
