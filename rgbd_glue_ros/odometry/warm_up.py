@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.geometry.depth import metres_of_16_bits
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.own_parts import OwnParts
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
@@ -14,8 +16,6 @@ from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 _WIDTH, _HEIGHT = 640, 480
 _FOCAL_PX = 525.0
 _PERIOD_NS = NANOSECONDS // 30
-# So many that views are far enough apart for a part of the robot to be looked for.
-_FRAMES = 8
 
 
 def warm_up(config: Config, glue: Glue | None = None) -> None:
@@ -28,8 +28,11 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
     # every frame becomes a keyframe, as that takes code of its own
     config = with_values(config, {"odometry.keyframe_translation": 0.001})
     with Odometry(config, glue) as odometry:
-        for i in range(_FRAMES):
+        for i in range(4):
             odometry.process(_frame(i))
+    # these frames move too little for parts of the robot to be looked for
+    view = view_of(_frame(0), config.camera)
+    OwnParts().after_view(view, np.eye(4)).after_view(view, np.eye(4))
     reduced(_frame(0), _WIDTH // 2)
 
 
