@@ -70,8 +70,9 @@ def read_lines(path: Path) -> tuple[list[str], list[Line]]:
 def split_words(line: str) -> tuple[str, ...]:
     """The words of a line, with blanks, commas or semicolons between them."""
     words = line.replace(";", " ").split()
-    # one comma inside of every number and none behind it is what some write for a point
-    if len(words) >= len(TUM_COLUMNS) and sum(_is_decimal_comma(word) for word in words) > 1:
+    # a comma inside of a number and none behind it is what some write for a point; whole numbers
+    # have none, as those of a trajectory's first pose
+    if len(words) >= len(TUM_COLUMNS) and any(map(_is_decimal_comma, words)):
         return tuple(word.replace(",", ".") for word in words)
     return tuple(line.replace(";", " ").replace(",", " ").split())
 

@@ -64,9 +64,10 @@ def explain_miss(closest_miss_ns: int, max_interval_ns: int) -> str:
             "receipt (--set stamps=receipt, of the node -p stamps:=receipt) to pair images by when "
             "they were received"
         )
+    enough = closest_miss_ns / NANOSECONDS + 0.005
     return (
         f"the stamps of colour and depth are {closest_miss_ns / 1e6:.1f} ms apart at best, and "
         f"pair up to {max_interval_ns / 1e6:.1f} ms: synchronise the camera's streams, or raise "
-        "approx_sync_max_interval (with approx_sync), as --set approx_sync_max_interval="
-        f"{closest_miss_ns / NANOSECONDS + 0.005:.3f}"
+        f"approx_sync_max_interval (with approx_sync; --set approx_sync_max_interval={enough:.3f}, "
+        f"of the node -p approx_sync_max_interval:={enough:.3f})"
     )

@@ -148,3 +148,11 @@ def test_a_pose_of_absurd_numbers_is_skipped_or_has_a_direction(tmp_path: Path) 
     np.testing.assert_allclose(
         trajectory.poses[1, :3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12
     )
+
+
+def test_one_decimal_comma_among_whole_numbers_is_one(tmp_path: Path) -> None:
+    path = tmp_path / "trajectory.txt"
+    path.write_text("1305031453,25 0 0 0 0 0 0 1\n1305031454,25 1 0 0 0 0 0 1\n")
+    trajectory = read_tum(path)
+    assert list(trajectory.stamps_ns) == [1305031453250000000, 1305031454250000000]
+    np.testing.assert_array_equal(trajectory.poses[:, 0, 3], [0, 1])
