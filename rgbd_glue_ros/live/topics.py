@@ -47,6 +47,11 @@ def transported(topic: str, transport: str) -> str:
     return topic if transport == RAW else f"{topic}/{transport}"
 
 
+def full_name(namespace: str, name: str) -> str:
+    """The name of a node with its namespace, as ``/robot/camera``."""
+    return f"{namespace.rstrip('/')}/{name}"
+
+
 def keyframe_number(frame_id: str) -> int:
     """The number of the keyframe whose frame is ``KEYFRAME_FRAME``.
 

@@ -132,7 +132,7 @@ def publisher_words(node: Node, topic: str, message_type: type) -> tuple[str, ..
     expected = message_type.__module__.split(".")[0] + "/msg/" + message_type.__name__
     words = []
     for info in node.get_publishers_info_by_topic(topic):
-        name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        name = topics.full_name(info.node_namespace, info.node_name)
         wrong = "" if info.topic_type == expected else f", not {expected}"
         words.append(f"{name} ({info.topic_type}{wrong}, {_offer(info.qos_profile)})")
     return tuple(words)

@@ -62,7 +62,7 @@ class NodeOutputs:
         def refusal() -> str:
             subscriptions = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
             asked = ", ".join(
-                f"{i.node_namespace.rstrip('/')}/{i.node_name} ({qos_words(i.qos_profile)})"
+                f"{topics.full_name(i.node_namespace, i.node_name)} ({qos_words(i.qos_profile)})"
                 for i in subscriptions
             )
             return (

@@ -10,15 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
-from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces
+from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces, dense, pixels_of, widened
 from rgbd_glue_ros.types import Float64, View
 
-# A block is moving if most of those around it are; then so are those next to it, whose depth mixes
-# both surfaces.
-_AROUND = 3
 # When more than this part of a frame seems to have moved, it is the pose that is wrong.
 _MOST = 0.7
 
@@ -42,11 +38,8 @@ def without_dynamic_objects(
     blocks = np.zeros(surfaces.depth.shape, np.uint8)
     for other, T_track_other in others:
         blocks |= surfaces.in_front_of(Surfaces.seen(other, T_track_other))
-    around = cv2.boxFilter(blocks, -1, (_AROUND, _AROUND), normalize=False)
-    dense = np.asarray(blocks & (around > _AROUND**2 // 2), np.uint8)
-    moving = cv2.dilate(dense, np.ones((_AROUND, _AROUND), np.uint8))
+    moving = widened(dense(blocks))
     if not 0 < moving.mean() < _MOST:
         return None
-    height, width = view.depth.shape
-    pixels = cv2.resize(moving, (width, height), interpolation=cv2.INTER_NEAREST)
-    return replace(view, depth=np.where(pixels > 0, np.float32(np.nan), view.depth))
+    unknown = np.float32(np.nan)
+    return replace(view, depth=np.where(pixels_of(moving, view), unknown, view.depth))

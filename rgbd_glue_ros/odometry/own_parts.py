@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.depth import depth_sigma
-from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces
+from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces, dense, pixels_of, widened
 from rgbd_glue_ros.refinement.model import Mask
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
@@ -39,10 +39,6 @@ _MOST = 0.7
 # So many times a block has to be seen as an own part; beside blocks that were, once.
 _VOTES = 3
 _MOST_VOTES = 100
-# A block counts if most of those around it do.
-_AROUND = 3
-# The blocks around own parts are left out too: edges cross them.
-_MARGIN = 3
 # Own parts are painted in this: an image without edges says nothing.
 _GREY = 128
 # It is said when so much more of the view is left out.
@@ -106,23 +102,18 @@ class OwnParts:
         often = np.asarray(self.votes >= _VOTES, np.uint8)
         if not often.any():
             return None
-        around = cv2.boxFilter(often, -1, (_AROUND, _AROUND), normalize=False)
-        sure = (often > 0) & (around > _AROUND**2 // 2)
+        sure = dense(often) > 0
         if not sure.any():
             return None
         _, labels = cv2.connectedComponents(np.asarray(self.votes > 0, np.uint8), connectivity=4)
-        own = np.isin(labels, labels[sure])
-        return np.asarray(
-            cv2.dilate(own.astype(np.uint8), np.ones((_MARGIN, _MARGIN), np.uint8)), np.uint8
-        )
+        return widened(np.isin(labels, labels[sure]).astype(np.uint8))
 
     def left_out(self, view: View) -> View:
         """A view without its own parts: their depth is unknown, and the image flat there."""
         blocks = self.blocks
         if blocks is None:
             return view
-        height, width = view.depth.shape
-        own = cv2.resize(blocks, (width, height), interpolation=cv2.INTER_NEAREST) > 0
+        own = pixels_of(blocks, view)
         return replace(
             view,
             depth=np.where(own, np.float32(np.nan), view.depth),

@@ -11,11 +11,14 @@ import numpy as np
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.depth import surface_tolerance
+from rgbd_glue_ros.refinement.model import Mask
 from rgbd_glue_ros.refinement.sampling import NEAREST_M
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 BLOCK_PX = 8
 """Edge of a block. An error of the pose of as many pixels does no harm."""
+# Edge of what is around a block, blocks.
+_AROUND = 3
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,24 @@ class Surfaces:
         return np.asarray(
             _in_front(self.depth, self.K, T_other_depth, other.nearest, other.K), np.uint8
         )
+
+
+def dense(blocks: UInt8) -> UInt8:
+    """Those blocks, uint8 [R, C], 1 or 0, around which most are."""
+    around = cv2.boxFilter(blocks, -1, (_AROUND, _AROUND), normalize=False)
+    return np.asarray(blocks & (around > _AROUND**2 // 2), np.uint8)
+
+
+def widened(blocks: UInt8) -> UInt8:
+    """The blocks, uint8 [R, C], 1 or 0, and those next to them, whose depth mixes surfaces."""
+    return np.asarray(cv2.dilate(blocks, np.ones((_AROUND, _AROUND), np.uint8)), np.uint8)
+
+
+def pixels_of(blocks: UInt8, view: View) -> Mask:
+    """The pixels of blocks [R, C] that are not 0, bool [H, W]."""
+    height, width = view.depth.shape
+    pixels = cv2.resize(blocks, (width, height), interpolation=cv2.INTER_NEAREST)
+    return np.asarray(pixels > 0, np.bool_)
 
 
 def _nearest_surfaces(depth: Float32) -> Float32:

@@ -31,9 +31,10 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
         for i in range(4):
             odometry.process(_frame(i))
     # these frames move too little for parts of the robot to be looked for
-    view = view_of(_frame(0), config.camera)
+    frame = _frame(0)
+    view = view_of(frame, config.camera)
     OwnParts().after_view(view, np.eye(4)).after_view(view, np.eye(4))
-    reduced(_frame(0), _WIDTH // 2)
+    reduced(frame, _WIDTH // 2)
 
 
 def _frame(i: int) -> RgbdFrame:

@@ -160,9 +160,7 @@ def check_imu(stamps_ns: Any, angular_velocity: Any, linear_acceleration: Any) -
     Raises:
         InputError: they are.
     """
-    if not _is_array(stamps_ns, np.int64) or stamps_ns.ndim != 1:
-        remedy = "give int64 [N], whole nanoseconds"
-        raise _fault(_IMU, "stamps_ns", f"is {_described(stamps_ns)}", remedy)
+    _check_stamp_array(_IMU, stamps_ns)
     if (np.diff(stamps_ns) <= 0).any():
         remedy = "sort the samples, and leave out what repeats a stamp"
         raise _fault(_IMU, "stamps_ns", "does not increase", remedy)
@@ -186,9 +184,7 @@ def check_trajectory(stamps_ns: Any, poses: Any) -> None:
     Raises:
         InputError: it is.
     """
-    if not _is_array(stamps_ns, np.int64) or stamps_ns.ndim != 1:
-        remedy = "give int64 [N], whole nanoseconds"
-        raise _fault(_TRAJECTORY, "stamps_ns", f"is {_described(stamps_ns)}", remedy)
+    _check_stamp_array(_TRAJECTORY, stamps_ns)
     shape = (len(stamps_ns), 4, 4)
     if not _is_array(poses, np.float64) or poses.shape != shape:
         remedy = f"give float64 {list(shape)}, one pose for each stamp"
@@ -196,6 +192,12 @@ def check_trajectory(stamps_ns: Any, poses: Any) -> None:
     if not np.isfinite(poses).all():
         remedy = "leave out stamps that have no pose"
         raise _fault(_TRAJECTORY, "poses", "is not finite", remedy)
+
+
+def _check_stamp_array(owner: str, stamps_ns: Any) -> None:
+    if not _is_array(stamps_ns, np.int64) or stamps_ns.ndim != 1:
+        remedy = "give int64 [N], whole nanoseconds"
+        raise _fault(owner, "stamps_ns", f"is {_described(stamps_ns)}", remedy)
 
 
 def _is_array(value: Any, dtype: type) -> bool:

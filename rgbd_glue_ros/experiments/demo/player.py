@@ -159,7 +159,7 @@ class Camera:
         found = {
             (
                 p.topic_name,
-                f"{info.node_namespace.rstrip('/')}/{info.node_name}",
+                topics.full_name(info.node_namespace, info.node_name),
                 bytes(info.endpoint_gid),
             )
             for p in self._publishers.values()
