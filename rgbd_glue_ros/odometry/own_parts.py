@@ -129,16 +129,19 @@ def _own(now: Surfaces, before: Surfaces, votes: NDArray[np.int8]) -> Mask:
         before: another, whose own parts were in the same blocks.
         votes: int8 [R, C]; what they know already says nothing about the pose.
     """
-    displaced = now.in_front_of(before)
-    if np.count_nonzero(displaced[votes < _VOTES]) > _MOST * displaced.size:
-        return np.zeros(votes.shape, np.bool_)
-    displaced |= before.in_front_of(now)
+    none = np.zeros(votes.shape, np.bool_)
     apart = _sigmas_apart(now.depth, before.depth)
     elsewhere = now.depth[apart >= _STAYED_SIGMAS]
     if len(elsewhere) == 0:
-        return np.zeros(votes.shape, np.bool_)
-    is_near = now.depth < _NEARER * np.median(elsewhere)
-    return np.asarray((displaced > 0) & (apart < _STAYED_SIGMAS) & is_near, np.bool_)
+        return none
+    stayed = (apart < _STAYED_SIGMAS) & (now.depth < _NEARER * np.median(elsewhere))
+    # in most views nothing has, and where surfaces would be need not be looked at
+    if not stayed.any():
+        return none
+    displaced = now.in_front_of(before)
+    if np.count_nonzero(displaced[votes < _VOTES]) > _MOST * displaced.size:
+        return none
+    return np.asarray(stayed & ((displaced | before.in_front_of(now)) > 0), np.bool_)
 
 
 def _spaced(views: tuple[Surfaces, ...]) -> tuple[Surfaces, ...]:
