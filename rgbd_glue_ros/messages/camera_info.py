@@ -147,7 +147,8 @@ def of_image_size(
         return camera
     if not (camera.width or camera.height):
         return _believed(replace(camera, width=width, height=height), where, image_topic)
-    check_aspect((camera.height, camera.width), shape, where, image_topic)
+    remedy = "give the camera info of these images (--calibration FILE)"
+    check_aspect((camera.height, camera.width), shape, where, image_topic, remedy)
     if _is_off_centre(camera):
         raise InputError(
             where,
@@ -178,9 +179,16 @@ def _is_off_centre(camera: CameraIntrinsics) -> bool:
 
 
 def check_aspect(
-    shape: tuple[int, ...], image_shape: tuple[int, ...], where: str, image_topic: str
+    shape: tuple[int, ...], image_shape: tuple[int, ...], where: str, image_topic: str, remedy: str
 ) -> None:
-    """Refuses what is of another aspect than the image, to within a pixel; shapes [height, width].
+    """Refuses what is of another aspect than the image, to within a pixel.
+
+    Args:
+        shape: [height, width].
+        image_shape: of the image.
+        where: what has that shape, for errors.
+        image_topic: where the image is from, for errors.
+        remedy: what to do about it.
 
     Raises:
         InputError: it is.
@@ -192,8 +200,7 @@ def check_aspect(
         raise InputError(
             where,
             f"is of {width}x{height} pixels, but {image_topic} of {image_width}x{image_height}",
-            "give depth registered to colour or its own camera (--depth-calibration FILE, of the "
-            "node depth_info_topic), and the info of these images (--calibration FILE)",
+            remedy,
         )
 
 

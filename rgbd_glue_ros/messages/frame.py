@@ -84,7 +84,14 @@ def frame_from_messages(
             color_pixels, depth_pixels, camera, depth_camera, topics
         )
     elif depth_pixels.shape != (height, width):
-        check_aspect(depth_pixels.shape, (height, width), topics.depth, topics.color)
+        check_aspect(
+            depth_pixels.shape,
+            (height, width),
+            topics.depth,
+            topics.color,
+            "give depth registered to colour, or its own camera (--depth-calibration FILE; of the "
+            "node depth_info_topic)",
+        )
         depth_pixels = resampled(depth_pixels, width, height)
     return RgbdFrame(
         stamp_ns=stamp_ns(color.header.stamp),

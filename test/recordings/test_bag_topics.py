@@ -135,17 +135,18 @@ def test_a_topic_given_without_its_transport_is_found() -> None:
     assert find_depth(topics, "depth/image_raw", BAG) == "/depth/image_raw/compressedDepth"
 
 
-def test_a_missing_topic_is_refused_with_a_list_of_what_there_is() -> None:
+def test_a_missing_topic_is_refused_with_a_list_of_those_it_may_be() -> None:
     topics = topics_of({"/scan": "sensor_msgs/msg/LaserScan", "/rgb/image": IMAGE})
     with pytest.raises(InputError) as caught:
         find_depth(topics, None, BAG)
     assert str(caught.value) == (
         "some.bag: no topic of depth found; give one of its topics (--depth-topic TOPIC), "
-        "which are /scan (sensor_msgs/msg/LaserScan, 7), /rgb/image (sensor_msgs/msg/Image, 7)"
+        "which are /rgb/image (sensor_msgs/msg/Image, 7)"
     )
     with pytest.raises(InputError, match="there is no topic /scan of colour"):
         find_color(topics, "/scan", BAG)
-    with pytest.raises(InputError, match="no topic of camera info found"):
+    # of a type that there is none of, all that there is
+    with pytest.raises(InputError, match=r"no topic of camera info found.*/scan .*/rgb/image"):
         find_info(topics, None, "/rgb/image", BAG)
 
 

@@ -231,7 +231,8 @@ def _chosen(
     if found:
         cause = f"{len(found)} topics may be {what}: {', '.join(t.name for t in found)}"
         raise InputError(bag, cause, f"give one of them ({option})")
-    have = ", ".join(f"{t.name} ({t.type}, {t.message_count})" for t in topics.values())
+    offered = possible or topics.values()
+    have = ", ".join(f"{t.name} ({t.type}, {t.message_count})" for t in offered)
     cause = f"there is no topic {wanted} of {what}" if wanted else f"no topic of {what} found"
     remedy = f"give one of its topics ({option}), which are {have}"
     raise InputError(bag, cause, "; ".join([*_in_another_form(what, topics), remedy]))
