@@ -146,8 +146,7 @@ def doubt(
     agreeing = pose.visible_agreement
     if pose.planes_visible < config.min_planes or agreeing >= config.plane_agreement:
         return np.zeros((6, 6))
-    A = se3.adjoint(T)
-    return np.asarray((1 - agreeing) * A @ spread @ A.T, np.float64)
+    return np.asarray((1 - agreeing) * se3.transported_covariance(T, spread), np.float64)
 
 
 def _coherent(

@@ -221,9 +221,7 @@ class Odometry(Closing):
         refine = self._config.refine
         motion = corrected_motion(predicted, fix.estimate, refine)
         self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, refine)
-        T_odom_track = self._map.advance_correction(
-            fix.reference, last.T_track_camera, motion.T_track_camera
-        )
+        self._map.advance_correction(fix.reference, last.T_track_camera, motion.T_track_camera)
         learnt = self._calibration.learnt_config()
         said = corrected_motion(predicted, fix.estimate, learnt.refine)
         covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
@@ -243,18 +241,17 @@ class Odometry(Closing):
             fix.reference,
             overlap(view, fix.estimate.refinement, refine),
         )
-        T_odom_camera = T_odom_track @ motion.T_track_camera
+        from_keyframe = covariance - fix.reference.covariance
         return OdometryEstimate(
             motion.stamp_ns,
             self.state,
-            T_odom_camera,
-            se3.pose_covariance(T_odom_camera, covariance + self._map.uncorrected_covariance()),
+            *self._map.pose_in_odom(motion.T_track_camera, covariance),
             motion.twist.copy(),
             motion.covariance[6:, 6:].copy(),
             keyframe_id=fix.reference.number,
             registration=attempt.registration,
             stages_ms={**attempt.features.stages_ms, **attempt.registration.stages_ms},
-            covariance_from_keyframe=covariance - fix.reference.covariance,
+            covariance_from_keyframe=self._map.covariance_in_odom(from_keyframe),
         )
 
     def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:
@@ -286,12 +283,10 @@ class Odometry(Closing):
         self._calibration.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
-        T_odom_camera = self._map.correction() @ keyframe.T_track_camera
         return OdometryEstimate(
             keyframe.stamp_ns,
             self.state,
-            T_odom_camera,
-            se3.pose_covariance(T_odom_camera, keyframe.covariance),
+            *self._map.pose_in_odom(keyframe.T_track_camera, keyframe.covariance),
             is_keyframe=True,
             keyframe_id=keyframe.number,
             stages_ms=stages_ms,

@@ -62,7 +62,7 @@ def test_keyframes_that_are_left_serve_to_relocalise_but_not_to_track() -> None:
 
 
 @given(transforms())
-def test_a_keyframe_has_its_model_in_the_odom_frame(T: Float64) -> None:
+def test_a_keyframe_has_its_model_in_the_track_frame(T: Float64) -> None:
     model = add(kept(1), T).model
     np.testing.assert_allclose(
         se3.transform(se3.inverse(T), model.planes.points), POINTS, atol=1e-9
