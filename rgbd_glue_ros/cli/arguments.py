@@ -228,8 +228,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
     Raises:
         InputError: the calibration cannot be read, or a parameter is not known or allowed.
     """
-    from rgbd_glue_ros.recordings import Topics, load_calibration, open_recording
-    from rgbd_glue_ros.recordings.calibration import read_calibration
+    from rgbd_glue_ros.recordings import Topics, open_recording, read_calibration
 
     topics = Topics(
         args.color_topic,
@@ -245,7 +244,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         calibration=read_calibration(args.calibration) if args.calibration else None,
         inputs=inputs(args),
         depth_calibration=(
-            load_calibration(args.depth_calibration) if args.depth_calibration else None
+            read_calibration(args.depth_calibration) if args.depth_calibration else None
         ),
     )
 

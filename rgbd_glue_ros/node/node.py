@@ -53,7 +53,7 @@ from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.node.viewer import NodeViewer
 from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_pose
-from rgbd_glue_ros.odometry.gyroscope import explain_distrust
+from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.registration.glue import Glue
@@ -256,7 +256,7 @@ class OdometryNode(LoggedNode):
             starts = self._odometry.state is TrackingState.INITIALIZING
             estimate = self._odometry.track(frame, T_guess_camera)
             if starts and estimate.T_odom_camera is not None:
-                up = self._odometry.inertial.up(frame.stamp_ns)
+                up = self._odometry.up(frame.stamp_ns)
                 extrinsics = self._extrinsics.level(up) or extrinsics
             pose = self._outputs.publish(estimate, extrinsics, frame, T_guess_child)
         except InputError as fault:
@@ -269,8 +269,8 @@ class OdometryNode(LoggedNode):
             if self.monitor.is_news("a frame", repr(error)):
                 logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
             return
-        self.monitor.learnt(self._odometry.inertial.calibration)
-        self._say_once("imu", explain_distrust(self._odometry.inertial.gyroscope))
+        self.monitor.learnt(self._odometry.imu_calibration)
+        self._say_once("imu", explain_distrust(self._odometry.imu_calibration))
         why = explain_no_pose(estimate, self._config.camera)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
         self._announce(state_before, estimate, why)

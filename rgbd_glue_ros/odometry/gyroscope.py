@@ -163,13 +163,3 @@ class Gyroscope:
             covariance=kept @ self.covariance @ kept.T + gain @ noise @ gain.T + walk,
             doubt=doubt,
         )
-
-
-def explain_distrust(gyroscope: Gyroscope) -> str | None:
-    """Why a gyroscope is not used; None where it is."""
-    if gyroscope.is_trusted:
-        return None
-    return (
-        "the gyroscope turns otherwise than the images do, and is not used until it turns as they "
-        "do: check how the IMU is turned in the camera (imu_pose, TF), and its stamps"
-    )

@@ -29,6 +29,7 @@ from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
+    ImuCalibration,
     ImuSamples,
     OdometryEstimate,
     PoseGraphEdge,
@@ -60,7 +61,7 @@ class Odometry(Closing):
         self._background.close()
 
     def reconfigure(self, config: Config) -> None:
-        """Goes on by other parameters, of which ``config.fixed_because`` says none is fixed."""
+        """Uses other parameters from the next frame on; fixed ones must be as before."""
         self._config = config
         self._glue.reconfigure(config)
         self._map.reconfigure(config)
@@ -83,9 +84,13 @@ class Odometry(Closing):
         self._inertial = self._inertial.with_samples(samples)
 
     @property
-    def inertial(self) -> Inertial:
-        """What is known by the IMU: bias, time offset, the samples."""
-        return self._inertial
+    def imu_calibration(self) -> ImuCalibration:
+        """What was learnt of the IMU so far, and what it is used for."""
+        return self._inertial.calibration
+
+    def up(self, stamp_ns: int) -> Float64 | None:
+        """The unit vector [3] away from the earth, in the optical frame; None if unknown."""
+        return self._inertial.up(stamp_ns)
 
     @property
     def state(self) -> TrackingState:
