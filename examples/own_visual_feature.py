@@ -1,4 +1,4 @@
-"""A visual feature of one's own, AKAZE: python examples/own_visual_feature.py bags/living_room."""
+"""A custom visual feature, AKAZE: python examples/own_visual_feature.py bags/living_room."""
 
 import sys
 from pathlib import Path
@@ -31,7 +31,6 @@ class Akaze:
 
 glue.add_visual_feature("akaze", Akaze)
 if __name__ == "__main__":
-    preset = glue.load_preset("live")
-    odometry = glue.Odometry(glue.with_values(preset, {"features.visual": "akaze"}))
-    with glue.open_recording(Path(sys.argv[1])) as recording:
+    config = glue.with_values(glue.load_preset("live"), {"features.visual": "akaze"})
+    with glue.open_recording(Path(sys.argv[1])) as recording, glue.Odometry(config) as odometry:
         print([odometry.process(frame).state.value for frame in recording])
