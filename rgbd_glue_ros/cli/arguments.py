@@ -222,8 +222,14 @@ def sources(args: argparse.Namespace) -> list[Path]:
     return recordings(args.recordings, split(args.only) if args.only else None)
 
 
-def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
+def opener(
+    args: argparse.Namespace, inputs: InputConfig | None = None
+) -> Callable[[Path], Recording]:
     """Opens recordings as the arguments say, in this process or another.
+
+    Args:
+        args: of the command.
+        inputs: how images are read; None as ``--set`` and the options say.
 
     Raises:
         InputError: the calibration cannot be read, or a parameter is not known or allowed.
@@ -242,7 +248,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         open_recording,
         topics=topics,
         calibration=read_calibration(args.calibration) if args.calibration else None,
-        inputs=inputs(args),
+        inputs=inputs or inputs_of(args),
         depth_calibration=(
             read_calibration(args.depth_calibration) if args.depth_calibration else None
         ),
@@ -271,7 +277,7 @@ def config(args: argparse.Namespace) -> Config:
     return with_values(load_preset(args.preset), of_method)
 
 
-def inputs(args: argparse.Namespace) -> InputConfig:
+def inputs_of(args: argparse.Namespace) -> InputConfig:
     """What ``--set`` and the options change of how images are read.
 
     Raises:

@@ -25,6 +25,7 @@ PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # Everybody can write to the folder of the locks: what lies there in place of a file is left alone.
 _LOCK_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 # What the node logs where it cannot use what it was given.
+_WARNING = re.compile(r"\[(?:WARN|ERROR)\].*?\]: (?P<text>.*)")
 _REFUSAL = re.compile(r"\[FATAL\].*?\]: (?P<cause>.+?); (?P<remedy>.+)")
 # How long the node may take to end after it was told to: it finishes the frame in work.
 STOP_S = 10.0
@@ -175,6 +176,12 @@ class NodeProcess:
         code = self._process.poll()
         ended = "" if code is None else f"exit code {code}, "
         return f"{ended}last line: {self.lines[-1] if self.lines else 'none'}"
+
+    @property
+    def last_warning(self) -> str:
+        """What it warned of last; "" if it has not."""
+        warnings = [found["text"] for line in self.lines if (found := _WARNING.search(line))]
+        return warnings[-1] if warnings else ""
 
     def check_refusal(self) -> None:
         """Passes on why it ended, where that was what it was given.
