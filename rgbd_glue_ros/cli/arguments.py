@@ -206,7 +206,9 @@ def add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
     parser.add_argument(
         "--preset",
         default=preset,
-        help="preset to start from: live or paper (default: %(default)s)",
+        metavar="PRESET",
+        help="what to start from: live, paper, or a YAML file of parameters, such as the "
+        "params.yaml of an earlier run (default: %(default)s)",
     ).completer = _presets  # type: ignore[attr-defined]
     add_set(parser)
 
@@ -270,11 +272,13 @@ def config(args: argparse.Namespace) -> Config:
     Raises:
         InputError: there is no such preset or parameter, or a value is not allowed.
     """
-    from rgbd_glue_ros.parameters import InputConfig, load_preset, with_values
+    from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, load_yaml, with_values
 
     of_inputs, of_method = _assigned(args)
     with_values(InputConfig(), of_inputs)
-    return with_values(load_preset(args.preset), of_method)
+    file = _preset_file(args)
+    preset = load_yaml(file, Config()) if file else load_preset(args.preset)
+    return with_values(preset, of_method)
 
 
 def inputs_of(args: argparse.Namespace) -> InputConfig:
@@ -283,13 +287,20 @@ def inputs_of(args: argparse.Namespace) -> InputConfig:
     Raises:
         InputError: a parameter is not known, or a value not allowed.
     """
-    from rgbd_glue_ros.parameters import Config, InputConfig, with_values
+    from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
 
     of_inputs, of_method = _assigned(args)
     with_values(Config(), of_method)
     if args.depth_scale is not None:
         of_inputs["depth_scale"] = args.depth_scale
-    return with_values(InputConfig(), of_inputs)
+    file = _preset_file(args)
+    return with_values(load_yaml(file, InputConfig()) if file else InputConfig(), of_inputs)
+
+
+def _preset_file(args: argparse.Namespace) -> Path | None:
+    """The file that ``--preset`` names; None where it is a name, or the command has none."""
+    preset = Path(vars(args).get("preset", ""))
+    return preset if preset.suffix in (".yaml", ".yml") else None
 
 
 def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:

@@ -22,7 +22,7 @@ from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.parameters import Config, load_preset
 from rgbd_glue_ros.refinement.model import blend
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
@@ -47,12 +47,13 @@ class Odometry(Closing):
     """Turns RGB-D frames into poses T_odom_camera.
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: one
-    thread calls. It has one thread of its own, which ``close`` or the end of a ``with`` ends.
-    A ``Glue`` of the same configuration may be given to it, else it makes one.
+    thread calls. It has one thread of its own, which ``close`` or the end of a ``with`` ends. By
+    default it has the preset ``live``, and makes a ``Glue`` of its configuration itself.
     """
 
-    def __init__(self, config: Config, glue: Glue | None = None) -> None:
-        self._config, self._glue = config, glue or Glue(config)
+    def __init__(self, config: Config | None = None, glue: Glue | None = None) -> None:
+        self._config = config or load_preset("live")
+        self._glue = glue or Glue(self._config)
         self._background = BackgroundThread()
         self.reset()
 
@@ -126,9 +127,10 @@ class Odometry(Closing):
             of one that starts anew, which is one already.
 
         Raises:
-            InputError: the frame is not later than the one before, or the guess is no pose. Nothing
-                else raises: an image that shows nothing gives an estimate without a pose.
+            InputError: the frame is not later than the one before, the guess is no pose, or the
+                odometry was closed. An image that shows nothing gives an estimate without a pose.
         """
+        self._background.check_open()
         if T_guess_camera is not None:
             check_guess(T_guess_camera)
         self.update_map()
