@@ -91,7 +91,7 @@ def test_frames_are_compared_by_identity_and_can_be_kept_in_sets() -> None:
 
 def test_a_matrix_in_place_of_intrinsics_is_refused_with_what_to_give() -> None:
     with pytest.raises(
-        InputError, match=r"intrinsics are .*\[3, 3\]; give CameraIntrinsics\(width"
+        InputError, match=r"intrinsics: are .*\[3, 3\]; give CameraIntrinsics\(width"
     ):
         RgbdFrame(0, COLOR, DEPTH, CAMERA.matrix)  # type: ignore[arg-type]
 
