@@ -19,7 +19,7 @@ from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
 from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
 from rgbd_glue_ros.refinement.model import Mask, pyramid
-from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows
+from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows, squared_sigmas
 from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
 from rgbd_glue_ros.types import Float64
 
@@ -208,11 +208,8 @@ def _contradicting(of_level: LevelProblem, pose: Refinement) -> LevelProblem:
 def _agreeing_planes(of_level: LevelProblem, T: Float64) -> Mask:
     """Which planes agree with a pose."""
     rows = plane_rows(T, of_level)
-    # the weight is that of Cauchy, divided by the variance of the residual
-    weighted = rows.weight * rows.residual**2
-    squared = weighted / (1 - weighted / of_level.plane_cauchy**2)
     agrees = np.zeros(len(of_level.points), np.bool_)
-    agrees[rows.point[squared < AGREEING_SIGMAS**2]] = True
+    agrees[rows.point[squared_sigmas(rows, of_level) < AGREEING_SIGMAS**2]] = True
     return agrees
 
 

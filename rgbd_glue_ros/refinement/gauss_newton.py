@@ -23,6 +23,11 @@ from rgbd_glue_ros.refinement.match_residuals import add_matches
 from rgbd_glue_ros.refinement.model import LEVELS, Model, pyramid
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
+    IMAGE_BRIGHTNESS,
+    JACOBIAN,
+    POINT,
+    RESIDUAL,
+    WEIGHT,
     PlaneCounts,
     pixel_residuals,
     plane_residuals,
@@ -235,7 +240,7 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
     pixels = _add_pixels(T, problem, affine_brightness, H, g)
     table, planes = plane_residuals(T, problem)
     for i in range(len(table)):
-        _add(table[i], table[i, 1], H, g)
+        _add(table[i], table[i, WEIGHT], H, g)
     add_matches(T, problem, H, g)
     for a in range(6):
         for b in range(a):
@@ -247,9 +252,9 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
 def _add(row: Float64, w: float, H: Float64, g: Float64) -> None:
     """Adds the terms of a row of residuals to g and to the upper half of H."""
     for a in range(6):
-        g[a] += w * row[2] * row[3 + a]
+        g[a] += w * row[RESIDUAL] * row[JACOBIAN + a]
         for b in range(a, 6):
-            H[a, b] += w * row[3 + a] * row[3 + b]
+            H[a, b] += w * row[JACOBIAN + a] * row[JACOBIAN + b]
 
 
 @compiled
@@ -263,8 +268,9 @@ def _add_pixels(
     seen, spread = len(table), 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
     for i in range(seen):
-        w, x, y = table[i, 1], table[i, 10], brightness[int(table[i, 0])]
-        spread += min(abs(table[i, 2]), AGREEING_SIGMAS * sigma)
+        w = table[i, WEIGHT]
+        x, y = table[i, IMAGE_BRIGHTNESS], brightness[int(table[i, POINT])]
+        spread += min(abs(table[i, RESIDUAL]), AGREEING_SIGMAS * sigma)
         sw += w
         sx += w * x
         sy += w * y
