@@ -164,8 +164,9 @@ def without_anything(model: Model) -> Model:
     """The model with no plane and no pixel."""
     rows, numbers = np.empty((0, 3)), np.empty(0)
     return Model(
-        Planes(rows, rows, rows, numbers),
-        (Pixels(rows, numbers, rows, numbers),) * len(model.pixels),
+        Planes(points=rows, normals=rows, velocity=rows, row_time=numbers),
+        (Pixels(points=rows, brightness=numbers, velocity=rows, row_time=numbers),)
+        * len(model.pixels),
     )
 
 
