@@ -17,8 +17,8 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem, is_near
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
-from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
-from rgbd_glue_ros.refinement.model import Mask, pyramid
+from rgbd_glue_ros.refinement.level_problem import LevelProblem
+from rgbd_glue_ros.refinement.model import LEVELS, Mask
 from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows, squared_sigmas
 from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
 from rgbd_glue_ros.types import Float64
@@ -68,11 +68,8 @@ def find_alternative(
     """
     if not is_contradicted(pose):
         return None
-    images = pyramid(problem.view.grey, 1 + max(COARSE_LEVELS))
-    levels = [
-        (level, level_problem(problem.model, images[level], level, problem.view, problem.config))
-        for level in COARSE_LEVELS
-    ]
+    images_alone = problem.without_matches()
+    levels = [(level, images_alone.at_level(level)) for level in COARSE_LEVELS]
     rest = [(level, _contradicting(of_level, pose)) for level, of_level in levels]
     predicted = problem.predicted.T_track_camera
     starts = [pose.T_model_source]
@@ -106,8 +103,8 @@ def preferred(
     """
     brightness = pose.affine_brightness
     kept = []
-    for level, image in enumerate(pyramid(problem.view.grey)):
-        at = level_problem(problem.model, image, level, problem.view, problem.config)
+    for level in range(LEVELS):
+        at = problem.at_level(level)
         own, other = alternative.T_track_camera, pose.T_model_source
         if level == 0:
             kept.append(_agreeing_planes(at, own) | ~_agreeing_planes(at, other))

@@ -16,15 +16,14 @@ import numpy as np
 
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import DAMPING, Refinement, damped
-from rgbd_glue_ros.refinement.level_problem import level_problem
-from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     normal_equations,
     pixel_rows,
     plane_rows,
 )
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64
 
 # Bands of rows: each sees of the scene what fixes a pose.
 _BANDS = 3
@@ -59,22 +58,17 @@ class BandAgreement:
         count = self.residuals_per_independent_one(config.residuals_per_independent_one)
         return replace(config, residuals_per_independent_one=count)
 
-    def after_frame(
-        self, refinement: Refinement, model: Model, source: View, config: RefineConfig
-    ) -> BandAgreement:
+    def after_frame(self, refinement: Refinement, problem: RefinementProblem) -> BandAgreement:
         """What is known after a frame.
 
         Args:
             refinement: the frame's pose in the model.
-            model: which it was refined against.
-            source: the frame.
-            config: weights of the residuals.
+            problem: what it was refined by.
         """
-        T = refinement.T_model_source
-        problem = level_problem(model, source.grey, 0, source, config)
+        T, finest = refinement.T_model_source, problem.at_level(0)
         rows = (
-            plane_rows(T, problem),
-            pixel_rows(T, problem, refinement.affine_brightness),
+            plane_rows(T, finest),
+            pixel_rows(T, finest, refinement.affine_brightness),
         )
         excess = disagreement(rows)
         if excess is None:

@@ -17,10 +17,10 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.level_problem import NO_MATCHES, LevelProblem, level_problem
+from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.match_residuals import add_matches
-from rgbd_glue_ros.refinement.model import LEVELS, Model, pyramid
+from rgbd_glue_ros.refinement.model import LEVELS
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
     IMAGE_BRIGHTNESS,
@@ -32,7 +32,7 @@ from rgbd_glue_ros.refinement.residuals import (
     pixel_residuals,
     plane_residuals,
 )
-from rgbd_glue_ros.types import Correspondences, Float64, View
+from rgbd_glue_ros.types import Float64
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 # A step shorter than this, in metres and radians, ends the search; at the levels before the last
@@ -89,33 +89,25 @@ class Refinement:
 
 def refine(
     T_model_source: Float64,
-    model: Model,
-    source: View,
-    config: RefineConfig,
+    problem: RefinementProblem,
     levels: Sequence[int] = COARSE_TO_FINE,
     affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
-    matches: Correspondences = NO_MATCHES,
 ) -> Refinement:
     """Refines a pose by Gauss-Newton, coarse to fine.
 
     Args:
         T_model_source: start, float64 [4, 4].
-        model: planes and pixels.
-        source: the frame whose pose it is.
-        config: steps at each level (0 only evaluates the start) and weights.
+        problem: what it is refined by.
         levels: of the pyramid to take the steps at; the result is evaluated at the last.
         affine_brightness: as of ``Refinement``, as far as it is known.
-        matches: visual ones that hold the pose too, between the frame and the model.
     """
-    images = pyramid(source.grey, max(levels) + 1)
+    *coarse, final = levels
+    steps = problem.config.iterations
     T, brightness = T_model_source, np.array(affine_brightness)
-    for level in levels[:-1]:
-        problem = level_problem(model, images[level], level, source, config, matches)
-        descent = _descend(T, problem, brightness, config.iterations, _NEAR_ENOUGH)
+    for level in coarse:
+        descent = _descend(T, problem.at_level(level), brightness, steps, _NEAR_ENOUGH)
         T, brightness = descent.T, descent.next_affine_brightness
-    final = levels[-1]
-    problem = level_problem(model, images[final], final, source, config, matches)
-    return _refinement(_descend(T, problem, brightness, config.iterations, _CONVERGED))
+    return _refinement(_descend(T, problem.at_level(final), brightness, steps, _CONVERGED))
 
 
 def refine_at(
@@ -134,15 +126,17 @@ def refine_at(
 
 
 def evaluate_pose(
-    T_model_source: Float64, model: Model, source: View, config: RefineConfig, level: int = 0
+    T_model_source: Float64, problem: RefinementProblem, level: int = 0
 ) -> Refinement:
-    """How well a model and a frame agree on a pose, at a level of the pyramid."""
-    image = pyramid(source.grey, level + 1)[level]
-    problem = level_problem(model, image, level, source, config)
+    """How well planes and pixels agree with a pose, at a level of the pyramid.
+
+    Matches hold a search; of how well the images agree they say nothing.
+    """
+    of_level = problem.without_matches().at_level(level)
     # brightness is compared under the gain and bias that the first look finds
-    first = _linearise(T_model_source, problem, np.array(START_BRIGHTNESS))
+    first = _linearise(T_model_source, of_level, np.array(START_BRIGHTNESS))
     brightness = first.pixels.next_affine_brightness
-    return _refinement(_descend(T_model_source, problem, brightness, 0, _CONVERGED))
+    return _refinement(_descend(T_model_source, of_level, brightness, 0, _CONVERGED))
 
 
 def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +24,7 @@ from rgbd_glue_ros.geometry.motion_compensation import (
     seconds_after_color,
 )
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px, widened_px
+from rgbd_glue_ros.refinement.image_pyramid import ImagePyramid
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
 Mask = NDArray[np.bool_]
@@ -139,9 +139,8 @@ def model_of(view: View, grid_step: int) -> Model:
         view: the frame.
         grid_step: spacing of the planes in an image of 640x480, pixels.
     """
-    pixels = tuple(
-        _textured_pixels(image, level, view) for level, image in enumerate(pyramid(view.grey))
-    )
+    images = ImagePyramid(view.grey)
+    pixels = tuple(_textured_pixels(images.at_level(level), level, view) for level in range(LEVELS))
     return Model(_planes(view, spacing_px(view, grid_step)), pixels)
 
 
@@ -161,14 +160,6 @@ def blend(models: Sequence[Model]) -> Model:
         blended([model.planes for model in models]),
         tuple(blended([model.pixels[level] for model in models]) for level in range(LEVELS)),
     )
-
-
-def pyramid(grey: UInt8, levels: int = LEVELS) -> list[UInt8]:
-    """The image and smaller ones, each half the size of the one before."""
-    images = [grey]
-    for _ in range(levels - 1):
-        images.append(np.asarray(cv2.pyrDown(images[-1]), np.uint8))
-    return images
 
 
 def _planes(view: View, grid_step: int) -> Planes:

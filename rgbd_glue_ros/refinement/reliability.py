@@ -15,20 +15,17 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
-from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
-from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.level_problem import LevelProblem
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import Rows, plane_rows
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64
 
 
 def without_feigned(
     refinement: Refinement,
     T_expected: Float64,
-    model: Model,
-    source: View,
-    config: RefineConfig,
+    problem: RefinementProblem,
     reach: float,
 ) -> Refinement:
     """A refined pose whose information has nothing of what is feigned in its weakest direction.
@@ -39,9 +36,7 @@ def without_feigned(
     Args:
         refinement: the pose.
         T_expected: the pose before the images were looked at, float64 [4, 4].
-        model: which it was refined against.
-        source: the frame.
-        config: weights of the residuals.
+        problem: what it was refined by.
         reach: how far from the pose, metres and radians, it is of interest whether residuals
             change. A pose that is better known than that is left as it is.
     """
@@ -50,10 +45,10 @@ def without_feigned(
     A, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))
     eigenvalues, directions = np.linalg.eigh(A.T @ H @ A)
     weakest = A @ directions[:, 0]
-    if eigenvalues[0] * reach**2 > config.residuals_per_independent_one or not eigenvalues[0] > 0:
+    as_one = problem.config.residuals_per_independent_one
+    if eigenvalues[0] * reach**2 > as_one or not eigenvalues[0] > 0:
         return refinement
-    problem = level_problem(model, source.grey, 0, source, config)
-    feigned = min(_feigned(T, weakest, reach, problem) / eigenvalues[0], 1.0)
+    feigned = min(_feigned(T, weakest, reach, problem.at_level(0)) / eigenvalues[0], 1.0)
     if feigned >= 1 / 2:
         feigned = 1.0
         gone = float(directions[:, 0] @ to_camera @ se3.log(T @ se3.inverse(T_expected)))

@@ -14,17 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
-from rgbd_glue_ros.refinement.level_problem import level_problem
-from rgbd_glue_ros.refinement.model import Model, pyramid
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     extended_normal_equations,
     pixel_rows,
     plane_rows,
 )
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64
 
 # The velocity of a camera that no distortion shows: faster than any.
 _UNSEEN_SPEED = 100.0
@@ -44,26 +42,19 @@ class TwistMeasurement:
 
 
 def twist_from_distortion(
-    refinement: Refinement,
-    model: Model,
-    source: View,
-    config: RefineConfig,
-    level: int,
+    refinement: Refinement, problem: RefinementProblem, level: int
 ) -> TwistMeasurement:
     """The velocity of the camera that takes a frame, whatever the pose.
 
     Args:
         refinement: the frame's pose in the model.
-        model: which it was refined against.
-        source: the frame as it was refined, with the velocity where the search starts.
-        config: weights of the residuals.
+        problem: what it was refined by; its view has the velocity where the search starts.
         level: of the pyramid.
     """
-    T = refinement.T_model_source
-    image = pyramid(source.grey, level + 1)[level]
-    problem = level_problem(model, image, level, source, config)
-    planes = plane_rows(T, problem)
-    pixels = pixel_rows(T, problem, refinement.affine_brightness)
+    T, source, config = refinement.T_model_source, problem.view, problem.config
+    of_level = problem.at_level(level)
+    planes = plane_rows(T, of_level)
+    pixels = pixel_rows(T, of_level, refinement.affine_brightness)
     H, g = _pose_and_twist(planes, source.depth_delay + planes.row_time * source.readout_time)
     H_pixels, g_pixels = _pose_and_twist(pixels, pixels.row_time * source.readout_time)
     H, g = marginalise_pose(H + H_pixels, g + g_pixels)

@@ -12,6 +12,7 @@ from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.reliability import without_feigned
 from rgbd_glue_ros.types import Float64, View
 
@@ -21,9 +22,9 @@ REACH = 0.03
 
 def evaluated(before: View, now: View, T: Float64) -> tuple[Refinement, Refinement]:
     """A pose before and after what is feigned was taken out, where the start was expected."""
-    model = model_of(before, CONFIG.grid_step)
-    pose = evaluate_pose(T, model, now, CONFIG)
-    return pose, without_feigned(pose, np.eye(4), model, now, CONFIG, REACH)
+    problem = RefinementProblem(model_of(before, CONFIG.grid_step), now, CONFIG)
+    pose = evaluate_pose(T, problem)
+    return pose, without_feigned(pose, np.eye(4), problem, REACH)
 
 
 def test_a_pose_that_the_images_fix_is_left_as_it_is() -> None:
