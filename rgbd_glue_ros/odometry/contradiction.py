@@ -23,8 +23,8 @@ from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows, squar
 from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
 from rgbd_glue_ros.types import Float64
 
-# Three standard deviations reach an alternative that this part of the evidence is for: what less
-# speaks for is beyond them, and is not looked for.
+# ``doubt`` adds an alternative's share times its squared distance to the covariance of a pose. With
+# this share it is three standard deviations away; with less it is farther, and not looked for.
 _SUBSTANTIAL = 1 / 9
 
 
@@ -43,7 +43,7 @@ class Alternative:
 
     @property
     def is_larger(self) -> bool:
-        """Whether more of the surface agrees with it than with the pose that it is beside."""
+        """Whether more of the surface agrees with it than with the pose that it contradicts."""
         return self.share > 1 / 2
 
 
@@ -55,7 +55,7 @@ def is_contradicted(pose: Refinement) -> bool:
 def find_alternative(
     problem: PoseProblem, pose: Refinement, before: Alternative | None, config: OdometryConfig
 ) -> Alternative | None:
-    """The pose that what contradicts a pose agrees on.
+    """The other pose that a part of the frame agrees on, which contradicts the one believed.
 
     Args:
         problem: the frame, and what its pose was refined by.
@@ -156,8 +156,8 @@ def _coherent(
 ) -> Float64 | None:
     """The pose that what contradicts another one agrees on; None if it does not agree.
 
-    Of any noise some part agrees with some pose. So more of the rest has to agree than of all that
-    a pose is believed by: half of what may disagree there.
+    Some part of any noise agrees with some pose. So more has to agree here than with a pose that is
+    believed by all that is seen: only half as much may disagree.
 
     Args:
         rest: each level, coarse to fine, and what contradicts there.

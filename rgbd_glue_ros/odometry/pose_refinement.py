@@ -19,7 +19,7 @@ from rgbd_glue_ros.refinement.gauss_newton import (
     refine,
 )
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.reliability import without_feigned
+from rgbd_glue_ros.refinement.reliability import without_spurious_information
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
 from rgbd_glue_ros.types import Float64
 
@@ -83,9 +83,9 @@ class PoseProblem(RefinementProblem):
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
     def reliable(self, estimate: PoseEstimate, config: OdometryConfig) -> PoseEstimate:
-        """An estimate without what the images only seem to say, to where another search starts."""
+        """An estimate without spurious information, as far as where another search starts."""
         expected, reach = self.predicted.T_track_camera, config.surprise_translation
-        left = without_feigned(estimate.refinement, expected, self, reach)
+        left = without_spurious_information(estimate.refinement, expected, self, reach)
         return replace(estimate, refinement=left)
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:

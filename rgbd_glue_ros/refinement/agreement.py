@@ -1,4 +1,4 @@
-"""How far the parts of an image agree on a pose: what its residuals do not show by their number.
+"""How many residuals count as one, seen from how far the parts of an image agree on a pose.
 
 Thousands of residuals would make a pose exact to micrometres, were they independent. They are not:
 a lens or a registration that is a little off, or noise that neighbours share, moves whole parts of
@@ -29,19 +29,19 @@ from rgbd_glue_ros.types import Float64
 _BANDS = 3
 # Frames that are remembered; a camera's faults change with the scene, and not at once.
 _MEMORY = 30
-# What is expected of a camera counts as much as so many of them, until they are seen.
+# What is expected of a camera before it is seen counts as much as this many frames.
 _EXPECTATION = 1
-# What the bands have in common, as the pose and the faults of the model, no disagreement shows. It
-# is this many times as much, in squares, over all sequences of docs/benchmarks.md.
+# Errors that all bands share, as those of the model, show in no disagreement. Their squares are
+# this many times those that it shows, over all sequences of docs/benchmarks.md.
 _IN_COMMON = 50.0
 
 
 @dataclass(frozen=True)
 class BandAgreement:
-    """What is known of it from some frames.
+    """How far the bands of a camera's images agree, by the frames looked at so far.
 
     Attributes:
-        frames: that were looked at, those remembered at most.
+        frames: how many these are, at most as many as are remembered.
         log_excess: mean logarithm of their Q per degree of freedom.
     """
 
@@ -49,12 +49,12 @@ class BandAgreement:
     log_excess: float = 0.0
 
     def residuals_per_independent_one(self, expected: float) -> float:
-        """How many residuals count as one; ``expected`` before a frame was looked at."""
+        """How many residuals count as one; ``expected`` as long as no frame was looked at."""
         seen = self.frames / (self.frames + _EXPECTATION)
         return exp(seen * (log(_IN_COMMON) + self.log_excess) + (1 - seen) * log(expected))
 
     def applied_to(self, config: RefineConfig) -> RefineConfig:
-        """The parameters with as many residuals for one as that; theirs are what is expected."""
+        """The parameters with that number of residuals as one; their own is what is expected."""
         count = self.residuals_per_independent_one(config.residuals_per_independent_one)
         return replace(config, residuals_per_independent_one=count)
 

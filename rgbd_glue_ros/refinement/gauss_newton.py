@@ -35,14 +35,14 @@ from rgbd_glue_ros.refinement.residuals import (
 from rgbd_glue_ros.types import Float64
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
-# A step shorter than this, in metres and radians, ends the search; at the levels before the last
-# one, which only have to find the next one's start, a longer one does.
+# The last level ends with a step shorter than this, metres and radians. Those before it only have
+# to find a start for the next one, and end with a longer step.
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
-# Keeps a direction that neither planes nor pixels see where the start put it.
+# Added to the Hessian: in a direction that neither planes nor pixels see, the pose stays as it was.
 DAMPING = 100.0
 # Grey levels, in a well-lit image: brightness is not believed to agree more closely.
 _LEAST_DEVIATION = 2.0
-# What is assumed of the light before anything is compared.
+# Gain, bias and standard deviation that are assumed before any brightness is compared.
 START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
 
@@ -56,7 +56,8 @@ class Refinement:
         planes_seen: planes that project onto known depth; at level l, of every 2^l-th.
         planes_agreeing: those that lie where the depth image has them.
         planes_occluded: those that something nearer hides.
-        pixels_seen: pixels of the level judged at inside the image, where no other surface is.
+        pixels_seen: pixels that project into the image and are not occluded, of the level that
+            the pose is evaluated at.
         brightness_correlation: of their brightness in the model and in the image, from -1 to 1.
         affine_brightness: float64 [3], gain and bias from the image's brightness to the model's,
             and the standard deviation of what is left.

@@ -1,4 +1,4 @@
-"""A model and a frame at one level of the pyramid: all that residuals are made of but the pose."""
+"""A model and a frame at a level of the pyramid: all that residuals depend on besides the pose."""
 
 from __future__ import annotations
 

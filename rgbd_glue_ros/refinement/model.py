@@ -147,8 +147,8 @@ def model_of(view: View, grid_step: int) -> Model:
 def blend(models: Sequence[Model]) -> Model:
     """One model of several that are in the same frame, of the size of one of them.
 
-    Takes every n-th plane and pixel of n models: to be refined against more keyframes costs
-    nothing, and averages what is wrong with each.
+    Takes every n-th plane and pixel of n models: to refine against more keyframes costs no more,
+    and averages their errors.
     """
     every = slice(None, None, len(models))
 

@@ -13,8 +13,8 @@ from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.types import Correspondences, View
 
 NO_MATCHES = Correspondences.empty()
-# Of a match against a plane: a few times that of a pixel. So many hold a pose where planes and
-# pixels leave it open; where those fix it, they are more exact, and are many more.
+# Of a match against a plane, a few times that of a pixel: enough to hold a pose where planes and
+# pixels leave it open. Where they fix it, they are many more, and more exact.
 _MATCH_WEIGHT = 30.0
 _NO_IMAGES = ImagePyramid(np.empty((0, 0), np.uint8))
 

@@ -1,10 +1,10 @@
 """How fast the camera moves, from how one frame of it is distorted.
 
 The rows of a rolling shutter see the room from where the camera was when each was read, and so
-does depth that is taken later than colour. In the difference of two poses their jitter counts
-double and a change of speed shows late; the distortion has the speed of the very frame. As in
-visual odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is found
-along with the pose.
+does depth that is taken later than colour. The difference of two poses has the jitter of both, and
+shows a change of speed late; the distortion shows the speed at the frame itself. As in visual
+odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is found along
+with the pose.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rgbd_glue_ros.refinement.residual_rows import (
 )
 from rgbd_glue_ros.types import Float64
 
-# The velocity of a camera that no distortion shows: faster than any.
+# Standard deviation of a velocity that no distortion shows, m/s and rad/s: more than any camera's.
 _UNSEEN_SPEED = 100.0
 
 
@@ -34,7 +34,7 @@ class TwistMeasurement:
 
     Attributes:
         twist: float64 [6], linear and angular in the camera's frame (m/s, rad/s).
-        covariance: float64 [6, 6] of it; great where nothing is distorted.
+        covariance: float64 [6, 6] of it; large where nothing is distorted.
     """
 
     twist: Float64
@@ -73,7 +73,7 @@ def _pose_and_twist(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
 
     Args:
         rows: residuals.
-        seconds: float64 [N], when each was seen after the pose's own time: a velocity moves the
-            camera by as much of it.
+        seconds: float64 [N], how long after the time of the pose each was seen, and the velocity
+            has moved the camera.
     """
     return extended_normal_equations(rows, rows.jacobian * seconds[:, np.newaxis])

@@ -113,7 +113,10 @@ def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64,
 def _moves(
     rows: Rows, T: Float64, twist: Float64, velocity: Float64, row_time: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """How residuals change per second of the camera's way now and then, and of readout."""
+    """How residuals change per second of the camera's motion, now and then, and of readout time.
+
+    Now is when the frame was taken, and then when the model's points were seen.
+    """
     now = np.sum(rows.jacobian * (se3.adjoint(T) @ twist), axis=1)
     then = np.sum(rows.jacobian[:, :3] * velocity[rows.point], axis=1)
     return now, then, rows.row_time * now - row_time[rows.point] * then
