@@ -10,12 +10,8 @@ from rigs.room import room_view, true_pose
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
-from rgbd_glue_ros.odometry.contradiction import (
-    Alternative,
-    doubt,
-    find_alternative,
-    is_contradicted,
-)
+from rgbd_glue_ros.odometry.alternative import Alternative, find_alternative, is_contradicted
+from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
