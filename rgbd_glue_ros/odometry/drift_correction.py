@@ -20,6 +20,7 @@ from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 # The finest level costs half of the time and adds a digit that the anchor's own pose has not.
@@ -102,7 +103,8 @@ class DriftCorrection:
         """What one anchor says; None where it is not believed."""
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
-        found = refine(start, anchor.model, keyframe.features.view, config.refine, _LEVELS)
+        problem = RefinementProblem(anchor.model, keyframe.features.view, config.refine)
+        found = refine(start, problem, _LEVELS)
         if not is_conclusive(found, config.odometry):
             return None
         T_seen = anchor.T_odom_track @ found.T_model_source

@@ -205,7 +205,7 @@ class Odometry(Closing):
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
-        problem = PoseProblem(model, view, predicted, self._calibration.refine_config())
+        problem = PoseProblem(model, view, self._calibration.refine_config(), predicted=predicted)
         config, is_lost = self._config.odometry, self.state is TrackingState.LOST
         asked = sceptical(config) if is_lost else config
         tracked = track(problem, references, last, self._glue, self._background, asked)

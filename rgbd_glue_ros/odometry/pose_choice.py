@@ -32,8 +32,8 @@ _MOTION = 0.25
 # one pose is likely and the other is not.
 _DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
 _PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
-# Blur and haste leave some planes where they are not; where more than the others are, or matches
-# decide, there is nothing to look for. Poses were up to 29 cm off with 77 % of the planes agreeing.
+# Blur and haste put some planes where they are not. Where more than this part of them agrees, or
+# matches decide, no other pose is looked for. Poses were up to 29 cm off with 77 % agreeing.
 _CLEAR_AGREEMENT = 0.85
 
 
