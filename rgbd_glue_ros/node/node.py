@@ -166,7 +166,12 @@ class OdometryNode(LoggedNode):
         """Goes on by changed parameters, from the next frame on."""
         self._node_config = node_config
         self._outputs.reconfigure(node_config)
-        self._requests.put(lambda: self._odometry.reconfigure(config))
+        # with the odometry, so that a pose that is missing is explained by what it was missed with
+        self._requests.put(lambda: self._reconfigure(config))
+
+    def _reconfigure(self, config: cfg.Config) -> None:
+        self._config = config
+        self._odometry.reconfigure(config)
 
     # Services
 
