@@ -8,8 +8,6 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -22,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rgbd_glue_ros.errors import BAD_INPUT, InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memory
+from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.log import WITHOUT_FILE, PrintableLogger, explain_no_file
 
 # DDS tells of a node's topics before it tells its name.
@@ -129,25 +128,9 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
                 logger.exception("A callback failed; going on")
 
 
-class RunningNode(Protocol):
-    """A node that ends in order when it is left."""
-
-    def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault deserves a line in the log."""
-
-    def __enter__(self) -> RunningNode: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
-
-
 def run_node(
     name: str,
-    create: Callable[[Callable[[], None]], RunningNode],
+    create: Callable[[Callable[[], None]], BaseNode],
     args: list[str] | None,
     end_signals: EndSignals | None = None,
 ) -> int:

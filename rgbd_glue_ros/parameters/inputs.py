@@ -59,7 +59,7 @@ class InputConfig:
         HEADER,
         "Which stamps images are paired by: those in their headers, or those of their receipt (by "
         "the node, or by the recorder of a bag), for streams with different clocks. Images that "
-        "bear no stamp go by their receipt anyway.",
+        "bear no stamp go by their receipt anyway. The mapping node takes header alone.",
         choices=(HEADER, RECEIPT),
     )
     approx_sync: bool = read_once(

@@ -23,6 +23,7 @@ from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.fields import copy_fields
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.slam.map_file import read_map
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
@@ -177,6 +178,25 @@ def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
+
+
+@pytest.mark.slow
+def test_images_of_keyframes_are_as_small_as_those_of_the_odometry(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes, room = drifted()[:2], tmp_path / "room.rgbdmap"
+    width = recorded_frames()[0].intrinsics.width // 2
+    given = {**CHANGED, "max_width": width, "save_map_file": str(room)}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        session.wait_for_path_of(len(keyframes))
+        session.save()
+    assert [view.intrinsics.width for view in read_map(room).views] == [width, width]
 
 
 @pytest.mark.slow
