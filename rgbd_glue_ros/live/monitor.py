@@ -11,7 +11,7 @@ from enum import Enum
 
 import numpy as np
 
-from rgbd_glue_ros.live.fault_news import FaultNews
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     ImuCalibration,

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.camera_frame import explain_moved_camera
 from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics, robot_extrinsics
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
@@ -35,8 +36,7 @@ class NodeExtrinsics:
         self._looked_s = 0.0
         self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
         self._level: Extrinsics | None = None
-        self._said: set[str] = set()
-        self._moved: set[str] = set()
+        self._news = FaultNews()
         if config.guess_frame_id and not (config.frame_id and transforms):
             raise InputError(
                 "guess_frame_id",
@@ -111,8 +111,7 @@ class NodeExtrinsics:
             return
         T_now = self._transforms.lookup(self._config.frame_id, camera_frame, None, 0.0)
         moved = None if T_now is None else explain_moved_camera(T_robot_camera, T_now)
-        if moved is not None and camera_frame not in self._moved:
-            self._moved.add(camera_frame)
+        if moved is not None and self._news.is_news(camera_frame, "moves on the robot"):
             self._node.get_logger().warning(moved)
 
     def guess(self, stamp_ns: int) -> Float64 | None:
@@ -127,8 +126,7 @@ class NodeExtrinsics:
         wait_s = self._config.wait_for_transform
         found = self._transforms.lookup(target, source, stamp_ns, wait_s)
         what = f"from {source or 'images without a frame'} to {target}"
-        if found is None and what not in self._said:
-            self._said.add(what)
+        if found is None and self._news.is_news("TF", what):
             self._node.get_logger().error(
                 f"TF: there is no transform {what}, waited {wait_s} s (said once): see that "
                 "robot_state_publisher, static_transform_publisher or the odometry runs"

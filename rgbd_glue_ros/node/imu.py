@@ -12,6 +12,7 @@ from sensor_msgs.msg import Imu
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
@@ -51,7 +52,8 @@ class ImuInput:
         self._imu_frame = ""
         self._changed = threading.Condition()
         self._has_waited = False
-        self._said: set[str] = set()
+        self._is_used = False
+        self._news = FaultNews()
         # best effort hears every publisher, and of so many samples one may be lost
         qos = QoSProfile(depth=_MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(Imu, self.topic, self._receive, qos)
@@ -63,7 +65,8 @@ class ImuInput:
         try:
             reading = imu_reading(message, stamp, self.topic)
         except InputError as fault:
-            self._say_once(f"{fault} (said once)")
+            if self._news.is_news(fault.where, fault.cause):
+                self._node.get_logger().warning(f"{fault} (said once)")
             return
         with self._changed:
             if self._readings and stamp < self._readings[-1].stamp_ns - BACKWARD_JUMP_NS:
@@ -111,19 +114,17 @@ class ImuInput:
         if T_camera_imu is None and self._transforms is not None:
             T_camera_imu = self._transforms.lookup(camera_frame, imu_frame, None, 0.0)
         if T_camera_imu is None:
-            self._say_once(
-                f"{self.topic}: TF does not tell how {imu_frame or 'its frame without a name'} is "
-                f"turned in {camera_frame}, so the IMU is not used yet (said once): publish it, or "
-                "set imu_pose"
+            cause = (
+                f"TF does not tell how {imu_frame or 'its frame without a name'} is turned in "
+                f"{camera_frame}, so the IMU is not used yet"
             )
+            if self._news.is_news(self.topic, cause):
+                self._node.get_logger().warning(
+                    f"{self.topic}: {cause} (said once): publish it, or set imu_pose"
+                )
             return None
         self._found[camera_frame, imu_frame] = T_camera_imu
-        self._say_once(f"Turning with {self.topic}", is_fault=False)
+        if not self._is_used:
+            self._is_used = True
+            self._node.get_logger().info(f"Turning with {self.topic}")
         return T_camera_imu
-
-    def _say_once(self, line: str, *, is_fault: bool = True) -> None:
-        if line in self._said:
-            return
-        self._said.add(line)
-        logger = self._node.get_logger()
-        (logger.warning if is_fault else logger.info)(line)

@@ -10,7 +10,6 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_gaps,
@@ -21,6 +20,7 @@ from rgbd_glue_ros.live.input_faults import (
     explain_slowness,
 )
 from rgbd_glue_ros.live.monitor import Drop, Monitor
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
@@ -83,7 +83,7 @@ class NodeWatch:
         self._synchronizer = synchronizer
         self._before = self._counts()
         self._said: set[str] = set()
-        self._silences: set[str] = set()
+        self._silences = FaultNews()
 
     def start(self, inputs: Sequence[NodeInput]) -> None:
         """Watches subscriptions from now on."""
@@ -135,14 +135,12 @@ class NodeWatch:
         self._say_if_new("name", explain_namesakes(self._node))
         if now.matches > before.matches:
             self.silence = ""
-            self._silences.clear()
+            self._silences.forget()
             return
         backward = [c for c in Channel if 2 * (now.backward[c] - before.backward[c]) > received[c]]
         self.silence = self._explain_silence(inputs, received, backward)
-        # counts differ from look to look, and are no news; nor is a cause that comes again
-        kind = without_numbers(self.silence)
-        if kind not in self._silences:
-            self._silences.add(kind)
+        # counts differ from look to look, and are no news
+        if self._silences.is_news("silence", self.silence):
             self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {self.silence}")
 
     def _explain_silence(

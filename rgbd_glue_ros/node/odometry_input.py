@@ -13,6 +13,7 @@ from rclpy.node import Node
 
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.node.input_watch import LOOK_S
 from rgbd_glue_ros.node.inputs import publisher_words
 
@@ -48,7 +49,7 @@ class OdometryInput:
             take_edge: called with each edge between keyframes.
         """
         self._node = node
-        self._said: set[str] = set()
+        self._news = FaultNews()
         self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
         self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
         self._edge = self._subscribe(OdometryMessage, topics.KEYFRAME_EDGES, take_edge)
@@ -75,9 +76,8 @@ class OdometryInput:
         line = explain_no_keyframes(*map(self._seen, (self._pose, self._keyframe, self._edge)))
         self._pose.received_before = self._pose.received
         if line is None:
-            self._said.clear()
-        elif line not in self._said:
-            self._said.add(line)
+            self._news.forget()
+        elif self._news.is_news("keyframes", line):
             self._node.get_logger().warning(line)
 
     def _seen(self, of: _Subscribed) -> OdometryTopic:
