@@ -96,7 +96,10 @@ class MappingNode(BaseNode):
 
     def _finish(self) -> bool:
         """Finishes the keyframe in work."""
-        return self._worker.close(CLOSE_S)
+        has_ended = self._worker.close(CLOSE_S)
+        if has_ended:
+            self._input.close()
+        return has_ended
 
     def _take_parameters(self, config: cfg.NodeConfig, _: cfg.Config) -> None:
         self._config = config

@@ -118,6 +118,7 @@ class OdometryNode(BaseNode):
         has_ended = self._worker.close(CLOSE_S)
         self.get_logger().info(str(self.monitor.summary(time.monotonic_ns())))
         if has_ended:
+            self._input.close()
             self._odometry.close()
             self._viewer.close()
         return has_ended

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -23,7 +25,7 @@ ReceiveMatch = Callable[[Match[Any], int], None]
 """Takes complete messages, and when the last of them came, by the monotonic clock, nanoseconds."""
 
 
-class RgbdInput:
+class RgbdInput(Closing):
     """Subscribes to colour, depth and camera info, and makes frames of them.
 
     Attributes:
@@ -59,6 +61,7 @@ class RgbdInput:
             round(config.max_interval_s * NANOSECONDS), config.sync_queue_size
         )
         self._depth_camera = DepthCameraInput(node, config, transforms)
+        self._background = ThreadPoolExecutor(1, thread_name_prefix="depth")
         self._inputs: tuple[NodeInput, ...] = ()
         self.watch = NodeWatch(node, self.synchronizer, node.monitor, self._stamps, learned)
 
@@ -99,7 +102,12 @@ class RgbdInput:
         color, depth, info = self.topics
         names = FrameTopics(color, depth, info, self._depth_camera.topic)
         taken_by = self._depth_camera.of(match, names)
-        frame = frame_of_match(match, names, taken_by, self._config.metres_per_unit)
+        unit = self._config.metres_per_unit
+        frame = frame_of_match(match, names, taken_by, unit, self._background)
         frame = reduced(frame, self._config.max_width)
         self._node.monitor.width = frame.intrinsics.width
         return frame
+
+    def close(self) -> None:
+        """Ends the thread that decodes depth; ``frame`` is not to be called any more."""
+        self._background.shutdown()
