@@ -50,7 +50,7 @@ NODE_NAME = "rgbd_mapping"
 # Images kept until the odometry says which of them are keyframes: two seconds of a usual camera.
 MATCHES_KEPT = 60
 KEYFRAMES_WAITING = 100
-# What keyframes are compared by holds for the whole map.
+# All others are fixed: the keyframes of a map are comparable if one set of parameters made them.
 CHANGEABLE = ("save_map_file",)
 
 
@@ -77,7 +77,7 @@ class MappingNode(BaseNode):
         self._config.check_for_mapping()
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
-        self._map = LiveMap(config, _map_before(self._config))
+        self._map = LiveMap(config, _given_map(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
         self._matches: OrderedDict[int, Match[Any]] = OrderedDict()
@@ -133,7 +133,7 @@ class MappingNode(BaseNode):
         self._submit([*keyframes, *([] if late is None else [late])])
 
     def _submit(self, items: Sequence[NewKeyframe | PoseGraphEdge]) -> None:
-        """Leaves what came for the worker, as soon as its images are there."""
+        """Leaves keyframes and edges for the worker, in order, once their images are there."""
         self._waiting.extend(items)
         while self._waiting and not self._is_awaited(self._waiting[0]):
             item = self._waiting.popleft()
@@ -228,7 +228,7 @@ class MappingNode(BaseNode):
         self._path.publish(path)
 
     def _broadcast(self, pose: PoseStamped) -> None:
-        """Publishes map -> odom at the stamp of every pose, once it is known."""
+        """Publishes map -> odom at the stamp of a pose, once the transform is known."""
         T_map_odom = self._map.T_map_odom
         if self._broadcaster is not None and T_map_odom is not None:
             at_ns = stamp_ns(pose.header.stamp)
@@ -250,11 +250,11 @@ class MappingNode(BaseNode):
         return f"Subscribed to {subscribed}; publishing {published}"
 
 
-def _map_before(config: cfg.NodeConfig) -> SavedMap | None:
-    """The map to begin with, if one is given.
+def _given_map(config: cfg.NodeConfig) -> SavedMap | None:
+    """The map of ``map_file``, to begin with; None if no file is given.
 
     Raises:
-        InputError: it cannot be read, or there is none where one is needed.
+        InputError: the map cannot be read, or ``localize_only`` needs one and none is given.
     """
     if config.map_file:
         return read_map(expanded(config.map_file, "map_file"))
@@ -267,7 +267,7 @@ def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
     """The edge that ``NodeOutputs.publish_edge`` put into a message.
 
     Raises:
-        InputError: its pose or its covariance is none, or it is between no keyframes.
+        InputError: the pose or the covariance is none, or a frame's name is not that of a keyframe.
     """
     T = pose_from_message(message, topics.KEYFRAME_EDGES)
     parent, child = (

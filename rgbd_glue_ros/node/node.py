@@ -114,7 +114,7 @@ class OdometryNode(BaseNode):
         threading.Thread(target=self._warm_up, args=[glue], name="warm-up", daemon=True).start()
 
     def _finish(self) -> bool:
-        """Finishes the frame in work."""
+        """Finishes the frame in work, and logs what became of all."""
         has_ended = self._worker.close(CLOSE_S)
         self.get_logger().info(str(self.monitor.summary(time.monotonic_ns())))
         if has_ended:
@@ -129,10 +129,10 @@ class OdometryNode(BaseNode):
         return QueueWorker(self._process, self._node_config.sync_queue_size)
 
     def _take_parameters(self, node_config: cfg.NodeConfig, config: cfg.Config) -> None:
-        """Goes on by changed parameters, from the next frame on."""
+        """Lets changed parameters hold from the next frame on."""
         self._node_config = node_config
         self._outputs.reconfigure(node_config)
-        # with the odometry, so that a pose that is missing is explained by what it was missed with
+        # both on the worker's thread: what explains a missing pose are the limits it was missed by
         self._requests.put(lambda: self._reconfigure(config))
 
     def _reconfigure(self, config: cfg.Config) -> None:
@@ -187,7 +187,7 @@ class OdometryNode(BaseNode):
             self._worker.submit(_Arrival(match, arrived_ns))
 
     def _is_too_soon(self, stamp_ns: int) -> bool:
-        """Whether a frame is to be left out for ``max_update_rate``."""
+        """Whether a frame comes sooner than ``max_update_rate`` allows, so that it is left out."""
         if self._last_taken_ns is None or self._node_config.max_update_rate <= 0:
             return False
         period_ns = NANOSECONDS / self._node_config.max_update_rate
@@ -272,7 +272,7 @@ class OdometryNode(BaseNode):
         return is_keyframe
 
     def _reset_if_other_camera(self, frame: RgbdFrame) -> None:
-        """Starts anew, with a place of its own, when the images are of another camera."""
+        """Starts anew, and looks up where the camera is, when the images are of another camera."""
         before = self._camera_frame.changes_to(frame.frame_id)
         if before is None:
             return

@@ -79,7 +79,12 @@ class NodeConfig(InputConfig):
         minimum=0,
         maximum=2,
     )
-    qos_camera_info: int = read_once(0, "The same for the camera info.", minimum=0, maximum=2)
+    qos_camera_info: int = read_once(
+        0,
+        "Reliability of the subscription to camera info, as qos for images.",
+        minimum=0,
+        maximum=2,
+    )
     topic_queue_size: int = read_once(
         10, "Messages of a topic that wait for the node, at most.", minimum=1, maximum=1000
     )
