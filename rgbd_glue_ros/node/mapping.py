@@ -116,6 +116,8 @@ class MappingNode(BaseNode):
     # Input
 
     def _receive(self, match: Match[Any], _arrived_ns: int) -> None:
+        if match.restarted:
+            self._matches.clear()
         self._matches[match.stamp_ns] = match
         while len(self._matches) > MATCHES_KEPT:
             self._matches.popitem(last=False)
@@ -134,7 +136,11 @@ class MappingNode(BaseNode):
 
     def _submit(self, items: Sequence[NewKeyframe | PoseGraphEdge]) -> None:
         """Leaves keyframes and edges for the worker, in order, once their images are there."""
-        self._waiting.extend(items)
+        for item in items:
+            if isinstance(item, NewKeyframe) and item.is_anew:
+                # the map forgets the graph before; its images may never come where time went back
+                self._waiting.clear()
+            self._waiting.append(item)
         while self._waiting and not self._is_awaited(self._waiting[0]):
             item = self._waiting.popleft()
             if isinstance(item, PoseGraphEdge):
