@@ -62,7 +62,7 @@ class InputConfig:
         HEADER,
         "Which stamps pair images: those in their headers, or the time of receipt (by the node, or "
         "by the recorder of a bag), for streams with different clocks. Images without a stamp "
-        "always use the time of receipt.",
+        "always use the time of receipt. The mapping node accepts only header.",
         choices=(HEADER, RECEIPT),
     )
     approx_sync: bool = read_once(
