@@ -38,7 +38,7 @@ _DIGITS = 9
 def positive(text: str) -> int:
     """A whole number above zero, of nine digits at most."""
     if not text.isdecimal() or len(text) > _DIGITS or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 999999999")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 999999999")
     return int(text)
 
 
@@ -49,7 +49,7 @@ def positive_number(text: str) -> float:
     except ValueError:
         number = 0.0
     if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is no number above zero")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number greater than zero")
     return number
 
 
@@ -61,7 +61,7 @@ def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str 
         metavar="DIR",
         type=path,
         default=default,
-        help=f"where the results go (default: {said or default})",
+        help=f"folder for the results (default: {said or default})",
     )
 
 
@@ -71,8 +71,8 @@ def add_ground_truth(parser: argparse.ArgumentParser) -> None:
         "--ground-truth",
         metavar="FILE",
         type=path,
-        help="true trajectory in place of the recording's: lines of a stamp and a pose, as of TUM "
-        "or EuRoC",
+        help="ground-truth trajectory instead of the recording's: lines of a stamp and a pose, as "
+        "in TUM or EuRoC",
     )
 
 
@@ -90,13 +90,17 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
 def add_recordings(parser: argparse.ArgumentParser, least: Literal["+", "*"] = "+") -> None:
     """Any number of SRC, and how they are read."""
     parser.add_argument(
-        "recordings", metavar="SRC", type=path, nargs=least, help=f"{RECORDING}, or one of many"
+        "recordings",
+        metavar="SRC",
+        type=path,
+        nargs=least,
+        help=f"{RECORDING}, or a folder of many",
     )
     parser.add_argument(
         "--only",
         metavar="SPLIT",
-        help="of many recordings those of an official split (3dmatch-test, 7-scenes-test, "
-        "scannet-v2-test), or those named in a file, one a line",
+        help="of many recordings, only those of an official split (3dmatch-test, 7-scenes-test, "
+        "scannet-v2-test), or those named in a file, one per line",
     )
     add_topics(parser)
 
@@ -114,28 +118,28 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{kind}-topic",
             metavar="TOPIC",
-            help=f"topic of a bag's {what} in place of the one found by type and name",
+            help=f"topic of a bag's {what}, instead of the one found by type and name",
         )
     parser.add_argument(
         "--calibration",
         metavar="FILE",
         type=path,
-        help="camera of the colour images in place of the recording's: a file of ROS, OpenCV, "
+        help="camera of the colour images, instead of the recording's: a file of ROS, OpenCV, "
         "ORB-SLAM, Kalibr or Open3D, or a 3x3 matrix",
     )
     parser.add_argument(
         "--depth-calibration",
         metavar="FILE",
         type=path,
-        help="camera of the depth images, where they are not registered to colour: the same kinds "
-        "of files; where it is, is told by --set depth_camera_pose='x y z roll pitch yaw'",
+        help="camera of the depth images, if they are not registered to colour: the same kinds of "
+        "files; its pose is given by --set depth_camera_pose='x y z roll pitch yaw'",
     )
     parser.add_argument(
         "--depth-scale",
         metavar="M",
         type=positive_number,
-        help="metres of one unit of the depth images, as 0.001 for millimetres, or units of a "
-        "metre, as TUM's 5000; the same as --set depth_scale=M",
+        help="metres per unit of the depth images, for example 0.001 for millimetres, or units "
+        "per metre, for example TUM's 5000; the same as --set depth_scale=M",
     )
 
 
@@ -159,7 +163,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         help="speed of the recording (default: %(default)s)",
     )
     parser.add_argument(
-        "--start", metavar="S", type=positive_number, default=0.0, help="leave out its first S s"
+        "--start", metavar="S", type=positive_number, default=0.0, help="skip its first S s"
     )
     parser.add_argument("--duration", metavar="S", type=positive_number, help="stop after S s")
     images = parser.add_mutually_exclusive_group()
@@ -168,7 +172,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         dest="compressed",
         action="store_false",
         default=False,
-        help="publish images as they are, which loses nothing (default)",
+        help="publish images as they are, without loss (default)",
     )
     images.add_argument(
         "--compressed", action="store_true", help="publish JPEG and compressedDepth"
@@ -180,7 +184,7 @@ def add_camera(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument(
         "--camera",
         metavar="PRESET",
-        help=f"{what}: a name in config/cameras, as realsense_d400, or a file like those",
+        help=f"{what}: a name in config/cameras, such as realsense_d400, or a similar file",
     ).completer = camera_presets  # type: ignore[attr-defined]
 
 
@@ -191,13 +195,12 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
         "--workers",
         metavar="N",
         type=positive,
-        help="work in N processes on this machine (needs the extra scale)",
+        help="run in N processes on this machine (needs the extra scale)",
     )
     where.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="work on a Dask cluster, such as tcp://host:8786; its workers have to see the same "
-        "files",
+        help="run on a Dask cluster, such as tcp://host:8786; its workers must see the same files",
     )
 
 
@@ -308,7 +311,9 @@ def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, ob
             continue
         if name in values(NodeConfig()):
             raise InputError(
-                name, "is the node's alone", f"give it to the node: --ros-args -p {name}:=VALUE"
+                name,
+                "is a parameter of the node only",
+                f"give it to the node: --ros-args -p {name}:=VALUE",
             )
         raise unknown_parameter(name, declared)
     of_inputs = {name: value for name, value in given.items() if name in own}

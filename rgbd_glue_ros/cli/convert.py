@@ -22,12 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compressed",
         action="store_true",
-        help="write JPEG and compressedDepth to a bag in place of raw images, which lose nothing",
+        help="write JPEG and compressedDepth to a bag instead of lossless raw images",
     )
     parser.add_argument(
         "--topics-like",
         metavar="PRESET",
-        help="call a bag's topics as the driver of a camera does: a name in config/cameras, as "
+        help="name a bag's topics as a camera's driver does: a name in config/cameras, such as "
         "oak_d (default: realsense_d400)",
     ).completer = arguments.camera_presets  # type: ignore[attr-defined]
 
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> str:
         if is_bag and args.topics_like:
             raise InputError(
                 "--topics-like",
-                f"{args.recording} is a bag, which is converted to a folder of images",
+                f"{args.recording} is a bag, which becomes a folder of images",
                 "leave it out",
             )
         convert(recording, args.target, args.compressed, topics)

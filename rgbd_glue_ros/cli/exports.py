@@ -20,7 +20,7 @@ def add_rerun(parser: argparse.ArgumentParser) -> None:
         "--rerun",
         metavar="FILE.rrd",
         help="write images, scene, matches and plots for the Rerun viewer (extra viz), or show "
-        "them in one that runs: rerun+http://127.0.0.1:9876/proxy",
+        "them in a running one: rerun+http://127.0.0.1:9876/proxy",
     )
 
 

@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BROKEN_PIPE
     except OSError as error:
         # a full disk, a folder without access: nothing that this program does could be better
-        text = f"{error.filename or 'a file'}: {error.strerror or error}; give another place"
+        text = f"{error.filename or 'a file'}: {error.strerror or error}; give another path"
         return _fail(error, text, BAD_INPUT, debug=args.debug)
     except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
         text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"

@@ -27,13 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--map",
         metavar="FILE",
         type=arguments.path,
-        help="map to go on with, as --save-map wrote it; poses are in its frame then",
+        help="map to continue, written by --save-map; poses are then in its frame",
     )
     parser.add_argument(
         "--save-map",
         metavar="FILE",
         type=arguments.path,
-        help="file to write the map to, for --map and the map_file of the mapping node",
+        help="file for the map, which --map and map_file of the mapping node read",
     )
 
 

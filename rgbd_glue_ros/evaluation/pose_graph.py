@@ -118,7 +118,7 @@ def read_graph(path: Path) -> PoseGraph:
     if sorted(poses) != list(range(len(poses))) or stamps.keys() != poses.keys():
         raise InputError(path, "its vertices are not 0, 1, 2… with stamps", "export it again")
     if not all(0 <= end < len(poses) for edge in edges for end in (edge.parent, edge.child)):
-        raise InputError(path, "an edge names a vertex that is not there", "export it again")
+        raise InputError(path, "an edge names a missing vertex", "export it again")
     keyframes = Trajectory(
         np.array([stamps[i] for i in range(len(poses))], np.int64),
         np.array([poses[i] for i in range(len(poses))]).reshape(-1, 4, 4),

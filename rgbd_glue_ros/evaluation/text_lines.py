@@ -79,7 +79,7 @@ def finite_numbers(words: list[str], count: int) -> Float64:
         ValueError: they are more or fewer, or one is not finite.
     """
     if len(words) != count:
-        raise ValueError(f"{len(words)} values where {count} belong")
+        raise ValueError(f"{len(words)} values instead of {count}")
     numbers = np.array([float(word) for word in words])
     if not np.isfinite(numbers).all():
         raise ValueError("a value that is not finite")

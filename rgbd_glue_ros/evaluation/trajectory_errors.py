@@ -21,7 +21,7 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, OdometryEstimate, T
 RPE_DELTA_S = 1.0
 """The time over which relative errors are taken."""
 
-NO_RPE = f"no two poses with a true one lie {RPE_DELTA_S:g} s apart"
+NO_RPE = f"no two poses with ground truth are {RPE_DELTA_S:g} s apart"
 """Why there is no relative error where there is an absolute one."""
 
 # a pair of poses may miss RPE_DELTA_S by this part of it, as where frames are lost
@@ -88,7 +88,7 @@ def evaluate(
     if len(rows) < _MIN_POSES:
         raise InputError(
             "estimate and reference",
-            f"only {len(rows)} poses lie within {max_difference_s:g} s of each other "
+            f"only {len(rows)} poses are within {max_difference_s:g} s of each other "
             f"(estimate {_span(estimate)}, reference {_span(reference)})",
             "give trajectories of the same recording",
         )

@@ -97,7 +97,7 @@ def stamps_ns(texts: Sequence[str]) -> list[int]:
     largest = max(map(abs, numbers), default=Decimal(0))
     # an exponent of a million would make a whole number of a million digits
     if largest >= _END_OF_TIME_NS:
-        raise ValueError("a stamp beyond all time")
+        raise ValueError("a stamp out of range")
     unit = _nanoseconds_of_unit(largest)
     return [int((number * unit).to_integral_value()) for number in numbers]
 
@@ -144,7 +144,9 @@ def stamped_poses(path: Path) -> tuple[list[int], list[Float64]]:
         place, reason = (skipped or [f"{path}: no line of numbers"])[0].rsplit(": ", 1)
         raise InputError(place, reason, f"write '{' '.join(TUM_COLUMNS)}' on each line")
     if skipped:
-        logger.warning("%d lines hold no pose and were skipped; the first: %s", *_counted(skipped))
+        logger.warning(
+            "%d lines contain no pose and were skipped; the first: %s", *_counted(skipped)
+        )
     return _without_duplicates(path, stamps_ns(stamps), poses)
 
 
@@ -162,7 +164,7 @@ def _without_duplicates(
     if count > len(first):
         raise InputError(
             path,
-            f"its {len(stamps)} poses have {len(first)} stamps between them",
+            f"its {len(stamps)} poses have only {len(first)} different stamps",
             "write stamps with all their digits",
         )
     if count:
@@ -195,7 +197,7 @@ def _parser(path: Path, lines: list[Line], names: list[tuple[str, ...]]) -> _Par
     if width in MATRIX_SHAPES:
         raise InputError(
             path,
-            f"its {width} numbers a line are poses without stamps (KITTI)",
+            f"its {width} numbers per line are poses without stamps (KITTI)",
             "give a trajectory with a stamp before each pose (TUM)",
         )
     if width == 4:
@@ -226,7 +228,7 @@ def _named_columns(words: tuple[str, ...]) -> list[int] | None:
 def _of_columns(columns: Sequence[int]) -> _Parser:
     def parse(words: tuple[str, ...]) -> tuple[str, Float64]:
         if len(words) <= max(columns):
-            raise ValueError(f"{len(words)} values where {max(columns) + 1} belong")
+            raise ValueError(f"{len(words)} values instead of {max(columns) + 1}")
         stamp, *pose = (words[i] for i in columns)
         return stamp, parse_pose(pose)
 
@@ -244,12 +246,12 @@ def parse_matrix(words: Sequence[str]) -> Float64:
         ValueError: it is none.
     """
     if len(words) not in MATRIX_SHAPES:
-        raise ValueError(f"{len(words)} values where 12 or 16 belong")
+        raise ValueError(f"{len(words)} values instead of 12 or 16")
     T = np.eye(4)
     rows, columns = MATRIX_SHAPES[len(words)]
     T[:rows] = finite_numbers(list(words), rows * columns).reshape(rows, columns)
     if abs(np.linalg.det(T[:3, :3]) - 1) > 0.1:
-        raise ValueError("a matrix that is no rotation")
+        raise ValueError("a matrix that is not a rotation")
     check_position(T[:3, 3])
     return T
 

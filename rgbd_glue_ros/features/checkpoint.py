@@ -61,14 +61,14 @@ def read_tensors(path: Path, device: Any) -> dict[str, Any]:
     for part in _PARTS:
         tensors = tensors.get(part, tensors) if isinstance(tensors, dict) else tensors
     if not isinstance(tensors, dict) or not all(torch.is_tensor(t) for t in tensors.values()):
-        raise InputError(path, "holds no table of weights", "give the file that was published")
+        raise InputError(path, "holds no table of weights", "give the published file")
     return {name: t.float() if t.is_floating_point() else t for name, t in tensors.items()}
 
 
 def _no_weights(path: Path, error: Exception) -> InputError:
     reason = re.split(r"[.\n]", str(error))[0]
     said = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
-    return InputError(path, f"holds no weights ({said})", "remove it and bring it again")
+    return InputError(path, f"holds no weights ({said})", "remove it and fetch it again")
 
 
 def _settings_aside() -> AbstractContextManager[Any]:

@@ -54,7 +54,7 @@ def _try_out(feature: LearnedFeature, config: FeaturesConfig) -> None:
     except (KeyError, RuntimeError) as error:
         raise InputError(
             f"weights superpoint_lightglue.pth in {weights_folder(config)}",
-            "are not of a LightGlue for SuperPoint",
+            "are not those of a LightGlue for SuperPoint",
             "give the file that its authors publish",
         ) from error
 

@@ -126,7 +126,7 @@ def _create(name: str, **options: float) -> Any:
     except AttributeError as error:
         raise InputError(
             f"features.visual: {name.lower()}",
-            f"OpenCV {cv2.__version__} has it not",
+            f"OpenCV {cv2.__version__} does not include it",
             "install opencv-python-headless<5",
         ) from error
     return create(**options)

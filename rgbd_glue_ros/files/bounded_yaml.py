@@ -35,7 +35,7 @@ class BoundedLoader(yaml.SafeLoader):
         self._depth += 1
         if self._depth > _MAX_DEPTH or self._nodes > _MAX_NODES:
             raise yaml.YAMLError(
-                f"more than {_MAX_NODES} values, or nested in more than {_MAX_DEPTH}"
+                f"more than {_MAX_NODES} values, or nested deeper than {_MAX_DEPTH}"
             )
         node = super().compose_node(parent, index)
         self._depth -= 1
@@ -52,7 +52,9 @@ class BoundedLoader(yaml.SafeLoader):
                 continue
             name, line = (key.tag, key.value), key.start_mark.line + 1
             if name in lines:
-                raise yaml.YAMLError(f"line {line}: {key.value} is given in line {lines[name]} too")
+                raise yaml.YAMLError(
+                    f"line {line}: {key.value} is also given in line {lines[name]}"
+                )
             lines[name] = line
         return node
 
@@ -73,7 +75,7 @@ def documents(text: str, loader: type[BoundedLoader] = BoundedLoader) -> Iterato
         raise yaml.YAMLError(f"{line}{error.problem or error.context}") from error
     except (ValueError, OverflowError, RecursionError, AttributeError) as error:
         # what PyYAML lets through: dates that are none, numbers of a million digits
-        raise yaml.YAMLError(f"a value that is none ({error})") from error
+        raise yaml.YAMLError(f"an invalid value ({error})") from error
 
 
 def document(text: str) -> Any:
@@ -84,5 +86,5 @@ def document(text: str) -> Any:
     """
     found = list(documents(text))
     if len(found) > 1:
-        raise yaml.YAMLError(f"{len(found)} documents where one belongs")
+        raise yaml.YAMLError(f"{len(found)} documents instead of one")
     return found[0] if found else None

@@ -30,7 +30,7 @@ def open_file(path: Path) -> BinaryIO:
         # else opening a pipe would wait for its writer
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise InputError(path, "is no regular file", "give a file")
+            raise InputError(path, "is not a regular file", "give a file")
         return os.fdopen(descriptor, "rb")
     except (OSError, ValueError) as error:
         if descriptor >= 0:
@@ -45,7 +45,7 @@ def read_bytes(path: Path, most: int) -> bytes:
     """All of a file that holds no more than ``most`` bytes.
 
     Raises:
-        InputError: it holds more, is no regular file, or cannot be read.
+        InputError: it holds more, is not a regular file, or cannot be read.
     """
     with open_file(path) as file:
         try:
@@ -57,7 +57,7 @@ def read_bytes(path: Path, most: int) -> bytes:
             ) from error
     # it may have grown since
     if max(size, len(data)) > most:
-        raise InputError(path, f"holds more than {most} bytes", "give the file that is meant")
+        raise InputError(path, f"holds more than {most} bytes", "give the intended file")
     return data
 
 
@@ -70,7 +70,7 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
     try:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(path, "is no text", "give a text file") from error
+        raise InputError(path, "is not a text", "give a text file") from error
 
 
 def inside(folder: Path, name: str) -> Path:
@@ -85,6 +85,6 @@ def inside(folder: Path, name: str) -> Path:
     place = os.path.abspath(os.path.join(root, name))  # noqa: PTH100, PTH118
     if "\0" in name or os.path.commonpath([root, place]) != root:
         raise InputError(
-            folder, f"names {name!r}, which is outside of it", "put a link to it into the folder"
+            folder, f"names {name!r}, which is outside it", "put a link to it into the folder"
         )
     return folder / os.path.relpath(place, root)

@@ -36,6 +36,6 @@ def file_to_write(text: str, where: str) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        cause = f"the folder of {path} cannot be made ({error.strerror})"
-        raise InputError(where, cause, "give another place") from error
+        cause = f"the folder of {path} cannot be created ({error.strerror})"
+        raise InputError(where, cause, "give another path") from error
     return path

@@ -23,7 +23,7 @@ _NO_LOCKS = {errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
 def not_written(path: Path, error: OSError) -> InputError:
     """What to say where a file or folder cannot be written."""
     is_full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-    remedy = "free some space, or give another place" if is_full else "give another place"
+    remedy = "free some space, or give another path" if is_full else "give another path"
     return InputError(path, f"cannot be written ({error.strerror or error})", remedy)
 
 
@@ -38,7 +38,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
     try:
         if path.exists() and not path.is_file():
             # a device or a pipe would give way to the file, where the user may do that
-            raise InputError(path, "is there, and is no file", "give another place")
+            raise InputError(path, "exists and is not a file", "give another path")
         # what lies there is of a run that was killed, or a link that leads elsewhere
         aside.unlink(missing_ok=True)
         with aside.open("xb") as file:

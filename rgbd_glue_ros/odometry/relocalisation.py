@@ -1,4 +1,4 @@
-"""Looks for a frame that tracking lost near any of the keyframes, without a prediction."""
+"""Searches for a frame that tracking lost near any of the keyframes, without a prediction."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def relocalise(
     *,
     is_lost: bool,
 ) -> Attempt | None:
-    """The pose of a frame by the first keyframe that gives one which is believed.
+    """The pose of a frame by the first keyframe that gives an acceptable one.
 
     Args:
         features: of the frame.
         keyframes: to try, in this order.
         last: the motion at the last frame with a pose.
         problem: has its predicted motion, and how poses are refined.
-        glue: registers.
-        config: when a pose is believed: on more evidence than tracking asks for.
-        is_lost: whether the frame before had no pose. Poses of two frames in turn are never
-            farther apart than a camera gets: a jump is announced by a frame without one.
+        glue: registers the frame.
+        config: when a pose is accepted: on more evidence than tracking requires.
+        is_lost: whether the previous frame had no pose. Poses of consecutive frames are never
+            farther apart than a camera can move: a jump is announced by a frame without a pose.
 
     Returns:
-        None where no keyframe gives one.
+        None if no keyframe gives one.
     """
     for keyframe in keyframes:
         registration = glue.register(features, keyframe.features)
@@ -61,9 +61,9 @@ def _is_believed(
     *,
     is_lost: bool,
 ) -> bool:
-    """Whether planes and pixels both speak for a pose.
+    """Whether planes and pixels both support a pose.
 
-    Occluded planes count too: somebody in front of the camera is no evidence of a place.
+    Occluded planes count too: a person in front of the camera is not evidence for a place.
     """
     return (
         is_plausible(refinement, refinement.planes_seen, config)

@@ -109,15 +109,15 @@ def read_calibration(path: Path) -> Calibration:
     if len(cameras) > 1:
         names = ", ".join(name or "one without a name" for name, _ in cameras)
         raise InputError(
-            path, f"holds {len(cameras)} cameras ({names})", "keep only that of the colour images"
+            path, f"holds {len(cameras)} cameras ({names})", "keep only the colour camera"
         )
     if not cameras:
-        raise InputError(path, "is no camera calibration", _REMEDY)
+        raise InputError(path, "is not a camera calibration", _REMEDY)
     values = cameras[0][1]
     try:
         info, depth_scale = _camera_info(values), _depth_scale(values, content)
     except (KeyError, OverflowError, TypeError, ValueError) as error:
-        raise InputError(path, f"is no camera calibration ({error})", _REMEDY) from error
+        raise InputError(path, f"is not a camera calibration ({error})", _REMEDY) from error
     return Calibration(intrinsics_from_message(info, str(path)), depth_scale, str(path))
 
 

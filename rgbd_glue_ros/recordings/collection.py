@@ -63,8 +63,8 @@ def recordings(paths: Iterable[Path], only: frozenset[str] | None = None) -> lis
     if not chosen:
         raise InputError(
             "--only",
-            f"names none of the {len(found)} recordings there, such as {found[0].name}",
-            "give the data set that the names are of",
+            f"names none of the {len(found)} recordings, such as {found[0].name}",
+            "give the data set that the names belong to",
         )
     return list(dict.fromkeys(chosen))
 
@@ -87,7 +87,7 @@ def split(name: str) -> frozenset[str]:
         ) from error
     names = frozenset(line.strip() for line in lines if line.strip())
     if not names:
-        raise InputError(name, "holds no name", "give the names of recordings, one a line")
+        raise InputError(name, "holds no names", "give the names of recordings, one per line")
     return names
 
 

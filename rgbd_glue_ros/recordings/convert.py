@@ -73,7 +73,7 @@ def _convert(source: Recording, target: Path, compressed: bool, topics: WrittenT
     frames = iter(source)
     first = next(frames, None)
     if first is None:
-        raise InputError(source.name, "holds no frame", "give a recording with RGB-D frames")
+        raise InputError(source.name, "holds no frames", "give a recording with RGB-D frames")
     progress = tqdm(
         chain([first], frames),
         total=source.frame_count,

@@ -29,4 +29,4 @@ class Faults:
         kind = without_numbers(str(error))
         if kind not in self._kinds:
             self._kinds.add(kind)
-            logger.warning("%s; skipped, as all like it will be", error)
+            logger.warning("%s; skipped, as will be all like it", error)

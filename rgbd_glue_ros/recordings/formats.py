@@ -65,8 +65,9 @@ class Given:
         T = pose_parameter("depth_camera_pose", self.inputs.depth_camera_pose)
         if T is None:
             logger.warning(
-                "the depth camera is taken to be at the colour camera's place; if it is not, give "
-                "--set depth_camera_pose='x y z roll pitch yaw', between the optical frames"
+                "the pose of the depth camera is assumed to be that of the colour camera; if it is "
+                "not, give --set depth_camera_pose='x y z roll pitch yaw', between the optical "
+                "frames"
             )
             T = np.eye(4)
         return DepthCamera(self.depth_calibration, T)
@@ -114,10 +115,10 @@ def _open_folder(path: Path, given: Given) -> Recording:
     if tum.has_lost_its_lists(path) and not is_unit_told:
         raise InputError(
             path,
-            f"lacks {tum.COLOR_LIST} and {tum.DEPTH_LIST} of a TUM data set, so that the unit of "
-            "its depth is not known",
-            f"restore them, or give it: --set depth_scale={1 / tum.UNITS_PER_METRE:g} as in TUM's "
-            "own, --set depth_scale=0.001 for millimetres",
+            f"lacks {tum.COLOR_LIST} and {tum.DEPTH_LIST} of a TUM data set, so the unit of its "
+            "depth is unknown",
+            f"restore them, or give it: --set depth_scale={1 / tum.UNITS_PER_METRE:g} as in TUM, "
+            "--set depth_scale=0.001 for millimetres",
         )
     recording = image_folder.open_folder(
         path, given.camera, given.topics.color, given.topics.depth, given.depth_camera
@@ -200,7 +201,7 @@ def open_recording(
     if not path.exists():
         raise InputError(path, "does not exist", "give a bag or the folder of a data set")
     if not (path.is_dir() or path.is_file()):
-        raise InputError(path, "is no regular file", "give a bag or the folder of a data set")
+        raise InputError(path, "is not a regular file", "give a bag or the folder of a data set")
     kind = format_of(path)
     if kind is None and path.is_dir() and topics and topics.color and topics.depth:
         kind = IMAGES  # whatever they are called

@@ -145,8 +145,8 @@ class ImageSequence(Closing):
         """The same with depth in the units that a calibration file tells; None leaves them."""
         if metres_per_unit == 1 and _holds_whole_numbers(self.pairs[0].depth):
             logger.warning(
-                "%s: its calibration tells a depth scale of 1, but depth is in whole numbers, so "
-                "a unit of %g m is taken; if it is another, give --depth-scale",
+                "%s: its calibration gives a depth scale of 1, but depth is in whole numbers, so a "
+                "unit of %g m is assumed; if it is another, give --depth-scale",
                 self.name,
                 1 / self.encoding.units_per_metre,
             )
@@ -343,7 +343,7 @@ def matrix(path: Path, size: int) -> Float64:
     except ValueError as error:
         raise InputError(path, f"cannot be read ({error})", "restore the file") from error
     if numbers.size != size * size:
-        raise InputError(path, f"is no {size}x{size} matrix", "restore the file")
+        raise InputError(path, f"is not a {size}x{size} matrix", "restore the file")
     return numbers.reshape(size, size)
 
 

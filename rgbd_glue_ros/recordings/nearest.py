@@ -10,7 +10,7 @@ from pathlib import Path
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 
-SEE = "docs/data.md lists what is read"
+SEE = "docs/data.md lists the supported formats"
 
 # First bytes of packed files, and what they are
 _ARCHIVES = (
@@ -75,28 +75,28 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
         more = " and others" if len(below) > _NAMED else ""
         return InputError(
             path,
-            f"is no recording, but holds {', '.join(below[:_NAMED])}{more}, which are",
+            f"is not a recording, but holds {', '.join(below[:_NAMED])}{more}, which are",
             "give one of them",
         )
     if not any(path.iterdir()):
         return InputError(
-            path, "is no recording of a known format: it is empty", "give the folder of one"
+            path, "is not a recording in a known format: it is empty", "give the folder of one"
         )
     found = _nearest(path)
     if found is None:
         held = ", ".join(sorted(child.name for child in islice(path.iterdir(), 5)))
         return InputError(
             path,
-            f"is no recording of a known format; it holds {held}",
+            f"is not a recording in a known format; it holds {held}",
             f"give a bag, or a folder of colour images (rgb) beside one of depth (depth); {SEE}",
         )
     layout, missing = found
     if not missing:
         return InputError(
             path,
-            f"comes nearest to {layout.name}, but its images bear no numbers that tell which "
-            "belong together",
-            "name both images of a frame by one number, or list them in associations.txt (stamp "
+            f"is most like {layout.name}, but its images have no numbers that show which belong "
+            "together",
+            "give both images of a frame the same number, or list them in associations.txt (stamp "
             f"color stamp depth); {SEE}",
         )
     remedy = f"restore {missing[0]}"
@@ -104,7 +104,7 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
         remedy += ", or name the images (--color-topic NAME --depth-topic NAME)"
     return InputError(
         path,
-        f"is no recording of a known format; it comes nearest to {layout.name}, but "
+        f"is not a recording in a known format; it is most like {layout.name}, but "
         f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing",
         f"{remedy}; {SEE}",
     )
@@ -117,12 +117,14 @@ def _of_file(path: Path) -> InputError:
     if path.suffix.lower() == ".r3d":
         return InputError(
             path,
-            "is an archive of Record3D, whose depth is compressed as only Apple's LZFSE is",
+            "is an archive of Record3D, whose depth is compressed with Apple's LZFSE",
             "export EXR + RGB from the app, and give that folder",
         )
     if kind is not None:
-        return InputError(path, f"is {kind}", "unpack it, and give what is in it")
-    return InputError(path, "is no bag and no sensor stream", f"give a bag or a folder; {SEE}")
+        return InputError(path, f"is {kind}", "unpack it, and give its contents")
+    return InputError(
+        path, "is neither a bag nor a sensor stream", f"give a bag or a folder; {SEE}"
+    )
 
 
 def _nearest(folder: Path) -> tuple[Layout, list[str]] | None:

@@ -68,7 +68,7 @@ def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageS
         pairs.append(ImagePair(stamp, color, stamp, depth))
         poses.append((stamp, pose))
     if not pairs:
-        raise InputError(folder / "color", "holds no image", "export the scan again")
+        raise InputError(folder / "color", "holds no images", "export the scan again")
     truth = ground_truth(poses)
     camera = calibration or _camera(folder, pairs[0].depth)
     color_size = _size(pairs[0].color)
@@ -79,7 +79,9 @@ def _number(path: Path) -> int:
     try:
         return int(path.stem)
     except ValueError as error:
-        raise InputError(path, "has no number for a name", "name it 0.jpg, 1.jpg…") from error
+        raise InputError(
+            path, "has a name that is not a number", "name it 0.jpg, 1.jpg…"
+        ) from error
 
 
 def _camera(folder: Path, depth: Path) -> CameraIntrinsics:

@@ -158,7 +158,7 @@ class SensSequence(Closing):
     def _read_header(self) -> SensHeader:
         start = self._bytes(0, _START.size)
         if len(start) < _START.size:
-            raise self._unusable("is cut off in its header", "download it again")
+            raise self._unusable("is truncated in its header", "download it again")
         version, name_size = _START.unpack(start)
         if version != VERSION:
             raise self._unusable(
@@ -166,18 +166,18 @@ class SensSequence(Closing):
             )
         if name_size > _LONGEST_NAME:
             raise self._unusable(
-                f"names its sensor in {name_size} bytes", "give a sensor stream of ScanNet"
+                f"has a sensor name of {name_size} bytes", "give a sensor stream of ScanNet"
             )
         begin = _START.size + name_size
         data = self._bytes(begin, _CALIBRATION.size)
         if len(data) < _CALIBRATION.size:
-            raise self._unusable("is cut off in its header", "download it again")
+            raise self._unusable("is truncated in its header", "download it again")
         *numbers, color, depth, cw, ch, dw, dh, units, frames = _CALIBRATION.unpack(data)
         check_size(cw, ch, f"{self.path}, colour")
         check_size(dw, dh, f"{self.path}, depth")
         if color not in _JPEG_OR_PNG or depth not in (_RAW, _ZLIB):
             raise self._unusable(
-                f"holds images of kinds {color} and {depth}",
+                f"holds images of types {color} and {depth}",
                 "give colour as JPEG (2) or PNG (1) and depth as zlib (1) or raw (0)",
             )
         # the third of the matrices is the intrinsics of depth; extrinsics are of no use, as the
@@ -220,14 +220,14 @@ class SensSequence(Closing):
             places.append(_Place(color, color_size, depth, depth_size))
             poses.extend(pose)
         if not places:
-            raise self._unusable("holds no whole frame", "download it again")
+            raise self._unusable("holds no complete frame", "download it again")
         return places, np.array(poses, np.float64).reshape(-1, 4, 4)
 
     def _frame(self, index: int) -> RgbdFrame:
         where = f"{self.path}, frame {index}"
         if index >= len(self._places):
             raise self._unusable(
-                f"is cut off after {len(self._places)} of {self._header.frame_count} frames",
+                f"is truncated after {len(self._places)} of {self._header.frame_count} frames",
                 "download it again",
             )
         place = self._places[index]

@@ -61,7 +61,7 @@ def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> Im
         told = calibration_of(folder)
         if told is None:
             raise InputError(
-                folder, "no file there tells its camera", "give the calibration (--calibration)"
+                folder, "no file there describes its camera", "give the calibration (--calibration)"
             )
         calibration = told.intrinsics
     truth = _odometry(folder)
@@ -111,7 +111,7 @@ class VideoSequence(WrappedRecording):
             yield frame
         if is_empty:
             raise faults.first or InputError(
-                self.recording.pairs[0].color, "has no frame of a depth image", "record anew"
+                self.recording.pairs[0].color, "has no frame for any depth image", "record again"
             )
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
@@ -148,7 +148,7 @@ def _frames(video: Path) -> Iterator[UInt8]:
         head = file.read(len(_MP4) + 4)
     # else OpenCV would take a list of videos for one, and fetch what it names
     if head[4:] != _MP4:
-        raise InputError(video, "is no MP4 video", "restore the file")
+        raise InputError(video, "is not an MP4 video", "restore the file")
     capture = cv2.VideoCapture(str(video))
     # phones say how they were held, and depth does not follow
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
@@ -157,7 +157,7 @@ def _frames(video: Path) -> Iterator[UInt8]:
         if not is_read:
             raise InputError(
                 video,
-                "cannot be decoded by the OpenCV that is installed",
+                "cannot be decoded by the installed OpenCV",
                 "extract its frames: ffmpeg -noautorotate -i rgb.mp4 -start_number 0 rgb/%06d.png",
             )
         while is_read:

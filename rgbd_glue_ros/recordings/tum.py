@@ -150,7 +150,7 @@ def _camera(folder: Path) -> Calibration:
             return Calibration(camera)
     raise InputError(
         folder,
-        f"no file there tells its camera, and its name holds none of {', '.join(_CAMERAS)}",
+        f"no file there describes its camera, and its name contains none of {', '.join(_CAMERAS)}",
         "give the calibration (--calibration camera_info.yaml)",
     )
 

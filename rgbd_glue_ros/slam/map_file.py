@@ -97,7 +97,9 @@ def read_map(path: Path) -> SavedMap:
         except InputError:
             raise
         except Exception as error:
-            raise InputError(path, f"holds no map ({error})", "give one of --save-map") from error
+            raise InputError(
+                path, f"holds no valid map ({error})", "give one of --save-map"
+            ) from error
 
 
 def _check_stored(archive: zipfile.ZipFile) -> None:
@@ -114,10 +116,10 @@ def _map(arrays: Mapping[str, Any], path: Path) -> SavedMap:
     if not 0 < count <= _MOST_KEYFRAMES:
         raise ValueError(f"{count} keyframes")
     if stamps.dtype != np.int64 or poses.shape != (count, 4, 4) or not np.isfinite(poses).all():
-        raise ValueError("poses that are none")
+        raise ValueError("invalid poses")
     ends = arrays["edge_ends"]
     if ends.size and not (ends.min() >= 0 and ends.max() < count):
-        raise ValueError("an edge of a keyframe that is missing")
+        raise ValueError("an edge of a missing keyframe")
     edges = tuple(
         PoseGraphEdge(int(parent), int(child), T, covariance, EdgeOrigin(str(origin)))
         for (parent, child), T, covariance, origin in zip(
@@ -138,7 +140,7 @@ def _view(arrays: Mapping[str, Any], i: int, path: Path) -> View:
         for name in ("grey", "depth")
     )
     if grey.dtype != np.uint8 or units.dtype != np.uint16 or grey.shape != units.shape:
-        raise ValueError(f"images of keyframe {i} that do not fit")
+        raise ValueError(f"images of keyframe {i} that do not match")
     depth = np.where(units > 0, units * np.float32(_DEPTH_UNIT_M), np.float32(np.nan))
     fx, fy, cx, cy = map(float, arrays["cameras"][i])
     height, width = grey.shape

@@ -108,7 +108,7 @@ class RerunRecording(Closing):
         try:
             self._stream.flush(timeout_sec=_PATIENCE_S)
         except RuntimeError as error:
-            logger.warning("%s: has not got all of it (%s)", self._target, error)
+            logger.warning("%s: is incomplete (%s)", self._target, error)
         self._stream.disconnect()
 
     def place(self, T_fixed_odom: Float64) -> None:
@@ -327,7 +327,7 @@ def _check_viewer(address: str) -> None:
         socket.create_connection(place, timeout=_PATIENCE_S).close()
     except (OSError, ValueError) as error:
         raise InputError(
-            address, f"no viewer answers there ({error})", "start 'rerun' first, or give a file"
+            address, f"no viewer responds there ({error})", "start 'rerun' first, or give a file"
         ) from error
 
 

@@ -142,7 +142,7 @@ def test_frames_without_a_true_pose_are_left_out_and_counted(tmp_path: Path) -> 
     figures = run_pairs([Path("walk")], walk, experiment, tmp_path, on_pair=measure)
     starts = [start for start in range(9) if 4 not in {start, start + 3}]
     assert lengths == pytest.approx(ways(3, starts))
-    assert figures["problems"] == ["walk: frames without a true pose, left out: 1"]
+    assert figures["problems"] == ["walk: frames without ground truth, skipped: 1"]
 
 
 @pytest.mark.slow

@@ -113,7 +113,7 @@ def test_frames_before_a_damaged_one_are_replayed_and_that_is_said(tmp_path: Pat
 
 
 def test_a_sequence_without_frames_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="holds no frame"):
+    with pytest.raises(InputError, match="holds no frames"):
         replay(Pan(0), Config(), tmp_path)
 
 

@@ -113,7 +113,7 @@ class RecordedDepthCamera:
             if self._is_given:
                 raise
             logger.warning(
-                "%s: %s; depth is taken as registered to colour", error.where, error.cause
+                "%s: %s; depth is assumed to be registered to colour", error.where, error.cause
             )
             return None
 
@@ -126,8 +126,8 @@ class RecordedDepthCamera:
                 logger.warning("%s", doubt)
                 return None
             logger.warning(
-                "%s is of another camera than colour, and the bag does not tell where %s is in "
-                "%s: it is taken to be at the colour camera's place; %s",
+                "%s is of another camera than colour, and the bag does not contain the pose of %s "
+                "in %s: it is assumed to be that of the colour camera; %s",
                 self.topics.depth,
                 depth_frame,
                 color_frame,
@@ -154,8 +154,8 @@ class RecordedDepthCamera:
         doubt = registration_doubt(match.color, match.depth, self.topics)
         if self._is_realsense:
             doubt = (
-                f"{self.topics.depth}: the bag does not tell its camera, so depth is taken as "
-                "registered to colour; if it is not, give --depth-calibration FILE"
+                f"{self.topics.depth}: the bag does not contain its camera, so depth is assumed "
+                "to be registered to colour; if it is not, give --depth-calibration FILE"
             )
         if doubt is not None:
             logger.warning("%s", doubt)
@@ -182,6 +182,6 @@ class RecordedDepthCamera:
         except InputError as error:
             if self._is_given:
                 raise
-            logger.warning("%s; depth is taken as registered to colour", error)
+            logger.warning("%s; depth is assumed to be registered to colour", error)
             return None
         return info

@@ -86,7 +86,7 @@ class BagFile(Closing):
             raise InputError(path, "does not exist", "give a bag")
         self._files = storage_files(path)
         if not self._files:
-            raise InputError(path, "is no bag", f"looked for {SIGNATURE}")
+            raise InputError(path, "is not a bag", f"looked for {SIGNATURE}")
         _say_what_is_missing(path, self._files)
         self._plain_files = PlainFiles()
         self._plain = self._unpacked()
@@ -102,7 +102,7 @@ class BagFile(Closing):
         if not self.topics:
             self.close()
             raise InputError(
-                path, f"holds no message: {self.damage or 'it is empty'}", "record anew"
+                path, f"holds no message: {self.damage or 'it is empty'}", "record again"
             )
 
     def _unpacked(self) -> list[tuple[Path, Path]]:
@@ -118,7 +118,7 @@ class BagFile(Closing):
         if any(has_log(plain) for _, plain in self._plain):
             raise DamagedError("its recorder did not finish it")
         if self.is_ros1 and first_bytes(self._plain[0][1]).startswith(MCAP_MAGIC):
-            raise DamagedError("no reader takes the messages of ROS 1 in MCAP")
+            raise DamagedError("no reader supports ROS 1 messages in MCAP")
         for _, plain in self._plain:
             if first_bytes(plain).startswith(SQLITE_MAGIC):
                 check_sqlite(plain)
@@ -157,7 +157,9 @@ class BagFile(Closing):
                 fields = self._typestore.deserialize_cdr(message.data, message.type)
         except Exception as error:
             raise InputError(
-                message.topic, f"a message is no {message.type} ({error})", "check the recording"
+                message.topic,
+                f"a message is not a valid {message.type} ({error})",
+                "check the recording",
             ) from error
         if self.is_ros1 and message.type == "sensor_msgs/msg/CameraInfo":
             return _ros2_camera_info(fields)
@@ -182,7 +184,7 @@ class BagFile(Closing):
                 )
         except Exception as error:  # noqa: BLE001 (as on opening)
             # damage between the indexed parts, or merely a file without chunks out of order
-            logger.debug("%s: read on without its index (%r)", self.path, error)
+            logger.debug("%s: continuing without its index (%r)", self.path, error)
             for message in self._salvaged():
                 if (message.topic, message.stamp_ns) not in given:
                     yield message
@@ -227,7 +229,7 @@ def _say_what_is_missing(path: Path, files: list[Path]) -> None:
     # as many files under other names are the same, renamed
     if missing and len(files) < len(named):
         logger.warning(
-            "%s: %d of its %d parts are missing (%s); going on without them",
+            "%s: %d of its %d parts are missing (%s); continuing without them",
             path,
             len(missing),
             len(named),

@@ -49,8 +49,8 @@ def recorded_imu(bag: BagFile, topic: str, color: str, inputs: InputConfig) -> I
     T_camera_imu = _place(bag, color, imu_frame, inputs)
     if T_camera_imu is None:
         logger.warning(
-            "%s: the bag does not tell how %s is turned in the camera, so the IMU is left out; "
-            "give --set imu_pose='x y z roll pitch yaw', in the camera's optical frame",
+            "%s: the bag does not contain the orientation of %s in the camera, so the IMU is "
+            "ignored; give --set imu_pose='x y z roll pitch yaw', in the camera's optical frame",
             topic,
             imu_frame or "its frame, which has no name,",
         )

@@ -61,7 +61,9 @@ def camera_in_text(bag: BagFile, image_topic: str) -> CameraIntrinsics | None:
             p=np.zeros(12),
         )
     except (KeyError, ValueError) as error:
-        raise InputError(topic, f"holds no camera ({error})", "give --calibration FILE") from error
+        raise InputError(
+            topic, f"holds no valid camera ({error})", "give --calibration FILE"
+        ) from error
     return intrinsics_from_message(info, topic)
 
 
@@ -91,7 +93,7 @@ def T_color_depth(bag: BagFile, color_topic: str, depth_topic: str) -> Float64:
         # some recordings lack it, as those of the L515 by SDK 2.36
         raise InputError(
             bag.path,
-            f"does not tell where the depth camera is ({depth}0 and {color}0)",
+            f"does not contain the pose of the depth camera ({depth}0 and {color}0)",
             "give --set depth_camera_pose='x y z roll pitch yaw', as rs-enumerate-devices -c "
             "tells it (about 0.015 0 0 0 0 0 for a D400), or --set depth_is_registered=true if "
             "the depth is registered to colour",
@@ -116,7 +118,9 @@ def _place(bag: BagFile, topic: str) -> Float64:
     try:
         T = _of_text(message.data) if hasattr(message, "data") else _of_transform(message)
     except (KeyError, ValueError) as error:
-        raise InputError(topic, f"holds no transform ({error})", "check the recording") from error
+        raise InputError(
+            topic, f"holds no valid transform ({error})", "check the recording"
+        ) from error
     return T
 
 

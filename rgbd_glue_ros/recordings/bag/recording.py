@@ -228,7 +228,7 @@ class BagRecording(Closing):
         if any(stamps) or self._inputs.stamps == RECEIPT:
             return self._inputs.stamps
         logger.warning(
-            "%s: images bear no stamp; those of their recording are taken", self._topics.color
+            "%s: images have no stamp; their time of recording is used", self._topics.color
         )
         return RECEIPT
 
@@ -251,8 +251,8 @@ class BagRecording(Closing):
         is_other = self._told_scale not in {None, 1 / DEPTH_UNITS_PER_METRE, 1}
         if unit is None and is_other and holds_whole_numbers(match.depth):
             logger.warning(
-                "%s: whole numbers are taken as millimetres, as bags have them (REP-118), though "
-                "the calibration tells a unit of %g m; if that is right, give --depth-scale %g",
+                "%s: whole numbers are read as millimetres, as in bags (REP-118), though the "
+                "calibration gives a unit of %g m; if that is right, give --depth-scale %g",
                 self._topics.depth,
                 self._told_scale,
                 self._told_scale,
@@ -273,6 +273,6 @@ def _nothing_paired(path: Path, topics: FrameTopics, sync: Synchronizer[Any]) ->
         return InputError(path, f"no frame is complete (messages: {received})", "record all topics")
     return InputError(
         path,
-        f"no image of {topics.color} has one of {topics.depth} near its stamp",
+        f"no image of {topics.color} has one of {topics.depth} close to its stamp",
         explain_miss(sync.closest_miss_ns, sync.max_interval_ns),
     )

@@ -82,7 +82,7 @@ def salvage(path: Path) -> Iterator[RecordedMessage]:
                 for message in _noticing_damage(read(plain)):
                     yield replace(message, data=unpacked_message(message.data))
                 return
-    raise DamagedError("it does not begin like a bag")
+    raise DamagedError("it does not start like a bag")
 
 
 def _exactly(file: IO[bytes], size: int) -> bytes:
@@ -90,14 +90,14 @@ def _exactly(file: IO[bytes], size: int) -> bytes:
         raise DamagedError(f"a part of it has {size} bytes")
     data = file.read(size)
     if len(data) < size:
-        raise DamagedError("it is cut off")
+        raise DamagedError("it is truncated")
     return data
 
 
 def _skip(file: IO[bytes], size: int) -> None:
     here = file.tell()
     if size > file.seek(0, os.SEEK_END) - here:
-        raise DamagedError("it is cut off")
+        raise DamagedError("it is truncated")
     file.seek(here + size)
 
 
@@ -121,13 +121,13 @@ class _Mcap:
         """The messages until the end of the data, or of the chunk that ``file`` is."""
         while head := file.read(_MCAP_RECORD.size):
             if len(head) < _MCAP_RECORD.size:
-                raise DamagedError("it is cut off")
+                raise DamagedError("it is truncated")
             kind, size = _MCAP_RECORD.unpack(head)
             if kind == _DATA_END:
                 return
             if kind == _CHUNK:
                 if is_chunk:
-                    raise DamagedError("a chunk is inside of another")
+                    raise DamagedError("a chunk is inside another")
                 yield from self._chunk(file, size)
                 continue
             if kind not in (_SCHEMA, _CHANNEL, _MESSAGE):
@@ -151,7 +151,7 @@ class _Mcap:
         messages = self._of_chunk(chunk)
         if len(chunk) < size:
             yield from messages
-            raise DamagedError("it is cut off")
+            raise DamagedError("it is truncated")
         yield from self.damaged.passed_over(messages)
 
     def _of_chunk(self, chunk: bytes) -> Iterator[RecordedMessage]:
@@ -180,7 +180,7 @@ def _salvage_mcap(path: Path) -> Iterator[RecordedMessage]:
         yield from reader.messages(file)
         # the data end with a record of their own; after it come index and footer
         if not file.read(1):
-            raise DamagedError("it is cut off")
+            raise DamagedError("it is truncated")
         reader.damaged.say()
 
 
@@ -207,7 +207,7 @@ class _Ros1:
                 self.is_indexed = any(header[b"index_pos"])
             elif kind == _ROS1_CHUNK:
                 if is_chunk:
-                    raise DamagedError("a chunk is inside of another")
+                    raise DamagedError("a chunk is inside another")
                 yield from self.damaged.passed_over(self._of_chunk(header, data))
             elif kind == _ROS1_CONNECTION:
                 topic, kind_name = header[b"topic"].decode(), _fields(data)[b"type"].decode()
@@ -253,7 +253,7 @@ def _noticing_damage(messages: Iterator[RecordedMessage]) -> Iterator[RecordedMe
     try:
         yield from messages
     except _NONSENSE as error:
-        raise DamagedError(f"it makes no sense from some place on ({error!r})") from error
+        raise DamagedError(f"it is unreadable from some point on ({error!r})") from error
 
 
 _READERS: Mapping[bytes, Callable[[Path], Iterator[RecordedMessage]]] = {

@@ -37,7 +37,7 @@ def check_sqlite(path: Path) -> None:
             (rows,),
         ).fetchone()
         if counted >= rows or held > size:
-            raise DamagedError("its messages are more than the file holds")
+            raise DamagedError("its messages are larger than the file")
 
 
 def _check_schema(connection: sqlite3.Connection) -> None:
@@ -82,7 +82,7 @@ def salvage_sqlite(path: Path) -> Iterator[RecordedMessage]:
         yield from messages
         return
     yield from _without_the_last_larger_than(page_size, messages)
-    raise DamagedError("it is cut off")
+    raise DamagedError("it is truncated")
 
 
 def _without_the_last_larger_than(
@@ -123,10 +123,10 @@ def _sqlite_messages(path: Path) -> Iterator[RecordedMessage]:
             "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
         ):
             if not (isinstance(data, bytes) and isinstance(stamp_ns, int)):
-                raise DamagedError("a row of its messages is none")
+                raise DamagedError("a row of its messages is invalid")
             left -= len(data) + _SMALLEST_ROW
             if left < 0:
-                raise DamagedError("its messages are more than the file holds")
+                raise DamagedError("its messages are larger than the file")
             yield RecordedMessage(*topics[number], stamp_ns, data)
     finally:
         connection.close()

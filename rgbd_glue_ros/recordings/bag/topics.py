@@ -205,7 +205,7 @@ def find_imu(
     nearest = _nearest(sensors, color)
     if len(nearest) > 1:
         names = ", ".join(topic.name for topic in nearest)
-        logger.warning("%s: left out, since one IMU is taken: give one (--imu-topic)", names)
+        logger.warning("%s: ignored, since only one IMU is used: give one (--imu-topic)", names)
         return None
     return nearest[0].name
 

@@ -52,7 +52,7 @@ def unpacked(data: bytes, compression: str, declared: int = MAX_CHUNK) -> bytes:
     if compression in ("", "none"):
         return data
     if compression not in _DECOMPRESSORS:
-        raise DamagedError(f"it is compressed by {compression!r}")
+        raise DamagedError(f"it is compressed with {compression!r}")
     limit = min(declared, MAX_CHUNK)
     parts: list[bytes] = []
     size = 0
@@ -64,7 +64,7 @@ def unpacked(data: bytes, compression: str, declared: int = MAX_CHUNK) -> bytes:
         if size > limit:
             raise DamagedError(f"a part of {len(data)} bytes unpacks to more than {limit}")
         if not decompressor.eof:
-            raise DamagedError("it is cut off")
+            raise DamagedError("it is truncated")
         parts.append(part)
         data = decompressor.unused_data or b""
     return parts[0] if len(parts) == 1 else b"".join(parts)

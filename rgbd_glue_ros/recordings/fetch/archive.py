@@ -124,7 +124,7 @@ def _unpack(archive: Path, folder: Path, budget: _Budget, on_bytes: Callable[[in
 def _inside(archive: Path, name: str) -> PurePosixPath:
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or {*name} & {"\\", "\0"}:
-        raise InputError(archive, f"holds {name!r}, a place outside its folder", _REMEDY)
+        raise InputError(archive, f"holds {name!r}, a path outside its folder", _REMEDY)
     return path
 
 
@@ -168,11 +168,13 @@ def _tar_members(archive: Path, budget: _Budget) -> Iterator[tuple[str, IO[bytes
                 elif member.isreg():
                     yield member.name, tar.extractfile(member)
                 else:
-                    raise InputError(archive, f"holds {member.name!r}, no file or folder", _REMEDY)
+                    raise InputError(
+                        archive, f"holds {member.name!r}, which is neither file nor folder", _REMEDY
+                    )
                 bounded.begin_headers()
         # gzip's checksum comes after what tar has a use for
         if len(stream.read(_SMALL)) == _SMALL:
-            raise InputError(archive, "goes on after its end", _REMEDY)
+            raise InputError(archive, "continues after its end", _REMEDY)
 
 
 def _zip_members(archive: Path, _: _Budget) -> Iterator[tuple[str, IO[bytes] | None]]:
@@ -182,7 +184,9 @@ def _zip_members(archive: Path, _: _Budget) -> Iterator[tuple[str, IO[bytes] | N
             # a file's kind is where Unix has it; others leave it zero
             kind = stat.S_IFMT(member.external_attr >> 16)
             if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-                raise InputError(archive, f"holds {member.filename!r}, no file or folder", _REMEDY)
+                raise InputError(
+                    archive, f"holds {member.filename!r}, which is neither file nor folder", _REMEDY
+                )
             yield member.filename, None if member.is_dir() else zipped.open(member)
 
 

@@ -82,6 +82,6 @@ def find(name: str) -> Source:
     similar = get_close_matches(name, CATALOGUE, cutoff=0.4) or [next(iter(CATALOGUE))]
     raise InputError(
         name,
-        "is no data set that can be fetched",
-        f"give one of those that 'rgbd-glue fetch' lists, such as {', '.join(similar)}",
+        "is not an available data set",
+        f"give one listed by 'rgbd-glue fetch', such as {', '.join(similar)}",
     )

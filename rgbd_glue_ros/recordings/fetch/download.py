@@ -63,7 +63,7 @@ def download(
         try:
             if _attempt(part, limit, on_progress):
                 break
-            cause = "the connection broke off"
+            cause = "the connection was lost"
         except urllib.error.HTTPError as error:
             if error.code not in _PASSING:
                 raise InputError(
@@ -77,10 +77,10 @@ def download(
         if failures >= _ATTEMPTS:
             raise InputError(
                 url,
-                f"broke off after {most} bytes ({cause})" if most else f"gave nothing ({cause})",
-                "run this again, it goes on from there" if most else "check the network",
+                f"stopped after {most} bytes ({cause})" if most else f"returned nothing ({cause})",
+                "run this again to resume" if most else "check the network",
             )
-        logger.info("%s: %s; going on from byte %d", url, cause, part.size)
+        logger.info("%s: %s; resuming from byte %d", url, cause, part.size)
         time.sleep(pause_s * failures)
     part.finish()
 
@@ -131,7 +131,9 @@ class _StaysSecure(urllib.request.HTTPRedirectHandler):
         self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str
     ) -> Any:
         if req.full_url.startswith("https:") and not newurl.startswith("https:"):
-            raise InputError(req.full_url, f"leads to {newurl}, not encrypted", "do not trust it")
+            raise InputError(
+                req.full_url, f"redirects to {newurl}, which is not encrypted", "do not trust it"
+            )
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 

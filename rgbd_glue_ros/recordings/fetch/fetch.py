@@ -66,7 +66,7 @@ def fetch(
     """
     target = directory / source.folder
     if target.exists():
-        raise InputError(target, "is there already", "remove it to fetch it again")
+        raise InputError(target, "already exists", "remove it to fetch it again")
     archive = directory / Path(urlsplit(source.url).path).name
     work = directory / f".{source.folder}.unpacking"
     try:

@@ -64,7 +64,7 @@ def _read(path: Path) -> Calibration | None:
         return read_calibration(path)
     except InputError as error:
         level = logging.WARNING if path.name in NAMES else logging.DEBUG
-        logger.log(level, "%s; passed over", error)
+        logger.log(level, "%s; ignored", error)
         return None
 
 

@@ -81,7 +81,7 @@ def paired(color_list: Path, depth_list: Path) -> tuple[ImagePair, ...]:
     if not pairs:
         raise InputError(
             color_list.parent,
-            f"no colour and depth image lie within {MAX_TIME_DIFFERENCE_S} s of each other",
+            f"no colour and depth images are within {MAX_TIME_DIFFERENCE_S} s of each other",
             f"check the stamps in {color_list.name} and {depth_list.name}",
         )
     return pairs
@@ -114,8 +114,8 @@ def read_association(path: Path) -> tuple[ImagePair, ...]:
     if first == second:
         raise InputError(
             path,
-            f"does not tell which of {rows[0][1]} and {rows[0][3]} is depth",
-            "name the folder of the depth images depth",
+            f"does not show which of {rows[0][1]} and {rows[0][3]} is depth",
+            "rename the folder of the depth images to depth",
         )
     color, depth = (2, 0) if first else (0, 2)
     times = [[row[at] for row in rows] for at in (color, depth)]
@@ -150,7 +150,7 @@ def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
             rows.append(words)
     if not rows:
         kind = "a stamp and a file" if columns == 2 else "stamp, file, stamp, file"
-        raise InputError(path, f"holds no line of {kind}", "restore the file")
+        raise InputError(path, f"holds no lines of {kind}", "restore the file")
     # a line of names above all others is none that was lost
     if skipped and skipped != [lines[0].number]:
         logger.warning(

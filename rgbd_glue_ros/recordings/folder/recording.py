@@ -122,7 +122,7 @@ def _calibration(folder: Path) -> Calibration:
     if told is None:
         raise InputError(
             folder,
-            "no file there tells its camera",
+            "no file there describes its camera",
             "give the calibration (--calibration FILE), such as a K.txt of 3x3 numbers",
         )
     return told

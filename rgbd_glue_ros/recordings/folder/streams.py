@@ -158,7 +158,7 @@ def paired(folder: Path, color: Stream, depth: Stream) -> tuple[ImagePair, ...]:
         raise InputError(
             folder,
             f"no image of {color.name} has the number of one of {depth.name}",
-            "give both images of a frame one number, or list them in associations.txt "
+            "give both images of a frame the same number, or list them in associations.txt "
             "(stamp color stamp depth)",
         )
     return tuple(sorted(pairs, key=lambda pair: pair.stamp_ns))

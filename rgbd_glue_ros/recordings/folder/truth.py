@@ -60,7 +60,7 @@ def truth_of(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
             if (folder / name).is_dir():
                 return _of_files(folder / name, frames)
     except InputError as error:
-        logger.warning("%s; going on without ground truth", error)
+        logger.warning("%s; continuing without ground truth", error)
     return None
 
 
@@ -115,7 +115,7 @@ def _of_files(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
             stamps.append(pair.stamp_ns)
             poses.append(pose)
     if not poses:
-        raise InputError(folder, "holds no pose of any frame", "name its files as the images are")
+        raise InputError(folder, "holds no pose of any frame", "name its files like the images")
     if len(poses) < len(frames):
         logger.warning(
             "%s: %d of %d frames have no pose", folder, len(frames) - len(poses), len(frames)
