@@ -325,7 +325,7 @@ def test_without_any_pair_the_first_cause_is_the_error(tmp_path: Path) -> None:
     paths = [Path(walk.name) for walk in walks]
     with pytest.raises(InputError, match="untrue: has no ground truth"):
         run_pairs(paths, opened(*walks), Experiment(BLIND, [FRAMES]), tmp_path)
-    with pytest.raises(InputError, match="--gap: no two frames with a true pose are 12 apart"):
+    with pytest.raises(InputError, match="--gap: no two frames with ground truth are 12 apart"):
         run_pairs(paths[1:], opened(*walks), Experiment(BLIND, [FRAMES]), tmp_path)
 
 

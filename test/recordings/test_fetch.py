@@ -366,7 +366,7 @@ def test_a_fetched_set_is_one_folder_with_a_record_of_where_it_is_from(tmp_path:
         fetch(source(server), tmp_path / "data")
 
 
-def test_a_checksum_decides(tmp_path: Path) -> None:
+def test_a_download_with_another_checksum_is_refused_and_removed(tmp_path: Path) -> None:
     right = hashlib.sha256(SET).hexdigest().upper()
     with serving(Server(SET)) as server:
         with pytest.raises(InputError, match=f"has the SHA-256 {right.lower()}, not 00"):

@@ -274,7 +274,7 @@ def test_chosen_frames_are_those_of_their_numbers_and_no_other_file_is_opened(
     assert [frame.depth[1, 1] for frame in frames] == [2.0, 5.0, 8.0]
 
 
-def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_path_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         open_recording(tmp_path / "none")
 

@@ -68,7 +68,7 @@ def test_after_a_reset_a_new_graph_begins() -> None:
     assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
 
 
-def test_who_comes_late_begins_with_what_there_is() -> None:
+def test_a_stream_joined_late_starts_at_the_next_keyframe() -> None:
     stream = KeyframeStream()
     stream.add_pose(900, pose(8))
     keyframes, _ = stream.add_edge(900, edge(7, 8))
