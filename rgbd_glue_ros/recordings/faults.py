@@ -1,4 +1,4 @@
-"""What a recording holds that cannot be used: skipped, counted and said once per cause."""
+"""Unusable parts of a recording: skipped, counted and logged once per cause."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ logger = logging.getLogger(__name__)
 
 
 class Faults:
-    """Counts faults and logs each kind once; those that differ in numbers alone are of a kind.
+    """Counts faults and logs each kind once; those that differ only in numbers are of one kind.
 
     Attributes:
-        count: of faults.
-        first: fault of all, None without any.
+        count: number of faults.
+        first: the first fault, None without any.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class Faults:
         self._kinds: set[str] = set()
 
     def add(self, error: InputError) -> None:
-        """Counts one; says it if none of its kind was said."""
+        """Counts a fault; logs it if none of its kind was logged."""
         self.count += 1
         self.first = self.first or error
         kind = without_numbers(str(error))

@@ -1,4 +1,4 @@
-"""Data sets that anybody may download without signing anything, and where they are."""
+"""Data sets that can be downloaded without an agreement, and where they are."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class Source:
     """An archive of one or more recordings.
 
     Attributes:
-        name: as the user calls it.
+        name: the name for the user.
         url: of the archive.
-        folder: that it is unpacked to.
+        folder: the folder that it is unpacked to.
         licence: in a few words.
-        sha256: of the archive, hexadecimal, where one can be trusted; None of the publishers
-            below gives any.
+        sha256: of the archive, hexadecimal, if a trusted one exists; none of the publishers below
+            gives any.
     """
 
     name: str
@@ -75,7 +75,7 @@ def find(name: str) -> Source:
     """The source of a name.
 
     Raises:
-        InputError: there is none.
+        InputError: no source has this name.
     """
     if name in CATALOGUE:
         return CATALOGUE[name]
