@@ -1,4 +1,4 @@
-"""Arguments that several commands have, and what they stand for."""
+"""Arguments that several commands share, and their meaning."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder
 def path(text: str) -> Path:
     """A path; ``~`` is the home folder, which shells leave as it is in ``-o=~/out``."""
     if not text:
-        # of a variable that is not set; as a path it would be the working folder
+        # from a variable that is not set; as a path it would be the working folder
         raise argparse.ArgumentTypeError("is empty, give a path")
     try:
         return expanded(text, "")
@@ -31,19 +31,19 @@ def path(text: str) -> Path:
         raise argparse.ArgumentTypeError(error.cause) from error
 
 
-# More of frames, gaps or processes there are not
+# There are never more frames, gaps or processes
 _DIGITS = 9
 
 
 def positive(text: str) -> int:
-    """A whole number above zero, of nine digits at most."""
+    """A positive whole number with at most nine digits."""
     if not text.isdecimal() or len(text) > _DIGITS or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 999999999")
     return int(text)
 
 
 def positive_number(text: str) -> float:
-    """A finite number above zero."""
+    """A finite positive number."""
     try:
         number = float(text)
     except ValueError:
@@ -54,7 +54,7 @@ def positive_number(text: str) -> float:
 
 
 def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str = "") -> None:
-    """``-o``; of a default that depends on other arguments (None), ``said`` is what it is."""
+    """``-o``; if the default depends on other arguments (None), ``said`` describes it."""
     parser.add_argument(
         "-o",
         "--output",
@@ -155,7 +155,7 @@ def add_set(parser: argparse.ArgumentParser) -> None:
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """What of a recording is played, how fast, and as which messages."""
+    """The part of a recording to play, its speed, and the kind of messages."""
     parser.add_argument(
         "--rate",
         type=positive_number,
@@ -180,7 +180,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
 
 
 def add_camera(parser: argparse.ArgumentParser, what: str) -> None:
-    """``--camera``; ``what`` is what is taken of it."""
+    """``--camera``; ``what`` describes what it sets."""
     parser.add_argument(
         "--camera",
         metavar="PRESET",
@@ -189,7 +189,7 @@ def add_camera(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Where many recordings are worked on."""
+    """Where many recordings are processed."""
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--workers",
@@ -215,7 +215,7 @@ def add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
 
 
 def sources(args: argparse.Namespace) -> list[Path]:
-    """The recordings at and below every SRC that ``--only`` leaves.
+    """The recordings at and below every SRC that pass ``--only``.
 
     Raises:
         InputError: there are none.
@@ -226,10 +226,10 @@ def sources(args: argparse.Namespace) -> list[Path]:
 
 
 def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
-    """Opens recordings as the arguments say, in this process or another.
+    """Opens recordings according to the arguments, in this process or another.
 
     Raises:
-        InputError: the calibration cannot be read, or a parameter is not known or allowed.
+        InputError: the calibration cannot be read, or a parameter is unknown or not allowed.
     """
     from rgbd_glue_ros.recordings import Topics, load_calibration, open_recording
     from rgbd_glue_ros.recordings.calibration import read_calibration
@@ -254,7 +254,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
 
 
 def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:
-    """The part of a recording that is to be played."""
+    """The part of a recording to play."""
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
     from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW
 
@@ -263,7 +263,7 @@ def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:
 
 
 def config(args: argparse.Namespace) -> Config:
-    """The preset with what ``--set`` changes of the method.
+    """The preset with the method's parameters in ``--set``.
 
     Raises:
         InputError: there is no such preset or parameter, or a value is not allowed.
@@ -276,7 +276,7 @@ def config(args: argparse.Namespace) -> Config:
 
 
 def inputs(args: argparse.Namespace) -> InputConfig:
-    """What ``--set`` and the options change of how images are read.
+    """The parameters of the inputs in ``--set`` and the options.
 
     Raises:
         InputError: a parameter is not known, or a value not allowed.
@@ -291,7 +291,7 @@ def inputs(args: argparse.Namespace) -> InputConfig:
 
 
 def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:
-    """What ``--set`` gives, apart: parameters of the inputs, and those of the method."""
+    """The parameters in ``--set``, separated into those of the inputs and of the method."""
     from rgbd_glue_ros.parameters import (
         Config,
         InputConfig,
@@ -321,14 +321,14 @@ def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, ob
 
 
 def command(args: argparse.Namespace) -> str:
-    """The line that was typed, to be quoted."""
+    """The command line as typed, for quoting."""
     from rgbd_glue_ros.cli.parser import PROGRAM
 
     return shlex.join([PROGRAM, *args.words])
 
 
 def node_command(args: argparse.Namespace) -> str:
-    """Starts a node, with no ROS but that of Python packages, that hears what is played."""
+    """The command that starts a node for what is played, also without a ROS installation."""
     words = ["odometry", *(["--camera", args.camera] if args.camera else [])]
     if args.compressed:
         words += ["--ros-args", "-p", "image_transport:=compressed"]
@@ -337,12 +337,12 @@ def node_command(args: argparse.Namespace) -> str:
 
 
 def parameter_names(prefix: str = "", **_: object) -> list[str]:
-    """The names of all parameters that begin with ``prefix``, for the shell to complete."""
+    """The names of all parameters that begin with ``prefix``, for shell completion."""
     return [p.name for p in _parameters() if p.name.startswith(prefix)]
 
 
 def assignments(prefix: str, **_: object) -> list[str]:
-    """``NAME=``, and after it the values that a parameter can have, where these can be listed."""
+    """``NAME=``, and then the values of a parameter, if they can be listed."""
     given = prefix.partition("=")[0]
     if "=" not in prefix:
         return [f"{name}=" for name in parameter_names(prefix)]
@@ -362,7 +362,7 @@ def _parameters() -> Iterator[Parameter]:
 
 
 def camera_presets(**_: object) -> list[str]:
-    """The names of the presets of cameras, for the shell to complete."""
+    """The names of camera presets, for shell completion."""
     from rgbd_glue_ros.live.camera_presets import camera_names
 
     return camera_names()

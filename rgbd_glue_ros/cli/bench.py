@@ -1,4 +1,4 @@
-"""``rgbd-glue bench``: speed and error beside others."""
+"""``rgbd-glue bench``: speed and error compared with others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands there are: a line here and a module of the same name, with two functions."""
+"""The commands: a line here and a module of the same name, with two functions."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Protocol, cast
 
 
 class CommandModule(Protocol):
-    """What the module of a command has."""
+    """The interface of a command's module."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declares the command's arguments."""
 
     def run(self, args: argparse.Namespace) -> str:
-        """Does it and returns what to print.
+        """Executes the command and returns what to print.
 
         Raises:
-            InputError: the user can mend it.
+            InputError: the user can fix the problem.
             MissingExtraError: a library is not installed.
         """
 
@@ -30,7 +30,7 @@ class Command:
     Attributes:
         name: on the command line, and of the module in this folder.
         summary: one line for the help.
-        is_ros_node: whether it takes the arguments of ROS too; ``args.ros`` are those.
+        is_ros_node: whether it also takes ROS arguments, in ``args.ros``.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Command:
 
     @property
     def module(self) -> CommandModule:
-        """Its module, which is loaded when it is first needed."""
+        """Its module, loaded on first use."""
         return cast(CommandModule, import_module(f"{__package__}.{self.name}"))
 
 

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> str:
-    """Converts and returns where the result is, what is in it and what to do with it."""
+    """Converts and returns where the result is, its content and how to use it."""
     from rgbd_glue_ros.recordings.bag.recording import BagRecording
     from rgbd_glue_ros.recordings.convert import convert
 
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> str:
 
 
 def _topics(args: argparse.Namespace) -> WrittenTopics:
-    """What the topics of a bag are to be called."""
+    """The names for the topics of a bag."""
     from rgbd_glue_ros.live.camera_presets import load_camera
     from rgbd_glue_ros.recordings.bag.writer import AS_REALSENSE, WrittenTopics
 

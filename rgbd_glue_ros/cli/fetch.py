@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> str:
-    """Downloads and returns where the data sets are, or lists those there are."""
+    """Downloads and returns where the data sets are, or lists those available."""
     from rgbd_glue_ros.recordings.fetch import CATALOGUE, find
 
     if not args.names:

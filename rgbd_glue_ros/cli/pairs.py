@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Recordings, parameters, output, and which pairs by which methods."""
+    """Recordings, parameters, output, pairs and methods."""
     arguments.add_recordings(parser, least="*")
     parser.add_argument(
         "--data",

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> str:
-    """The configuration as YAML or as a table, or what is known of some parameters."""
+    """The configuration as YAML or as a table, or the description of some parameters."""
     from rgbd_glue_ros.parameters import NodeConfig, explain, to_markdown, to_yaml
 
     config = arguments.config(args)

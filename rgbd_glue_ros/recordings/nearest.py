@@ -1,4 +1,4 @@
-"""What a path that is no recording comes nearest to, and what it lacks of that."""
+"""The closest layout of a path that is not a recording, and what is missing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rgbd_glue_ros.files.reading import open_file
 
 SEE = "docs/data.md lists the supported formats"
 
-# First bytes of packed files, and what they are
+# First bytes of packed files, and their types
 _ARCHIVES = (
     (b"PK\x03\x04", "a zip archive"),
     (b"\x1f\x8b", "a gzip archive"),
@@ -22,7 +22,7 @@ _ARCHIVES = (
     (b"\x1a\x45\xdf\xa3", "a Matroska video (.mkv)"),
 )
 
-# Of many recordings, so many are named
+# Maximum number of recordings that are named
 _NAMED = 3
 
 
@@ -31,9 +31,9 @@ class Layout:
     """The layout of a kind of recording.
 
     Attributes:
-        name: of the kind.
-        parts: patterns of what lies in its folder, each with what it is called in words; those
-            that are said to be missing, and that tell the kind.
+        name: name of the kind.
+        parts: patterns of the files in its folder, each with its name in words; they identify the
+            kind, and are reported if missing.
     """
 
     name: str
@@ -62,10 +62,10 @@ LAYOUTS = (
 
 
 def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
-    """Why a path is no recording: the nearest layout, and what is missing.
+    """Why a path is not a recording: the closest layout, and what is missing.
 
     Args:
-        path: of no known format.
+        path: one without a known format.
         recordings: those directly below it.
     """
     if path.is_file():
@@ -128,7 +128,7 @@ def _of_file(path: Path) -> InputError:
 
 
 def _nearest(folder: Path) -> tuple[Layout, list[str]] | None:
-    """The layout with most of its parts there, and the parts that are not; None if none is."""
+    """The layout with most of its parts present, and the missing parts; None if none is present."""
     best: tuple[Layout, list[str]] | None = None
     most = 0.0
     for layout in LAYOUTS:
