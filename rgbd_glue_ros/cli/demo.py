@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.parameters import InputConfig
 
 
-# A node that keeps up drops fewer of the frames than this leaves.
+# A node that keeps up processes at least this fraction of the frames.
 _FEW = 0.9
 
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_topics(parser)
     arguments.add_output(parser, Path("out/demo"))
     arguments.add_part(parser)
-    # not as of other commands, where it may change how a recording is read
+    # unlike in other commands, where it may change how a recording is read
     parser.add_argument(
         "--set",
         dest="parameters",
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> str:
-    """Plays a recording to the node and returns the figures of what the node answered."""
+    """Plays a recording to the node and returns the figures of its output."""
     from rgbd_glue_ros.experiments.demo.demo import bundled_bag
     from rgbd_glue_ros.experiments.demo.played import PlayedBag
     from rgbd_glue_ros.parameters import (

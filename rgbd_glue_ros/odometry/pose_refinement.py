@@ -1,4 +1,4 @@
-"""The pose of one frame, refined from a start: what it rests on and how far it is carried."""
+"""The pose of one frame, refined from a start: its inputs and its levels."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from rgbd_glue_ros.refinement.reliability import without_spurious_information
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
 from rgbd_glue_ros.types import Float64
 
-# The way from the start is made at these.
+# Most of the distance from the start is covered at these levels.
 COARSE_LEVELS = COARSE_TO_FINE[:-1]
-# The twist is measured here: fine enough to see the distortion, and one level before it is used.
+# The twist is measured here: fine enough to show the distortion, and one level before it is used.
 VELOCITY_LEVEL = COARSE_TO_FINE[-2]
-# The pose ends here, with the twist that was measured: in fast motion its accuracy depends on that.
+# The pose is final here, with the measured twist: in fast motion its accuracy depends on that.
 FINAL_LEVEL = COARSE_TO_FINE[-1]
 
 
@@ -37,7 +37,7 @@ class PoseEstimate:
 
     Attributes:
         refinement: the pose, T_track_camera, and how well the frame agrees with it.
-        twist: None where it was not measured.
+        twist: None if it was not measured.
     """
 
     refinement: Refinement
@@ -69,9 +69,9 @@ class PoseProblem(RefinementProblem):
         return refine(T_track_camera, self, levels, affine_brightness)
 
     def refined_further(self, coarse: Refinement, config: OdometryConfig) -> PoseEstimate:
-        """Carries a pose on from the coarse levels to the final one, with a better twist at each.
+        """Refines a pose from the coarse levels to the final one, with a better twist at each.
 
-        Where the final level is not plausible, the pose is left as it was.
+        If the result of the final level is not plausible, the pose is left unchanged.
         """
         moving = self.with_twist_of(PoseEstimate(coarse))
         finer = moving.refined(coarse.T_model_source, [VELOCITY_LEVEL])
@@ -89,13 +89,13 @@ class PoseProblem(RefinementProblem):
         return replace(estimate, refinement=left)
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
-        """The same, with the twist that the motion filter concludes from an estimate."""
+        """The problem with the twist that the motion filter infers from an estimate."""
         twist = corrected_motion(self.predicted, estimate, self.config).twist
         return replace(self, view=replace(self.view, twist=twist))
 
 
 def is_near(T_a: Float64, T_b: Float64, config: OdometryConfig) -> bool:
-    """Whether two poses are so near that refinement gets from one to the other."""
+    """Whether two poses are near enough for refinement to get from one to the other."""
     T = se3.inverse(T_b) @ T_a
     return bool(
         np.linalg.norm(T[:3, 3]) <= config.surprise_translation
@@ -104,7 +104,7 @@ def is_near(T_a: Float64, T_b: Float64, config: OdometryConfig) -> bool:
 
 
 def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
-    """The covariance [6, 6] of a refined pose, perturbation on the right: in the camera's frame."""
+    """Covariance [6, 6] of a refined pose, perturbation on the right, in the camera's frame."""
     information = estimate.refinement.information / config.residuals_per_independent_one
     covariance = np.asarray(np.linalg.inv(information + np.linalg.inv(LOST_SPREAD)), np.float64)
     to_camera = se3.adjoint(se3.inverse(estimate.T_track_camera))
@@ -113,7 +113,7 @@ def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
 
 
 def corrected_motion(predicted: Motion, estimate: PoseEstimate, config: RefineConfig) -> Motion:
-    """The predicted motion, corrected by a pose and by the twist where it was measured."""
+    """The predicted motion, corrected by a pose and, if it was measured, by the twist."""
     motion = predicted.corrected(estimate.T_track_camera, camera_covariance(estimate, config))
     if estimate.twist is None:
         return motion

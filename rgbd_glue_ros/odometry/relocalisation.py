@@ -1,4 +1,4 @@
-"""Looks for a frame that tracking lost near any of the keyframes, without a prediction."""
+"""Searches for a frame that tracking lost near any of the keyframes, without a prediction."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def relocalise(
     *,
     is_lost: bool,
 ) -> Attempt | None:
-    """The pose of a frame by the first keyframe that gives one which is believed.
+    """The pose of a frame by the first keyframe that gives an acceptable one.
 
     Args:
         features: of the frame.
@@ -38,7 +38,7 @@ def relocalise(
             farther apart than a camera gets: a jump is announced by a frame without one.
 
     Returns:
-        None where no keyframe gives one.
+        None if no keyframe gives one.
     """
     for keyframe in keyframes:
         registration = glue.register(features, keyframe.features)
@@ -62,9 +62,9 @@ def _is_believed(
     *,
     is_lost: bool,
 ) -> bool:
-    """Whether planes and pixels both speak for a pose.
+    """Whether planes and pixels both support a pose.
 
-    Occluded planes count too: somebody in front of the camera is no evidence of a place.
+    Occluded planes count too: a person in front of the camera is not evidence for a place.
     """
     return (
         is_plausible(refinement, refinement.planes_seen, config)

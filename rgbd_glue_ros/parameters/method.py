@@ -42,7 +42,7 @@ class CameraConfig:
         "Steepness of edges in a well-lit image of 160 pixels. In the dark and in haze they are "
         "less steep, and grey-level limits shrink with them, as far as noise allows; 0 disables "
         "this.",
-        unit="grey levels a pixel",
+        unit="grey levels per pixel",
         minimum=0.0,
         maximum=255.0,
     )

@@ -1,4 +1,4 @@
-"""Puts keyframes together again whose poses and edges come on two topics, in any order."""
+"""Reassembles keyframes whose poses and edges arrive on two topics, in any order."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 @dataclass(frozen=True)
 class NewKeyframe:
-    """A keyframe that is complete.
+    """A complete keyframe.
 
     Attributes:
-        number: the odometry's.
+        number: the odometry's number.
         stamp_ns: of its image.
         T_odom_child: float64 [4, 4], as published.
         edge: to the one that it was tracked from; None for the first of a graph.
@@ -51,14 +51,14 @@ class KeyframeStream:
     def add_edge(
         self, stamp_ns: int, edge: PoseGraphEdge
     ) -> tuple[list[NewKeyframe], PoseGraphEdge | None]:
-        """Takes an edge.
+        """Adds an edge.
 
         Args:
-            stamp_ns: of its child.
-            edge: by the odometry's numbers.
+            stamp_ns: stamp of its child.
+            edge: with the odometry's numbers.
 
         Returns:
-            The keyframes that are complete now; and the edge, if both its ends were so before.
+            The keyframes that are now complete; and the edge, if both its ends already were.
         """
         if self._stamps.get(edge.child) == stamp_ns:
             return [], edge
@@ -86,5 +86,5 @@ class KeyframeStream:
         return keyframes
 
     def _first_before(self, stamp_ns: int) -> int | None:
-        """The stamp of the latest pose before that no edge named: it begins the graph."""
+        """The stamp of the latest earlier pose without an edge: it begins the graph."""
         return max((stamp for stamp in self._poses if stamp < stamp_ns), default=None)

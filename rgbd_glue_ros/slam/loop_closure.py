@@ -1,9 +1,8 @@
-"""Whether two keyframes show the same place, and where they were taken from each other.
+"""Whether two keyframes show the same place, and their relative pose.
 
-A candidate becomes a loop when RGBD-Glue finds a transform in the two images, or the graph expects
-one, the refinement from there is certain of it, and so is the refinement of the first on the
-second, at the same place.
-A place that looks like another may pass one of these; two rooms never passed all.
+A candidate becomes a loop if RGBD-Glue finds a transform from the two images, or the graph predicts
+one, the refinement from there is certain, and so is the refinement of the first on the second, at
+the same pose. A similar place may pass one of these tests; two rooms never passed all.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
-# Metres plus radians that the two refinements may differ by: several times their errors.
+# Maximum difference of the two refinements, metres plus radians: several times their errors.
 _SAME = 0.05
 
 
@@ -34,15 +33,15 @@ def loop_edge(
     config: Config,
     T_parent_child_expected: Float64 | None = None,
 ) -> PoseGraphEdge | None:
-    """The edge between two keyframes, or None where they do not surely show the same place.
+    """The edge between two keyframes, or None if they do not certainly show the same place.
 
     Args:
         parent: the earlier one.
         child: the later one.
         glue: registers.
-        config: how poses are refined, and when they are believed.
-        T_parent_child_expected: float64 [4, 4], from the graph; the search starts there where
-            the images give no transform. None if nothing is known.
+        config: how poses are refined, and when they are accepted.
+        T_parent_child_expected: float64 [4, 4], from the graph; the search starts there if the
+            images give no transform. None if nothing is known.
     """
     result = glue.register(child.features, parent.features)
     T = result.T_target_source

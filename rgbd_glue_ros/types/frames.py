@@ -1,4 +1,4 @@
-"""Frames as a camera gives them, and as they are registered."""
+"""Frames as a camera provides them, and prepared for registration."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class RgbdFrame:
         stamp_ns: time of the colour image, nanoseconds.
         color: uint8, [H, W, 3] RGB or [H, W] grey.
         depth: float32 [H, W], metres along the optical axis, NaN where unknown.
-        intrinsics: of both images, whose size they take where they have none.
+        intrinsics: of both images; if they have no size, they take that of the images.
         frame_id: the optical frame of the camera, from the message header; "" if unknown.
-        depth_delay_ns: stamp of the depth image less ``stamp_ns``, nanoseconds.
+        depth_delay_ns: stamp of the depth image minus ``stamp_ns``, nanoseconds.
     """
 
     stamp_ns: int
@@ -35,7 +35,7 @@ class RgbdFrame:
         """Checks the images.
 
         Raises:
-            InputError: they are of another type, shape or unit.
+            InputError: an image has another type, shape or unit.
         """
         camera = self.intrinsics
         check_camera(camera, CameraIntrinsics)
@@ -61,8 +61,8 @@ class View:
         readout_time: seconds from the first row to the last of a rolling shutter; 0 for a global
             shutter.
         depth_delay: how much later than colour depth was taken, seconds.
-        contrast: of ``grey``, as a part of that of a well-lit image; limits in grey levels are
-            multiplied by it.
+        contrast: of ``grey``, relative to a well-lit image; grey-level limits are multiplied by
+            it.
     """
 
     grey: UInt8

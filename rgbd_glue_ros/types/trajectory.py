@@ -24,7 +24,7 @@ class Trajectory:
         """Checks the arrays.
 
         Raises:
-            InputError: they are of another type or shape, or a pose is not finite.
+            InputError: an array has another type or shape, or a pose is not finite.
         """
         check_trajectory(self.stamps_ns, self.poses)
 

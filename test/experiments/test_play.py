@@ -75,7 +75,7 @@ def bag(tmp_path: Path) -> Path:
         (0.1, 0.1, range(4, 7)),
     ],
 )
-def test_the_part_asked_for_is_played(
+def test_only_the_requested_part_is_played(
     bag: Path, start_s: float, duration_s: float | None, frames: range
 ) -> None:
     with open_recording(bag) as recording:
@@ -86,7 +86,7 @@ def test_the_part_asked_for_is_played(
 
 
 def test_a_part_beyond_the_end_is_refused(bag: Path) -> None:
-    with open_recording(bag) as recording, pytest.raises(InputError, match="no frame to play"):
+    with open_recording(bag) as recording, pytest.raises(InputError, match="no frames to play"):
         list(PlayedRecording(recording, RAW, 5.0).messages)
 
 
@@ -181,7 +181,7 @@ def test_where_nobody_listens_it_is_said_and_played_all_the_same(
         said, faults = player.communicate()
     assert player.returncode == 0, faults
     assert "publishing /camera/camera/color/camera_info, /camera/camera/color/image_raw, " in said
-    assert "nobody listens; playing all the same\n" in said
+    assert "no subscriber; playing anyway\n" in said
     assert said.endswith("played 10 frames of small\n")
 
 

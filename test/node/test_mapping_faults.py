@@ -110,7 +110,7 @@ def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path)
         ({"map_frame_id": "odom"}, "map_frame_id: is 'odom', as odom_frame_id is, and a frame is"),
         ({"map_frame_id": "base", "frame_id": "base"}, "map_frame_id: is 'base', as frame_id is"),
         ({"map_frame_id": "/map"}, "map_frame_id: '/map' begins with a slash"),
-        ({"map_frame_id": '""'}, "map_frame_id: '' is no name of a frame; give the name of a fra"),
+        ({"map_frame_id": '""'}, "map_frame_id: '' is not a valid frame name; give the name of"),
         ({"map_file": '"~nobodyhere/x"'}, "map_file: ~nobodyhere has no home folder; give the wh"),
         ({"map_file": "/absent.rgbdmap"}, "/absent.rgbdmap: cannot be read"),
         ({"localize_only": True}, "localize_only: there is no map; set map_file"),

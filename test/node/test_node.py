@@ -206,7 +206,7 @@ def set_parameter(rig: Rig, name: str, value: object) -> str:
     ("name", "value", "reason"),
     [
         ("features.visual", "sift", "the keyframes hold features of one kind"),
-        ("odometry.keyframes", 5, "the room for keyframes is made at the start"),
+        ("odometry.keyframes", 5, "memory for keyframes is reserved at the start"),
         ("frame_id", "base_link", "it is read once, when the node starts"),
         ("glue.k", 1000.0, "out of range"),
         ("glue.k", 4, "type"),
@@ -282,7 +282,7 @@ def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_doma
             marks=pytest.mark.every_python,
         ),
         ({"features.visual": "surf"}, "features.visual: 'surf' is not known; give one of none,"),
-        ({"glue.k": "many"}, "glue.k: 'many' is no float"),
+        ({"glue.k": "many"}, "glue.k: 'many' is not of type float"),
         ({"glue.kk": 7}, "glue.kk: no such parameter; did you mean glue.k?"),
         ({"guess_frame_id": "wheels"}, "guess_frame_id: needs frame_id, and TF"),
     ],

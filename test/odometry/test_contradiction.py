@@ -47,7 +47,7 @@ def doubts(estimates: list[OdometryEstimate], off: Float64) -> Float64:
     ("somebody", "step", "count"),
     [(IN_FRONT, 1, 40), (CLOSE_BY, 1, 60), (CLOSE_BY, 5, 21), (PasserBy(period=3.5), 5, 21)],
 )
-def test_whom_the_camera_sees_it_is_not_carried_along_by_beyond_what_it_says(
+def test_a_passer_by_shifts_the_pose_by_less_than_three_stated_sigmas(
     somebody: PasserBy, step: int, count: int
 ) -> None:
     truth = true_poses()[: step * count : step]
@@ -98,7 +98,7 @@ def test_what_is_seen_of_somebody_contradicts_and_noise_does_not() -> None:
     assert not is_contradicted(evaluate_pose(true_poses()[4], of))
 
 
-def test_where_all_agrees_there_is_no_alternative() -> None:
+def test_a_view_that_agrees_with_its_pose_has_no_alternative() -> None:
     of = problem(room_view(0.0), room_view(0.3))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     assert alternative(of, truth) is None

@@ -76,7 +76,7 @@ def test_the_predicted_covariance_is_that_of_sampled_predictions() -> None:
 
 
 @given(SEEDS)
-def test_without_rotation_it_is_the_kalman_filter(seed: int) -> None:
+def test_without_rotation_the_motion_filter_is_the_linear_kalman_filter(seed: int) -> None:
     """Written out for positions and velocities, where everything is linear."""
     rng = np.random.default_rng(seed)
     start = moving(np.concatenate([rng.normal(0, 0.5, 3), np.zeros(3)]))

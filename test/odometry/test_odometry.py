@@ -650,7 +650,9 @@ def test_time_goes_on_while_lost_too() -> None:
 @example(height=20, width=12, depths=0.0, seed=1)
 @example(height=30, width=6, depths=0.0, seed=30)
 @settings(max_examples=40)
-def test_no_image_stops_it(height: int, width: int, depths: float, seed: int) -> None:
+def test_images_of_any_size_and_content_do_not_stop_the_odometry(
+    height: int, width: int, depths: float, seed: int
+) -> None:
     """Of any size and with any content."""
     rng = np.random.default_rng(seed)
     config = with_values(

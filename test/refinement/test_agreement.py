@@ -78,7 +78,7 @@ def test_bands_that_disagree_do_so_by_the_mahalanobis_distances_of_their_optima(
     assert disagreement(halves) == pytest.approx(float(squared) / (6 * (BANDS - 1)), rel=1e-3)
 
 
-def test_a_band_alone_has_nobody_to_disagree_with() -> None:
+def test_a_single_band_gives_no_disagreement() -> None:
     table = rows(np.random.default_rng(3), np.zeros((BANDS, 6)))
     top = part_of(table, slice(OF_A_BAND))
     assert disagreement([top]) is None

@@ -65,7 +65,7 @@ def test_a_global_shutter_shows_nothing_and_leaves_the_velocity_as_it_was() -> N
 
 
 @pytest.mark.slow
-def test_a_slower_shutter_shows_more() -> None:
+def test_a_slower_shutter_shows_the_twist_more_precisely() -> None:
     slow, fast = (
         np.diag(seen(readout_time, 0.0, true_twist(TIMES[1]))[1]) for readout_time in (0.03, 0.015)
     )

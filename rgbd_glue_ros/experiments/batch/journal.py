@@ -81,14 +81,14 @@ class Journal(Closing):
             done = {} if finished else {line["key"]: line["result"] for line in lines}
         except (ValueError, KeyError, TypeError) as error:
             raise InputError(
-                self._path, "is no journal of results", "give another folder (-o), or remove it"
+                self._path, "is not a journal of results", "give another folder (-o), or remove it"
             ) from error
         if finished:
             return
         if about != self._about:
             raise InputError(
                 self._path,
-                "holds results of a run with other parameters that broke off",
+                "holds results of an interrupted run with other parameters",
                 "give another folder (-o), or remove it",
             )
         self.done, self._length = done, len(whole)

@@ -154,7 +154,7 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
     assert workers is not None  # noqa: S101 - for the type checker
     cores = os.cpu_count() or 1
     if workers > _MOST_PER_CORE * cores:
-        cause = f"{workers} processes on {cores} cores would only take one another's memory"
+        cause = f"{workers} processes on {cores} cores would only compete for memory"
         raise InputError("--workers", cause, f"give {cores}")
     threads = str(max(1, cores // workers))
     environment = dict.fromkeys(_THREADS, threads)
@@ -227,5 +227,5 @@ def _items(
 
 
 def _failure(error: BaseException) -> Failure:
-    logger.debug("a task broke down", exc_info=error)
+    logger.debug("a task failed", exc_info=error)
     return Failure(f"{type(error).__name__}: {error}")

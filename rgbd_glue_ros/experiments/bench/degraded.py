@@ -183,7 +183,7 @@ def somebody_walks_by(somebody: PasserBy = PasserBy()) -> Degradation:  # noqa: 
             start_ns = frame.stamp_ns if start_ns is None else start_ns
             yield somebody.before(frame, start_ns)
 
-    return Degradation("somebody walks by", apply)
+    return Degradation("a passer-by", apply)
 
 
 DEGRADATIONS = (

@@ -190,7 +190,9 @@ class PlayedRecording(WrappedRecording):
             is_empty = False
             yield from messages
         if is_empty:
-            raise InputError(self.name, "has no frame to play", "start earlier, or play for longer")
+            raise InputError(
+                self.name, "has no frames to play", "start earlier, or play for longer"
+            )
 
     def next_round(self, stamps_ns: Sequence[int]) -> PlayedRecording:
         """The same, to be played again with stamps that go on.

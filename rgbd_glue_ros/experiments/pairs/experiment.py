@@ -123,7 +123,7 @@ def _measured(
         if collector.unusable:
             raise collector.unusable[0]
         gap = min(experiment.gaps)
-        raise InputError("--gap", f"no two frames with a true pose are {gap} apart", "give less")
+        raise InputError("--gap", f"no two frames with ground truth are {gap} apart", "give less")
     shown = chosen([(path, pair[GLUE]) for path, pair in collector.in_order(plan)])
     method = method_of(experiment.config)
     pictures = examples(shown, open_source, method, experiment.config.camera)

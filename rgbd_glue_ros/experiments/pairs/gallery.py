@@ -122,7 +122,7 @@ def _example(
         described = [method.describe(view) for view in views]
         result = method.register(described[1], described[0])
     except Exception as error:
-        logger.debug("no picture of a pair of %s", path, exc_info=error)
+        logger.debug("cannot draw a pair of %s", path, exc_info=error)
         return None
     if poses[0] is None or poses[1] is None:
         return None

@@ -143,7 +143,7 @@ def true_poses(recording: Recording) -> Trajectory:
     truth = recording.ground_truth
     if truth is None:
         raise InputError(
-            recording.name, "has no ground truth", "give a recording that has true poses"
+            recording.name, "has no ground truth", "give a recording with ground truth"
         )
     return truth
 

@@ -95,7 +95,7 @@ class PeerMethod:
 
     def __init__(self, name: str) -> None:
         if name not in PEERS:
-            raise InputError(name, "is no peer", f"take one of {', '.join(PEERS)}")
+            raise InputError(name, "is not a known peer", f"use one of {', '.join(PEERS)}")
         self._name = name
         self._peer = PEERS[name]()
 

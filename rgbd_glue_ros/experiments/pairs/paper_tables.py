@@ -26,7 +26,7 @@ from rgbd_glue_ros.parameters import Config, with_values
 
 _LIGHTGLUE = (
     "LightGlue here is LighterGlue on XFeat's features; the paper's is LightGlue on SuperPoint's, "
-    "whose weights are for research alone."
+    "whose weights are for research only."
 )
 
 
@@ -234,7 +234,7 @@ def paper_table(number: str) -> PaperTable:
     """
     tables = paper_tables()
     if number.upper() not in tables:
-        raise InputError(f"--table {number}", "no such table", f"take one of {', '.join(tables)}")
+        raise InputError(f"--table {number}", "no such table", f"use one of {', '.join(tables)}")
     return tables[number.upper()]
 
 

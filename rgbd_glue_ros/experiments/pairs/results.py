@@ -133,7 +133,7 @@ class ResultCollector:
             # a recording that is damaged fails every batch that comes to the place
             *dict.fromkeys(self.problems),
             *(
-                f"{path}: frames without a true pose, left out: {len(indices)}"
+                f"{path}: frames without ground truth, skipped: {len(indices)}"
                 for path, indices in self._unposed.items()
             ),
         ]

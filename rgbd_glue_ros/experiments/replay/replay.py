@@ -121,7 +121,7 @@ def replay_into(
 ) -> Run:
     """As ``replay``, into a folder that the caller goes on to write to."""
     folder = results.path
-    logger.info("warming up; where nothing is compiled yet, it takes some seconds")
+    logger.info("warming up; the first time, this compiles for some seconds")
     warm_up(config)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth, command=command)
     pictures, clouds = Thumbnails(), KeyframeClouds()
@@ -160,21 +160,21 @@ def replay_into(
                 left.callback(write_results, run, folder)
                 _leave_cloud(left, cloud, clouds, run)
     if not run.frames:
-        raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
+        raise InputError(sequence.name, "holds no frames", "give a recording with RGB-D frames")
     _warn_of_imu(odometry)
     if last is not None and len(run.trajectory) == 0:
         why = explain_no_pose(last, config.camera)
         raise InputError(
             sequence.name,
             f"none of its {len(run.frames)} frames was tracked: {why}",
-            f"what there is to see of them is in {folder}",
+            f"the report on them is in {folder}",
         )
     return run
 
 
 def _after_frames(error: InputError, count: int) -> InputError:
     """A fault of a recording, with how many frames before it are done."""
-    done = f"; the {count} frames before it are done" if count else ""
+    done = f"; the {count} frames before it are processed" if count else ""
     return InputError(error.where, error.cause, error.remedy + done)
 
 
@@ -230,7 +230,7 @@ def results_of(
     before = _recording_of(folder)
     results = ResultFolder(folder, (*RESULTS, *further))
     if before not in (None, name):
-        logger.warning("%s: the results of %s that were there are replaced", folder, before)
+        logger.warning("%s: replacing the results of %s", folder, before)
     write_whole(folder / PARAMETERS, to_yaml(inputs, config))
     return results
 
