@@ -17,7 +17,7 @@ from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # A velocity is meaningful for this long; after that the camera is expected where it was.
-_MEMORY_S = 0.25
+MEMORY_S = 0.25
 # Initial standard deviations: a camera on a robot or in a hand, m/s and rad/s.
 _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 # How much a camera with a usable image may change its speed between two frames, m/s and rad/s.
@@ -67,7 +67,7 @@ class Motion:
     def predicted(self, stamp_ns: int, config: MotionConfig) -> Motion:
         """The motion at a later stamp, at constant velocity plus random accelerations."""
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
-        moving = min(elapsed, _MEMORY_S)
+        moving = min(elapsed, MEMORY_S)
         step = se3.exp(self.twist * moving)
         F = np.eye(12)
         F[:6, :6] = se3.adjoint(se3.inverse(step))
@@ -95,7 +95,7 @@ class Motion:
             config: how the linear velocity changes.
         """
         predicted = self.predicted(stamp_ns, config)
-        moving = min((stamp_ns - self.stamp_ns) / NANOSECONDS, _MEMORY_S)
+        moving = min((stamp_ns - self.stamp_ns) / NANOSECONDS, MEMORY_S)
         step = se3.exp(np.concatenate([self.twist[:3] * moving, turn.rotation_vector]))
         # the measured angular velocity replaces the previous one
         covariance = predicted.covariance.copy()

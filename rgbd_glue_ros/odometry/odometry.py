@@ -206,7 +206,7 @@ class Odometry(Closing):
         model = blend([keyframe.model for keyframe in references])
         problem = PoseProblem(model, view, self._calibration.refine_config(), predicted=predicted)
         config, is_lost = self._config.odometry, self.state is TrackingState.LOST
-        asked = sceptical(config) if is_lost else config
+        asked = sceptical(config) if is_lost or self._progress.is_after_gap else config
         tracked = track(problem, references, last, self._glue, self._background, asked)
         self._map.finish_revisit()
         if tracked.fix is not None:
@@ -271,15 +271,14 @@ class Odometry(Closing):
     def _miss(self, attempt: Attempt, last: Motion, stamp_ns: int) -> OdometryEstimate:
         """No pose for this frame; after enough such frames, a restart at the last pose."""
         features = attempt.features
-        self._progress = replace(self._progress, state=TrackingState.LOST)
+        model = self._map.model_if_enough(features)
+        self._progress = self._progress.with_miss(shows_enough=model is not None)
         missed = OdometryEstimate(
             stamp_ns, self.state, registration=attempt.registration, stages_ms=features.stages_ms
         )
-        model = self._map.model_if_enough(features)
-        if model is None:
-            return missed  # a covered camera may still return to a known place
-        self._progress = self._progress.with_miss()
-        if not self._progress.is_long_without_pose(stamp_ns, self._config.odometry):
+        # a covered camera may still return to a known place
+        is_time = self._progress.is_long_without_pose(stamp_ns, self._config.odometry)
+        if model is None or not is_time:
             return missed
         anew = self._map.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, features.stages_ms)
