@@ -1,4 +1,4 @@
-"""A visual feature of one's own, AKAZE: python examples/own_visual_feature.py bags/living_room."""
+"""A custom visual feature, AKAZE: python examples/own_visual_feature.py bags/living_room."""
 
 import sys
 from pathlib import Path
@@ -11,7 +11,7 @@ import rgbd_glue_ros as glue
 
 
 class Akaze:
-    """What a frame shows (``extract``), and what two frames have in common (``match``)."""
+    """Extracts features of a frame (``extract``) and matches those of two frames (``match``)."""
 
     def __init__(self, _config: object) -> None:
         self._detector = cv2.AKAZE.create()

@@ -84,7 +84,7 @@ class Onlooker:
 
 
 def picture(cloud: ColoredCloud, onlooker: Onlooker) -> UInt8:
-    """The cloud on a light background, uint8 [H, W, 3] RGB; points are squares, nearnearest on top."""
+    """The cloud on a light background, uint8 [H, W, 3] RGB; points are squares, nearest on top."""
     width, height = onlooker.width, onlooker.height
     image = np.full((height, width, 3), PAGE, np.uint8)
     uv, z = onlooker.sees(cloud.points.astype(np.float64))

@@ -1,4 +1,4 @@
-"""Error against time of everybody, as an SVG file of its own."""
+"""Error against time of all contestants, as an SVG file."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _RADIUS, _FONT_PX = 5, 11
 
 
 def picture(sequences: Mapping[str, Any], ours: str) -> str | None:
-    """One panel a sequence, both axes logarithmic; down and left is better.
+    """One panel per sequence, both axes logarithmic; lower left is better.
 
     Args:
         sequences: as in ``bench.json``.
-        ours: the contestant that stands out.
+        ours: the contestant to highlight.
 
     Returns:
-        The file's content; None where nobody has both a time and an error.
+        The file's content; None if no contestant has both a time and an error.
     """
     panels = {}
     for name, content in sequences.items():

@@ -1,4 +1,4 @@
-"""The report of registered pairs: one HTML page that needs nothing else."""
+"""The report of registered pairs: one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def render(
 
     Args:
         figures: the content of ``pairs.json``.
-        results: of every pair, by method and gap; one at least.
+        results: of every pair, by method and gap; at least one.
         config: of the experiment.
         shown: pairs to show pictures of, the worst first.
     """

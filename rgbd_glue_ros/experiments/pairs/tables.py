@@ -1,4 +1,4 @@
-"""The figures of registered pairs as tables in the layout of the paper's."""
+"""The figures of registered pairs as tables in the paper's layout."""
 
 from __future__ import annotations
 

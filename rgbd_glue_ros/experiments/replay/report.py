@@ -1,4 +1,4 @@
-"""The report of a run: one HTML page that needs nothing else."""
+"""The report of a run: one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def render(
     """The page.
 
     Args:
-        run: with one frame at least.
+        run: with at least one frame.
         figures: its ``metrics``.
         evaluation: of its trajectory; None without ground truth.
-        colophon: how it came about.
+        colophon: how it was produced.
     """
     stamps_ns = np.array([frame.stamp_ns for frame in run.frames], np.int64)
     seconds = since_start(run, stamps_ns)
@@ -101,7 +101,8 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
     times, poses = with_gaps(replace(run, unanswered_ns=()), trajectory.stamps_ns, trajectory.poses)
     tracks = []
     if evaluation is not None:
-        # the truth, laid upon the estimate, so that the picture has the first camera's axes
+        # the ground truth, aligned with the estimate, so that the picture has the first camera's
+        # axes
         truth = se3.inverse(evaluation.T_reference_estimate) @ evaluation.reference
         tracks.append(("ground truth", "var(--truth)", truth[:, :3, 3], "thick"))
     tracks.append(("estimate", "var(--estimate)", poses[:, :3, 3], ""))
@@ -121,7 +122,7 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
 
 
 def _map(run: Run) -> str:
-    """The picture of the map, where there is one."""
+    """The picture of the map, if there is one."""
     if not run.map_jpeg:
         return ""
     jpeg = base64.b64encode(run.map_jpeg).decode()
@@ -181,7 +182,7 @@ def _latency(run: Run, span: tuple[float, float]) -> str:
     latency = np.array([frame.latency_ms for frame in run.frames])
     offered = since_start(run, np.sort(np.append(stamps_ns, run.unanswered_ns)).astype(np.int64))
     interval = 1000 * float(np.median(np.diff(offered))) if len(offered) > 1 else float("nan")
-    # the seconds of a frame that compiles code or waits for a disk would hide all others
+    # a frame of seconds, which compiles code or waits for a disk, would hide all others
     y = rising(1.5 * float(np.nanmax([interval, np.percentile(latency, 95)])), _TALL)
     is_shown = latency <= y.high
     x, shown = with_gaps(run, stamps_ns, np.where(is_shown, latency, np.nan))
@@ -204,7 +205,7 @@ def _latency(run: Run, span: tuple[float, float]) -> str:
 
 
 def _stages(medians: Mapping[str, float]) -> list[str]:
-    """The section about stages; none where they were not timed, as in a node."""
+    """The section about stages; none if they were not timed, as in a node."""
     if not medians:
         return []
     named = {name.replace("_", " "): value for name, value in medians.items()}
