@@ -14,9 +14,8 @@ from rgbd_glue_ros import Odometry, Trajectory, load_preset, open_recording, wri
 
 def main(source: Path, folder: Path) -> None:
     """Writes ``trajectory.txt`` (TUM) and ``path.png`` into the folder."""
-    odometry = Odometry(load_preset("live"))
     stamps, poses = [], []
-    with open_recording(source) as recording:
+    with open_recording(source) as recording, Odometry(load_preset("live")) as odometry:
         for frame in recording:
             estimate = odometry.process(frame)
             if estimate.T_odom_camera is not None:  # there is none while the camera is lost

@@ -31,7 +31,6 @@ class Akaze:
 
 glue.add_visual_feature("akaze", Akaze)
 if __name__ == "__main__":
-    preset = glue.load_preset("live")
-    odometry = glue.Odometry(glue.with_values(preset, {"features.visual": "akaze"}))
-    with glue.open_recording(Path(sys.argv[1])) as recording:
+    config = glue.with_values(glue.load_preset("live"), {"features.visual": "akaze"})
+    with glue.open_recording(Path(sys.argv[1])) as recording, glue.Odometry(config) as odometry:
         print([odometry.process(frame).state.value for frame in recording])

@@ -11,17 +11,37 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rgbd_glue_ros.errors import InputError, MissingExtraError
     from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
-    from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+    from rgbd_glue_ros.evaluation.trajectory_errors import Ape, Evaluation, Rpe, evaluate
     from rgbd_glue_ros.features import add_visual_feature
-    from rgbd_glue_ros.features.visual import VisualMatches
+    from rgbd_glue_ros.features.visual import VisualFeature, VisualMatches
     from rgbd_glue_ros.odometry.odometry import Odometry
-    from rgbd_glue_ros.parameters import Config, load_preset, load_yaml, with_values
-    from rgbd_glue_ros.recordings import open_recording
+    from rgbd_glue_ros.parameters import (
+        Config,
+        FeaturesConfig,
+        InputConfig,
+        load_preset,
+        load_yaml,
+        with_values,
+    )
+    from rgbd_glue_ros.recordings import (
+        Calibration,
+        Recording,
+        Topics,
+        open_recording,
+        read_calibration,
+    )
     from rgbd_glue_ros.registration.frames import register
     from rgbd_glue_ros.types import (
         CameraIntrinsics,
+        Correspondences,
+        DepthSummary,
+        EdgeOrigin,
+        ImuCalibration,
         ImuSamples,
+        ImuUse,
+        LensModel,
         OdometryEstimate,
+        PoseGraphEdge,
         RegistrationResult,
         RegistrationStatus,
         RgbdFrame,
@@ -33,17 +53,31 @@ if TYPE_CHECKING:
 _PLACES = {
     "errors": ("InputError", "MissingExtraError"),
     "evaluation.trajectory": ("read_tum", "write_tum"),
-    "evaluation.trajectory_errors": ("evaluate",),
+    "evaluation.trajectory_errors": ("Ape", "Evaluation", "Rpe", "evaluate"),
     "features": ("add_visual_feature",),
-    "features.visual": ("VisualMatches",),
+    "features.visual": ("VisualFeature", "VisualMatches"),
     "odometry.odometry": ("Odometry",),
-    "parameters": ("Config", "load_preset", "load_yaml", "with_values"),
-    "recordings": ("open_recording",),
+    "parameters": (
+        "Config",
+        "FeaturesConfig",
+        "InputConfig",
+        "load_preset",
+        "load_yaml",
+        "with_values",
+    ),
+    "recordings": ("Calibration", "Recording", "Topics", "read_calibration", "open_recording"),
     "registration.frames": ("register",),
     "types": (
         "CameraIntrinsics",
+        "Correspondences",
+        "DepthSummary",
+        "EdgeOrigin",
+        "ImuCalibration",
         "ImuSamples",
+        "ImuUse",
+        "LensModel",
         "OdometryEstimate",
+        "PoseGraphEdge",
         "RegistrationResult",
         "RegistrationStatus",
         "RgbdFrame",
@@ -55,25 +89,42 @@ _PLACES = {
 """The modules of the public names."""
 
 __all__ = [
+    "Ape",
+    "Calibration",
     "CameraIntrinsics",
     "Config",
+    "Correspondences",
+    "DepthSummary",
+    "EdgeOrigin",
+    "Evaluation",
+    "FeaturesConfig",
+    "ImuCalibration",
     "ImuSamples",
+    "ImuUse",
+    "InputConfig",
     "InputError",
+    "LensModel",
     "MissingExtraError",
     "Odometry",
     "OdometryEstimate",
+    "PoseGraphEdge",
+    "Recording",
     "RegistrationResult",
     "RegistrationStatus",
     "RgbdFrame",
+    "Rpe",
+    "Topics",
     "TrackingState",
     "Trajectory",
     "View",
+    "VisualFeature",
     "VisualMatches",
     "add_visual_feature",
     "evaluate",
     "load_preset",
     "load_yaml",
     "open_recording",
+    "read_calibration",
     "read_tum",
     "register",
     "with_values",

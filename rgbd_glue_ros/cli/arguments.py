@@ -209,7 +209,9 @@ def add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
     parser.add_argument(
         "--preset",
         default=preset,
-        help="preset to start from: live or paper (default: %(default)s)",
+        metavar="PRESET",
+        help="what to start from: live, paper, or a YAML file of parameters, such as the "
+        "params.yaml of an earlier run (default: %(default)s)",
     ).completer = _presets  # type: ignore[attr-defined]
     add_set(parser)
 
@@ -225,14 +227,19 @@ def sources(args: argparse.Namespace) -> list[Path]:
     return recordings(args.recordings, split(args.only) if args.only else None)
 
 
-def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
-    """Opens recordings according to the arguments, in this process or another.
+def opener(
+    args: argparse.Namespace, inputs: InputConfig | None = None
+) -> Callable[[Path], Recording]:
+    """Opens recordings as the arguments say, in this process or another.
+
+    Args:
+        args: of the command.
+        inputs: how images are read; None as ``--set`` and the options say.
 
     Raises:
         InputError: the calibration cannot be read, or a parameter is unknown or not allowed.
     """
-    from rgbd_glue_ros.recordings import Topics, load_calibration, open_recording
-    from rgbd_glue_ros.recordings.calibration import read_calibration
+    from rgbd_glue_ros.recordings import Topics, open_recording, read_calibration
 
     topics = Topics(
         args.color_topic,
@@ -246,9 +253,9 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         open_recording,
         topics=topics,
         calibration=read_calibration(args.calibration) if args.calibration else None,
-        inputs=inputs(args),
+        inputs=inputs or inputs_of(args),
         depth_calibration=(
-            load_calibration(args.depth_calibration) if args.depth_calibration else None
+            read_calibration(args.depth_calibration) if args.depth_calibration else None
         ),
     )
 
@@ -268,26 +275,35 @@ def config(args: argparse.Namespace) -> Config:
     Raises:
         InputError: there is no such preset or parameter, or a value is not allowed.
     """
-    from rgbd_glue_ros.parameters import InputConfig, load_preset, with_values
+    from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, load_yaml, with_values
 
     of_inputs, of_method = _assigned(args)
     with_values(InputConfig(), of_inputs)
-    return with_values(load_preset(args.preset), of_method)
+    file = _preset_file(args)
+    preset = load_yaml(file, Config()) if file else load_preset(args.preset)
+    return with_values(preset, of_method)
 
 
-def inputs(args: argparse.Namespace) -> InputConfig:
-    """The parameters of the inputs in ``--set`` and the options.
+def inputs_of(args: argparse.Namespace) -> InputConfig:
+    """What ``--set`` and the options change of how images are read.
 
     Raises:
         InputError: a parameter is not known, or a value not allowed.
     """
-    from rgbd_glue_ros.parameters import Config, InputConfig, with_values
+    from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
 
     of_inputs, of_method = _assigned(args)
     with_values(Config(), of_method)
     if args.depth_scale is not None:
         of_inputs["depth_scale"] = args.depth_scale
-    return with_values(InputConfig(), of_inputs)
+    file = _preset_file(args)
+    return with_values(load_yaml(file, InputConfig()) if file else InputConfig(), of_inputs)
+
+
+def _preset_file(args: argparse.Namespace) -> Path | None:
+    """The file that ``--preset`` names; None where it is a name, or the command has none."""
+    preset = Path(vars(args).get("preset", ""))
+    return preset if preset.suffix in (".yaml", ".yml") else None
 
 
 def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:

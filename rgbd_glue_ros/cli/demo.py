@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from rgbd_glue_ros.cli import arguments
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import Played
+    from rgbd_glue_ros.parameters import InputConfig
 
 
 # A node that keeps up processes at least this fraction of the frames.
@@ -43,20 +45,35 @@ def run(args: argparse.Namespace) -> str:
     """Plays a recording to the node and returns the figures of its output."""
     from rgbd_glue_ros.experiments.demo.demo import bundled_bag
     from rgbd_glue_ros.experiments.demo.played import PlayedBag
+    from rgbd_glue_ros.parameters import (
+        OF_MESSAGES,
+        InputConfig,
+        by_current_names,
+        parse_assignment,
+        with_values,
+    )
 
-    is_whole = not (args.start or args.duration or args.compressed)
+    given = by_current_names(dict(map(parse_assignment, args.parameters)))
+    is_whole = not (args.start or args.duration or args.compressed or args.depth_scale)
     if args.recording is None and is_whole:
-        return _play(args, PlayedBag.load(bundled_bag()))  # byte for byte
-    with arguments.opener(args)(args.recording or bundled_bag()) as recording:
-        return _play(args, arguments.played(args, recording))
+        return _play(args, PlayedBag.load(bundled_bag()), given, InputConfig())  # byte for byte
+    # what is told of the messages of a recording is done when it is read: depth is in metres then
+    of_messages = {name: given.pop(name) for name in OF_MESSAGES if name in given}
+    inputs = with_values(arguments.inputs_of(args), of_messages)
+    with arguments.opener(args, inputs)(args.recording or bundled_bag()) as recording:
+        return _play(args, arguments.played(args, recording), given, inputs)
 
 
-def _play(args: argparse.Namespace, recording: Played) -> str:
+def _play(
+    args: argparse.Namespace,
+    recording: Played,
+    parameters: Mapping[str, object],
+    inputs: InputConfig,
+) -> str:
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.cli.replay import summary
     from rgbd_glue_ros.experiments.demo.demo import Progress, demo
     from rgbd_glue_ros.experiments.replay.replay import REPORT
-    from rgbd_glue_ros.parameters import parse_assignment
 
     with bar(" frames", desc="waiting for the node") as shown:
 
@@ -67,8 +84,7 @@ def _play(args: argparse.Namespace, recording: Played) -> str:
             shown.update(progress.played - shown.n)
 
         command = arguments.command(args)
-        given = dict(map(parse_assignment, args.parameters))
-        result = demo(recording, args.output, args.rate, show, command, given)
+        result = demo(recording, args.output, args.rate, show, command, parameters, inputs)
     said = f"node     {result.summary}\n" if result.summary else ""
     played = result.figures["played"]
     if result.figures["frames"] < _FEW * played:

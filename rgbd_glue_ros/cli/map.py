@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> str:
                 command=arguments.command(args),
                 before=before,
                 save_map=args.save_map,
-                inputs=arguments.inputs(args),
+                inputs=arguments.inputs_of(args),
                 shown=shown,
             )
     figures = mapped.figures

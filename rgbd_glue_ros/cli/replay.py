@@ -68,7 +68,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             folder,
             pool=workers,
             limit=args.limit,
-            inputs=arguments.inputs(args),
+            inputs=arguments.inputs_of(args),
             on_planned=expect,
             on_replayed=step,
         )
@@ -97,7 +97,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     sinks=exports.sinks(args, recording, truth),
                     cloud=args.cloud,
                     command=arguments.command(args),
-                    inputs=arguments.inputs(args),
+                    inputs=arguments.inputs_of(args),
                 )
         except KeyboardInterrupt:
             logger.warning("interrupted; the results so far are in %s", folder)

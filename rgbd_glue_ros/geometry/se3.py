@@ -115,6 +115,21 @@ def adjoint(T: Float64) -> Float64:
     return A
 
 
+def transported_covariance(T_a_b: Float64, covariance: Float64) -> Float64:
+    """The covariance in frame a of a perturbation that is known in frame b.
+
+    Args:
+        T_a_b: float64 [4, 4].
+        covariance: float64 [6, 6] of a perturbation exp(xi) on the left of poses in frame b.
+
+    Returns:
+        float64 [6, 6], of the perturbation on the left of the same poses in frame a.
+    """
+    A = adjoint(T_a_b)
+    transported: Float64 = A @ covariance @ A.T
+    return transported
+
+
 def pose_covariance(T: Float64, covariance: Float64) -> Float64:
     """Covariance of T's position and of its rotation about the fixed axes, as in nav_msgs.
 

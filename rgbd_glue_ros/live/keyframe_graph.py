@@ -25,9 +25,9 @@ def moved_edge(edge: PoseGraphEdge, T_camera_child: Float64) -> PoseGraphEdge:
         T_camera_child: pose of the other frame in the optical frame, float64 [4, 4].
     """
     T_child_camera = se3.inverse(T_camera_child)
-    A = se3.adjoint(T_child_camera)
     T = T_child_camera @ edge.T_parent_child @ T_camera_child
-    return replace(edge, T_parent_child=T, covariance=A @ edge.covariance @ A.T)
+    covariance = se3.transported_covariance(T_child_camera, edge.covariance)
+    return replace(edge, T_parent_child=T, covariance=covariance)
 
 
 class KeyframeGraph:

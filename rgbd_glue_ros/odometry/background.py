@@ -29,9 +29,17 @@ class BackgroundThread:
         Raises:
             InputError: the thread has ended.
         """
+        self.check_open()
+        return self._executor.submit(function, *args, **kwargs)
+
+    def check_open(self) -> None:
+        """Checks that jobs can still be submitted.
+
+        Raises:
+            InputError: the thread has ended.
+        """
         if self._is_closed:
             raise InputError("the odometry", "was closed", "create another one for more frames")
-        return self._executor.submit(function, *args, **kwargs)
 
     def close(self) -> None:
         """Ends the thread once its jobs are done; nothing can be submitted after that."""

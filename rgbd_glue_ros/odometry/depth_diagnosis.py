@@ -20,8 +20,8 @@ _NEAR_PERCENTILE, _DOUBTFUL_WITHIN_M = 95, 1.0
 _MILLIMETRES = (300.0, 8000.0)
 
 _SET_SCALE = (
-    "depth_scale, on the command line --depth-scale (metres per unit: 0.001 for millimetres, "
-    "0.0002 for 5000 per metre, 0.0001 for tenths of a millimetre)"
+    "depth_scale (node: -p depth_scale:=M, commands: --depth-scale M) to the metres per unit: "
+    "0.001 for millimetres, 0.0002 for 5000 per metre, 0.0001 for tenths of a millimetre"
 )
 
 

@@ -20,6 +20,7 @@ from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 # The finest level costs half of the time and adds a digit that the anchor's own pose does not have.
@@ -102,13 +103,15 @@ class DriftCorrection:
         """The comparison with one anchor; None if it is not accepted."""
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
-        found = refine(start, anchor.model, keyframe.features.view, config.refine, _LEVELS)
+        problem = RefinementProblem(anchor.model, keyframe.features.view, config.refine)
+        found = refine(start, problem, _LEVELS)
         if not is_conclusive(found, config.odometry):
             return None
         T_seen = anchor.T_odom_track @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
-        # drift that is less likely by the covariance is a place that looks like another
-        if not mahalanobis_squared(off, keyframe.covariance) <= SURPRISE:
+        in_odom = se3.transported_covariance(self.target, keyframe.covariance)
+        # drift that the covariance finds less likely is a place that looks like another
+        if not mahalanobis_squared(off, in_odom) <= SURPRISE:
             return None
         return _Comparison(off, revisit_edge(anchor, keyframe, found, config))
 

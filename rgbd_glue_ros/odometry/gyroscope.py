@@ -163,13 +163,3 @@ class Gyroscope:
             covariance=kept @ self.covariance @ kept.T + gain @ noise @ gain.T + walk,
             doubt=doubt,
         )
-
-
-def explain_distrust(gyroscope: Gyroscope) -> str | None:
-    """Why a gyroscope is not used; None if it is."""
-    if gyroscope.is_trusted:
-        return None
-    return (
-        "the gyroscope disagrees with the images, and is not used until they agree: check the "
-        "IMU's orientation in the camera (imu_pose, TF), and its stamps"
-    )

@@ -36,9 +36,9 @@ def edge_from(
         origin: what measured it.
     """
     T_parent_track = se3.inverse(parent.T_track_camera)
-    A = se3.adjoint(T_parent_track)
     T_parent_child = T_parent_track @ T_track_camera
-    return PoseGraphEdge(parent.number, child, T_parent_child, A @ covariance @ A.T, origin)
+    in_parent = se3.transported_covariance(T_parent_track, covariance)
+    return PoseGraphEdge(parent.number, child, T_parent_child, in_parent, origin)
 
 
 def revisit_edge(
@@ -65,9 +65,8 @@ def refined_covariance(
     T = refinement.T_model_source
     seen = np.linalg.inv(refinement.information / config.refine.residuals_per_independent_one)
     distance = float(np.linalg.norm(T[:3, 3] - T_model_anchor[:3, 3]))
-    A = se3.adjoint(T)
-    covariance: Float64 = seen + A @ unseen_covariance(twist, distance, config.odometry) @ A.T
-    return covariance
+    unseen = unseen_covariance(twist, distance, config.odometry)
+    return seen + se3.transported_covariance(T, unseen)
 
 
 def tracked_covariance(motion: Motion, reference: Keyframe, config: OdometryConfig) -> Float64:
@@ -83,9 +82,8 @@ def tracked_covariance(motion: Motion, reference: Keyframe, config: OdometryConf
     T = motion.T_track_camera
     distance = float(np.linalg.norm(T[:3, 3] - reference.T_track_camera[:3, 3]))
     unseen = unseen_covariance(motion.twist, distance, config)
-    A = se3.adjoint(T)
-    covariance: Float64 = reference.covariance + A @ (motion.covariance[:6, :6] + unseen) @ A.T
-    return covariance
+    from_keyframe = motion.covariance[:6, :6] + unseen
+    return reference.covariance + se3.transported_covariance(T, from_keyframe)
 
 
 def timing_covariance(motion: Motion, config: OdometryConfig) -> Float64:
@@ -95,8 +93,8 @@ def timing_covariance(motion: Motion, config: OdometryConfig) -> Float64:
         motion: with the pose.
         config: size of errors of time.
     """
-    A = se3.adjoint(motion.T_track_camera)
-    return np.asarray(A @ _late_covariance(motion.twist, config) @ A.T, np.float64)
+    late = _late_covariance(motion.twist, config)
+    return se3.transported_covariance(motion.T_track_camera, late)
 
 
 def unseen_covariance(twist: Float64, distance: float, config: OdometryConfig) -> Float64:

@@ -120,8 +120,7 @@ class KeyframeMap:
         self._keyframes.leave_window(self._drift.current().target)
         T_track_camera = last_motion.T_track_camera
         seconds = (stamp_ns - last_motion.stamp_ns) / NANOSECONDS
-        adjoint = se3.adjoint(T_track_camera)
-        spread = adjoint @ lost_spread(seconds) @ adjoint.T
+        spread = se3.transported_covariance(T_track_camera, lost_spread(seconds))
         keyframe = self._add(stamp_ns, T_track_camera, last.covariance + spread, features, model)
         edge = edge_from(last, keyframe.number, T_track_camera, spread, EdgeOrigin.ASSUMED)
         self._edges.append(edge)
@@ -155,11 +154,7 @@ class KeyframeMap:
             self._edges.extend(drift.edges)
             self._drift.replace(replace(drift, edges=()))
 
-    def correction(self) -> Float64:
-        """T_odom_track [4, 4], the drift correction of tracked poses."""
-        return self._drift.current().T_odom_track
-
-    def advance_correction(self, reference: Keyframe, T_before: Float64, T_now: Float64) -> Float64:
+    def advance_correction(self, reference: Keyframe, T_before: Float64, T_now: Float64) -> None:
         """Moves the correction towards its target, according to the camera's motion.
 
         Args:
@@ -167,16 +162,31 @@ class KeyframeMap:
                 same drift as that anchor.
             T_before: T_track_camera of the previous pose, float64 [4, 4].
             T_now: T_track_camera of this pose.
-
-        Returns:
-            T_odom_track, float64 [4, 4].
         """
         drift = self._drift.current()
         if isinstance(reference, Anchor):
             drift = DriftCorrection.at(reference.T_odom_track)
-        drift = drift.advanced(T_before, T_now, self._config.odometry.drift_rate)
-        self._drift.replace(drift)
-        return drift.T_odom_track
+        self._drift.replace(drift.advanced(T_before, T_now, self._config.odometry.drift_rate))
+
+    def pose_in_odom(self, T_track_camera: Float64, covariance: Float64) -> tuple[Float64, Float64]:
+        """The published pose: a tracked one with the drift correction applied.
+
+        Args:
+            T_track_camera: as tracked, float64 [4, 4].
+            covariance: float64 [6, 6] of it, perturbation on the left, track frame.
+
+        Returns:
+            T_odom_camera [4, 4] and its covariance [6, 6] as in nav_msgs/Odometry, including drift
+            that is known but not yet corrected.
+        """
+        T_odom_camera = self._drift.current().T_odom_track @ T_track_camera
+        left = self._drift.current().left
+        in_odom = self.covariance_in_odom(covariance) + np.outer(left, left)
+        return T_odom_camera, se3.pose_covariance(T_odom_camera, in_odom)
+
+    def covariance_in_odom(self, covariance: Float64) -> Float64:
+        """A covariance [6, 6] of the track frame in the odom frame, both on the left of poses."""
+        return se3.transported_covariance(self._drift.current().T_odom_track, covariance)
 
     def shift_track(self, T_shift: Float64) -> None:
         """Continues with shifted tracked poses, without a jump of the published ones.
@@ -185,14 +195,6 @@ class KeyframeMap:
             T_shift: float64 [4, 4], multiplied on the left of tracked poses from now on.
         """
         self._drift.replace(self._drift.current().after_shift(T_shift))
-
-    def uncorrected_covariance(self) -> Float64:
-        """What known but not yet corrected drift adds to a covariance [6, 6].
-
-        Perturbation on the left, in the odom frame.
-        """
-        left = self._drift.current().left
-        return np.outer(left, left)
 
     def _add(
         self,

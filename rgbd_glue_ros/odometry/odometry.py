@@ -22,13 +22,14 @@ from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.parameters import Config, load_preset
 from rgbd_glue_ros.refinement.model import blend
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
+    ImuCalibration,
     ImuSamples,
     OdometryEstimate,
     PoseGraphEdge,
@@ -47,11 +48,12 @@ class Odometry(Closing):
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: call it
     from one thread. It has its own background thread, which ``close`` or the end of a ``with``
-    ends. A ``Glue`` of the same configuration may be passed to it, otherwise it creates one.
+    ends. By default it uses the preset ``live``, and creates the ``Glue`` of its configuration.
     """
 
-    def __init__(self, config: Config, glue: Glue | None = None) -> None:
-        self._config, self._glue = config, glue or Glue(config)
+    def __init__(self, config: Config | None = None, glue: Glue | None = None) -> None:
+        self._config = config or load_preset("live")
+        self._glue = glue or Glue(self._config)
         self._background = BackgroundThread()
         self.reset()
 
@@ -60,7 +62,7 @@ class Odometry(Closing):
         self._background.close()
 
     def reconfigure(self, config: Config) -> None:
-        """Sets other parameters, none of which is fixed according to ``config.fixed_because``."""
+        """Uses other parameters from the next frame on; fixed ones must be as before."""
         self._config = config
         self._glue.reconfigure(config)
         self._map.reconfigure(config)
@@ -83,9 +85,13 @@ class Odometry(Closing):
         self._inertial = self._inertial.with_samples(samples)
 
     @property
-    def inertial(self) -> Inertial:
-        """What is known about the IMU: bias, time offset, the samples."""
-        return self._inertial
+    def imu_calibration(self) -> ImuCalibration:
+        """What was learnt of the IMU so far, and what it is used for."""
+        return self._inertial.calibration
+
+    def up(self, stamp_ns: int) -> Float64 | None:
+        """The unit vector [3] away from the earth, in the optical frame; None if unknown."""
+        return self._inertial.up(stamp_ns)
 
     @property
     def state(self) -> TrackingState:
@@ -120,9 +126,10 @@ class Odometry(Closing):
             one at which the odometry starts or restarts, which already is one.
 
         Raises:
-            InputError: the frame is not later than the previous one, or the guess is not a pose.
-                Nothing else raises: an image that shows nothing gives an estimate without a pose.
+            InputError: the frame is not later than the one before, the guess is no pose, or the
+                odometry was closed. An image that shows nothing gives an estimate without a pose.
         """
+        self._background.check_open()
         if T_guess_camera is not None:
             check_guess(T_guess_camera)
         self.update_map()
@@ -197,7 +204,7 @@ class Odometry(Closing):
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
-        problem = PoseProblem(model, view, predicted, self._calibration.refine_config())
+        problem = PoseProblem(model, view, self._calibration.refine_config(), predicted=predicted)
         config, is_lost = self._config.odometry, self.state is TrackingState.LOST
         asked = sceptical(config) if is_lost else config
         tracked = track(problem, references, last, self._glue, self._background, asked)
@@ -220,9 +227,7 @@ class Odometry(Closing):
         refine = self._config.refine
         motion = corrected_motion(predicted, fix.estimate, refine)
         self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, refine)
-        T_odom_track = self._map.advance_correction(
-            fix.reference, last.T_track_camera, motion.T_track_camera
-        )
+        self._map.advance_correction(fix.reference, last.T_track_camera, motion.T_track_camera)
         learnt = self._calibration.learnt_config()
         said = corrected_motion(predicted, fix.estimate, learnt.refine)
         covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
@@ -242,18 +247,17 @@ class Odometry(Closing):
             fix.reference,
             overlap(view, fix.estimate.refinement, refine),
         )
-        T_odom_camera = T_odom_track @ motion.T_track_camera
+        from_keyframe = covariance - fix.reference.covariance
         return OdometryEstimate(
             motion.stamp_ns,
             self.state,
-            T_odom_camera,
-            se3.pose_covariance(T_odom_camera, covariance + self._map.uncorrected_covariance()),
+            *self._map.pose_in_odom(motion.T_track_camera, covariance),
             motion.twist.copy(),
             motion.covariance[6:, 6:].copy(),
             keyframe_id=fix.reference.number,
             registration=attempt.registration,
             stages_ms={**attempt.features.stages_ms, **attempt.registration.stages_ms},
-            covariance_from_keyframe=covariance - fix.reference.covariance,
+            covariance_from_keyframe=self._map.covariance_in_odom(from_keyframe),
         )
 
     def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:
@@ -285,12 +289,10 @@ class Odometry(Closing):
         self._calibration.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
-        T_odom_camera = self._map.correction() @ keyframe.T_track_camera
         return OdometryEstimate(
             keyframe.stamp_ns,
             self.state,
-            T_odom_camera,
-            se3.pose_covariance(T_odom_camera, keyframe.covariance),
+            *self._map.pose_in_odom(keyframe.T_track_camera, keyframe.covariance),
             is_keyframe=True,
             keyframe_id=keyframe.number,
             stages_ms=stages_ms,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,11 +18,10 @@ from rgbd_glue_ros.refinement.gauss_newton import (
     evaluate_pose,
     refine,
 )
-from rgbd_glue_ros.refinement.level_problem import NO_MATCHES
-from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.refinement.reliability import without_feigned
+from rgbd_glue_ros.refinement.problem import RefinementProblem
+from rgbd_glue_ros.refinement.reliability import without_spurious_information
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
-from rgbd_glue_ros.types import Correspondences, Float64, View
+from rgbd_glue_ros.types import Float64
 
 # Most of the distance from the start is covered at these levels.
 COARSE_LEVELS = COARSE_TO_FINE[:-1]
@@ -51,22 +50,14 @@ class PoseEstimate:
 
 
 @dataclass(frozen=True)
-class PoseProblem:
-    """The inputs for refining the pose of a frame.
+class PoseProblem(RefinementProblem):
+    """What the pose of a frame is refined by; its model is in the track frame.
 
     Attributes:
-        model: what it is refined against, in the track frame.
-        view: the frame.
-        predicted: its motion, predicted without its images.
-        config: weights and steps.
-        matches: visual matches that also constrain the pose, their targets in the track frame.
+        predicted: the frame's motion before the images are looked at.
     """
 
-    model: Model
-    view: View
-    predicted: Motion
-    config: RefineConfig
-    matches: Correspondences = NO_MATCHES
+    predicted: Motion = field(kw_only=True)
 
     def refined(
         self,
@@ -74,16 +65,8 @@ class PoseProblem:
         levels: Sequence[int],
         affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
     ) -> Refinement:
-        """A pose refined from a start, at given levels."""
-        return refine(
-            T_track_camera,
-            self.model,
-            self.view,
-            self.config,
-            levels,
-            affine_brightness,
-            self.matches,
-        )
+        """A pose refined from a start, at some levels."""
+        return refine(T_track_camera, self, levels, affine_brightness)
 
     def refined_further(self, coarse: Refinement, config: OdometryConfig) -> PoseEstimate:
         """Refines a pose from the coarse levels to the final one, with a better twist at each.
@@ -92,22 +75,17 @@ class PoseProblem:
         """
         moving = self.with_twist_of(PoseEstimate(coarse))
         finer = moving.refined(coarse.T_model_source, [VELOCITY_LEVEL])
-        twist = twist_from_distortion(
-            finer, moving.model, moving.view, moving.config, VELOCITY_LEVEL
-        )
+        twist = twist_from_distortion(finer, moving, VELOCITY_LEVEL)
         moving = self.with_twist_of(PoseEstimate(finer, twist))
         final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
         if is_plausible(final, final.planes_visible, config):
             return PoseEstimate(final, twist)
-        left = evaluate_pose(coarse.T_model_source, self.model, self.view, self.config)
-        return PoseEstimate(left)
+        return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
     def reliable(self, estimate: PoseEstimate, config: OdometryConfig) -> PoseEstimate:
-        """An estimate without false information from the images, relative to another start."""
-        reach, refinement = config.surprise_translation, estimate.refinement
-        left = without_feigned(
-            refinement, self.predicted.T_track_camera, self.model, self.view, self.config, reach
-        )
+        """An estimate without spurious information, as far as where another search starts."""
+        expected, reach = self.predicted.T_track_camera, config.surprise_translation
+        left = without_spurious_information(estimate.refinement, expected, self, reach)
         return replace(estimate, refinement=left)
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.odometry.contradiction import Alternative
+from rgbd_glue_ros.odometry.alternative import Alternative
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState, View

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
 from rgbd_glue_ros.odometry.keyframes import Keyframe
@@ -30,11 +31,11 @@ def relocalise(
         features: of the frame.
         keyframes: to try, in this order.
         last: the motion at the last frame with a pose.
-        problem: has its predicted motion, and how poses are refined.
-        glue: registers the frame.
-        config: when a pose is accepted: on more evidence than tracking requires.
-        is_lost: whether the previous frame had no pose. Poses of consecutive frames are never
-            farther apart than a camera can move: a jump is announced by a frame without a pose.
+        problem: the frame, its predicted motion, and how poses are refined.
+        glue: registers.
+        config: when a pose is believed: on more evidence than tracking asks for.
+        is_lost: whether the frame before had no pose. Poses of two frames in turn are never
+            farther apart than a camera gets: a jump is announced by a frame without one.
 
     Returns:
         None if no keyframe gives one.
@@ -46,7 +47,7 @@ def relocalise(
         if T_keyframe_camera is None or inliers < config.relocalisation_inliers:
             continue
         T_track_camera = keyframe.T_track_camera @ T_keyframe_camera
-        refinement = refine(T_track_camera, keyframe.model, features.view, problem.config)
+        refinement = refine(T_track_camera, replace(problem, model=keyframe.model))
         if _is_believed(refinement, last, problem.predicted, config, is_lost=is_lost):
             fix = PoseFix(PoseEstimate(refinement), keyframe, keyframe.model)
             return Attempt(features, registration, fix)

@@ -11,6 +11,7 @@ from rgbd_glue_ros.odometry.own_parts import OwnParts
 from rgbd_glue_ros.odometry.tracking import PoseFix
 from rgbd_glue_ros.parameters import Config, RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, View
 
@@ -97,24 +98,15 @@ class SelfCalibration:
             T_track_camera: the pose after the motion filter, float64 [4, 4].
             twist_is_certain: whether ``view.twist`` holds for the moment of the frame.
         """
+        pose = fix.estimate.refinement
+        problem = RefinementProblem(fix.model, view, self.refine_config())
         if twist_is_certain and not self._time_offsets.current().settled:
             self._time_offsets.update_later(
-                TimeOffsets.corrected,
-                fix.estimate.refinement,
-                fix.model,
-                view,
-                self.refine_config(),
-                self._config.time_offsets,
+                TimeOffsets.corrected, pose, problem, self._config.time_offsets
             )
         self._frames += 1
         if self._frames % _COMPARED_EVERY == 0:
-            self._agreement.update_later(
-                BandAgreement.after_frame,
-                fix.estimate.refinement,
-                fix.model,
-                view,
-                self.refine_config(),
-            )
+            self._agreement.update_later(BandAgreement.after_frame, pose, problem)
         if self._depth_color_check.current().needs(view, T_track_camera):
             self._depth_color_check.update_later(DepthColorCheck.after_view, view, T_track_camera)
         if self._config.odometry.own_parts:

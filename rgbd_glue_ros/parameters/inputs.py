@@ -11,6 +11,9 @@ from rgbd_glue_ros.parameters.parameter import parameter
 
 HEADER, RECEIPT = "header", "receipt"
 
+OF_MESSAGES = ("depth_scale", "depth_is_registered", "depth_camera_pose", "imu_pose")
+"""Parameters that tell what messages leave open; frames that were read leave nothing open."""
+
 READ_ONCE = "it is read once, when the node starts"
 
 read_once = partial(parameter, fixed=READ_ONCE)
@@ -59,7 +62,7 @@ class InputConfig:
         HEADER,
         "Which stamps pair images: those in their headers, or the time of receipt (by the node, or "
         "by the recorder of a bag), for streams with different clocks. Images without a stamp "
-        "always use the time of receipt.",
+        "always use the time of receipt. The mapping node accepts only header.",
         choices=(HEADER, RECEIPT),
     )
     approx_sync: bool = read_once(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.checks import FRAME, POSE, or_nothing
-from rgbd_glue_ros.parameters.inputs import InputConfig, read_once
+from rgbd_glue_ros.parameters.inputs import RECEIPT, InputConfig, read_once
 from rgbd_glue_ros.parameters.parameter import parameter
 
 
@@ -162,13 +162,23 @@ class NodeConfig(InputConfig):
         """
         self._check_distinct("odom_frame_id", "frame_id", "guess_frame_id")
 
-    def check_map_frame(self) -> None:
-        """Refuses a map that would be its own parent; for the odometry alone it may be anything.
+    def check_for_mapping(self) -> None:
+        """Refuses what the mapping node cannot go by; the odometry alone can.
 
         Raises:
-            InputError: the map's frame has the name of another.
+            InputError: the map's frame has the name of another, since none is its own parent; or
+                stamps are those of receipt, by which no keyframe would find its image: each process
+                receives an image at a time of its own.
         """
         self._check_distinct("odom_frame_id", "frame_id", "guess_frame_id", "map_frame_id")
+        if self.stamps == RECEIPT:
+            raise InputError(
+                "stamps",
+                "receipt gives an image another stamp in each process, so that the mapping node "
+                "would find none of the odometry's keyframes",
+                "have the driver stamp its images by one clock and set stamps to header, or record "
+                "them and map the recording (rgbd-glue map RECORDING --set stamps=receipt)",
+            )
 
     def _check_distinct(self, *frames: str) -> None:
         names: dict[str, str] = {}

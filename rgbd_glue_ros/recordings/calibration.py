@@ -86,11 +86,6 @@ class Calibration:
     source: str = "the calibration given"
 
 
-def load_calibration(path: Path) -> CameraIntrinsics:
-    """The camera in a calibration file, as in ``read_calibration``."""
-    return read_calibration(path).intrinsics
-
-
 def read_calibration(path: Path) -> Calibration:
     """What a calibration file tells.
 

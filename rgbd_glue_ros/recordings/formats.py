@@ -182,7 +182,7 @@ def open_recording(
     topics: Topics | None = None,
     calibration: CameraIntrinsics | Calibration | None = None,
     inputs: InputConfig | None = None,
-    depth_calibration: CameraIntrinsics | None = None,
+    depth_calibration: CameraIntrinsics | Calibration | None = None,
 ) -> Recording:
     """Opens a recording of any known format.
 
@@ -209,6 +209,8 @@ def open_recording(
         inputs = inputs or InputConfig()
         if isinstance(calibration, CameraIntrinsics):
             calibration = Calibration(calibration)
+        if isinstance(depth_calibration, Calibration):
+            depth_calibration = depth_calibration.intrinsics
         given = Given(topics or Topics(), calibration, depth_calibration, inputs)
         recording = kind.open(path, given)
         return ReducedRecording(recording, inputs.max_width) if inputs.max_width else recording

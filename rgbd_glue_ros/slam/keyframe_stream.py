@@ -33,9 +33,17 @@ class KeyframeStream:
         self._poses: dict[int, Float64] = {}
         self._edges: dict[int, PoseGraphEdge] = {}
         self._stamps: dict[int, int] = {}
+        self._newest_ns: int | None = None
 
     def add_pose(self, stamp_ns: int, T_odom_child: Float64) -> list[NewKeyframe]:
-        """Adds the pose [4, 4] of a keyframe; returns the keyframes that are now complete."""
+        """Takes the pose [4, 4] of a keyframe; returns the keyframes that are complete now.
+
+        Where time went back, as of a bag in a loop, the odometry has started anew. Numbers and
+        stamps may be the same as before then, so that they do not tell.
+        """
+        if self._newest_ns is not None and stamp_ns < self._newest_ns:
+            self._poses, self._edges, self._stamps = {}, {}, {}
+        self._newest_ns = stamp_ns
         self._poses[stamp_ns] = T_odom_child
         edge = self._edges.pop(stamp_ns, None)
         return [] if edge is None else self._completed(stamp_ns, edge)

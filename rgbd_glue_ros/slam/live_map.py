@@ -63,7 +63,7 @@ class LiveMap:
 
     def clear(self) -> None:
         """Starts over, from the existing map if there is one."""
-        self._mapper = Mapper(self._config, SearchTree())
+        self._mapper = Mapper(self._config, self._glue, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
         self._waiting: list[tuple[int, Keyed]] = []

@@ -17,6 +17,7 @@ from rgbd_glue_ros.odometry.keyframe_edges import refined_covariance
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.agreement import BandAgreement
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
@@ -48,26 +49,25 @@ def loop_edge(
         T = T_parent_child_expected
     if T is None:
         return None
-    refinement = _refined(T, parent, child, config)
+    problem = RefinementProblem(parent.model, child.features.view, config.refine)
+    refinement = _refined(T, problem, config)
     if refinement is None:
         return None
-    back = _refined(se3.inverse(refinement.T_model_source), child, parent, config)
+    swapped = RefinementProblem(child.model, parent.features.view, config.refine)
+    back = _refined(se3.inverse(refinement.T_model_source), swapped, config)
     if back is None:
         return None
     T = refinement.T_model_source
     if se3.difference(T, se3.inverse(back.T_model_source)) > _SAME:
         return None
-    view = child.features.view
-    # two that were taken far apart in time may disagree more than neighbours do
-    agreement = BandAgreement().after_frame(refinement, parent.model, view, config.refine)
+    # two that were taken long apart may disagree as no neighbours do
+    agreement = BandAgreement().after_frame(refinement, problem)
     honest = replace(config, refine=agreement.applied_to(config.refine))
-    covariance = refined_covariance(refinement, np.eye(4), view.twist, honest)
+    covariance = refined_covariance(refinement, np.eye(4), problem.view.twist, honest)
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
 
-def _refined(
-    T: Float64, model: MapKeyframe, source: MapKeyframe, config: Config
-) -> Refinement | None:
-    """The pose of one keyframe on the model of another, if planes and pixels are certain."""
-    refinement = refine(T, model.model, source.features.view, config.refine)
+def _refined(T: Float64, problem: RefinementProblem, config: Config) -> Refinement | None:
+    """The pose of one keyframe on the model of another, if planes and pixels are sure of it."""
+    refinement = refine(T, problem)
     return refinement if is_conclusive(refinement, config.odometry) else None

@@ -38,9 +38,16 @@ class Mapper:
         edges: of the odometry and of loops.
     """
 
-    def __init__(self, config: Config, appearance: Appearance) -> None:
+    def __init__(self, config: Config, glue: Glue, appearance: Appearance) -> None:
+        """An empty map.
+
+        Args:
+            config: how keyframes are compared.
+            glue: of that configuration: registers them.
+            appearance: finds those that look alike.
+        """
         self._config = config
-        self._glue = Glue(config)
+        self._glue = glue
         self._appearance = appearance
         self._orb = orb(config.features)
         self.session_start = 0

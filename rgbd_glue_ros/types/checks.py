@@ -116,6 +116,21 @@ def check_frame_id(frame_id: object) -> None:
         raise _fault(_FRAME, "frame_id", f"is {frame_id!r}", "give a text, empty if it is unknown")
 
 
+def check_camera(camera: object, kind: type) -> None:
+    """Refuses what is not a camera, such as the matrix K.
+
+    Args:
+        camera: of a frame.
+        kind: the class that it has to be of.
+
+    Raises:
+        InputError: it is of another class.
+    """
+    if not isinstance(camera, kind):
+        remedy = "give CameraIntrinsics(width, height, fx, fy, cx, cy)"
+        raise _fault(_FRAME, "intrinsics", f"are {_described(camera)}", remedy)
+
+
 def check_frame(color: Any, depth: Any, width: int, height: int) -> None:
     """Refuses images of another type or shape than expected.
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from rgbd_glue_ros.types.arrays import Float32, Float64, UInt8
 from rgbd_glue_ros.types.camera import CameraIntrinsics
-from rgbd_glue_ros.types.checks import check_frame, check_frame_id, check_stamps
+from rgbd_glue_ros.types.checks import check_camera, check_frame, check_frame_id, check_stamps
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RgbdFrame:
     """One colour image with the depth image registered to it.
 
@@ -38,6 +38,7 @@ class RgbdFrame:
             InputError: an image has another type, shape or unit.
         """
         camera = self.intrinsics
+        check_camera(camera, CameraIntrinsics)
         check_frame(self.color, self.depth, camera.width, camera.height)
         check_stamps(self.stamp_ns, self.depth_delay_ns)
         check_frame_id(self.frame_id)
@@ -47,7 +48,7 @@ class RgbdFrame:
             object.__setattr__(self, "intrinsics", sized)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """A frame prepared for registration: no distortion, no depth out of range.
 

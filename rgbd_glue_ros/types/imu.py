@@ -11,7 +11,7 @@ from rgbd_glue_ros.types import Float64, Int64
 from rgbd_glue_ros.types.checks import check_imu
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImuSamples:
     """Measurements of an inertial sensor (IMU), in one frame's axes and in order of time.
 
@@ -71,7 +71,7 @@ class ImuUse(Enum):
     DISTRUSTED = "not for turns: it disagrees with the images"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImuCalibration:
     """What was learnt about an IMU from the images.
 

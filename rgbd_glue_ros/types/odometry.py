@@ -26,7 +26,7 @@ class EdgeOrigin(Enum):
     LOOP = "recognised by appearance and verified by registration"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseGraphEdge:
     """A measured transform between two keyframes.
 
@@ -61,7 +61,7 @@ class DepthSummary:
     median_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OdometryEstimate:
     """Result of the odometry for one frame.
 

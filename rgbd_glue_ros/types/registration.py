@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.types.arrays import Float64, Int64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Correspondences:
     """Matched 3D points, one row per match.
 
@@ -59,7 +59,7 @@ class RegistrationStatus(Enum):
     INCONSISTENT = "the transform disagrees with the depth images or the motion"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RegistrationResult:
     """Result of registering a source frame against a target frame.
 

@@ -8,7 +8,7 @@ from rgbd_glue_ros.types.arrays import Float64, Int64
 from rgbd_glue_ros.types.checks import check_trajectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Poses over time.
 

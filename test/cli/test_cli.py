@@ -174,6 +174,17 @@ def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -
     assert "camera_axes: body" in run("params", "--node").stdout
 
 
+def test_the_parameters_of_a_run_can_be_given_to_another(tmp_path: Path) -> None:
+    before, again = tmp_path / "before", tmp_path / "again"
+    changes = ["--set", "glue.k=4", "--set", "depth_scale=0.001"]
+    bag = [str(ROOT / "bags" / "living_room"), "--limit", "3", "-o"]
+    assert run("replay", *bag, str(before), *changes).returncode == 0
+    file = before / "params.yaml"
+    assert run("replay", *bag, str(again), "--preset", str(file)).returncode == 0
+    assert (again / "params.yaml").read_text() == file.read_text()
+    assert "k: 4.0" in file.read_text()
+
+
 @pytest.mark.parametrize(
     ("name", "says"),
     [

@@ -25,7 +25,7 @@ from rgbd_glue_ros.experiments.pairs.jobs import Results, from_json
 from rgbd_glue_ros.experiments.pairs.report import JOURNAL
 from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.recordings import load_calibration, open_recording
+from rgbd_glue_ros.recordings import open_recording, read_calibration
 
 GAP, EVERY = 4, 6
 STRANGE = "0.0.1"
@@ -215,7 +215,7 @@ def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
     tmp_path: Path,
 ) -> None:
     pytest.importorskip("distributed")
-    camera = load_calibration(write_data_set(tmp_path / "poster", 12))
+    camera = read_calibration(write_data_set(tmp_path / "poster", 12)).intrinsics
     (tmp_path / "poster/rgb/006.png").write_bytes(b"damaged")
     opener = partial(open_recording, calibration=camera)
     sources, experiment = [tmp_path / "poster"], Experiment(Config(), [2])

@@ -19,7 +19,7 @@ from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.files.bounded_yaml import document
 from rgbd_glue_ros.files.reading import inside, open_file, read_bytes
 from rgbd_glue_ros.parameters import Config, load_yaml
-from rgbd_glue_ros.recordings import load_calibration, open_recording
+from rgbd_glue_ros.recordings import open_recording, read_calibration
 from rgbd_glue_ros.recordings.image_sequence import read_image
 from rgbd_glue_ros.recordings.sens import SensSequence
 
@@ -44,7 +44,7 @@ PLACES: dict[str, Callable[[Path], Path]] = {
 }
 READERS: dict[str, Callable[[Path], object]] = {
     "trajectory": read_tum,
-    "calibration": load_calibration,
+    "calibration": read_calibration,
     "parameters": lambda path: load_yaml(path, Config()),
     "image": read_image,
     "sensor stream": SensSequence,
@@ -117,7 +117,7 @@ def test_yaml_that_stands_for_more_than_it_holds_is_refused(bomb: str, tmp_path:
     with pytest.raises(yaml.YAMLError):
         document(BOMBS[bomb])
     with pytest.raises(InputError):
-        load_calibration(path)
+        read_calibration(path)
 
 
 def test_a_name_that_is_given_twice_is_refused_with_both_lines() -> None:

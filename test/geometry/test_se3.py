@@ -88,6 +88,22 @@ def test_the_adjoint_carries_a_twist_to_the_other_side(T: Float64, twist: Float6
     np.testing.assert_allclose(T @ se3.exp(twist), carried, atol=1e-9)
 
 
+def test_a_transported_covariance_is_that_of_the_same_poses_seen_from_another_frame() -> None:
+    rng = np.random.default_rng(0)
+    T_b_camera, T_a_b = (se3.exp(rng.normal(0, 1, 6)) for _ in range(2))
+    A = rng.normal(0, 1, (6, 6))
+    covariance = 1e-6 * A @ A.T
+    xis = rng.multivariate_normal(np.zeros(6), covariance, 4000)
+    in_b = [se3.exp(xi) @ T_b_camera for xi in xis]
+    T_a_camera = T_a_b @ T_b_camera
+    in_a = np.array([se3.log(T_a_b @ T @ se3.inverse(T_a_camera)) for T in in_b])
+    expected = se3.transported_covariance(T_a_b, covariance)
+    sigmas = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        np.cov(in_a.T) / np.outer(sigmas, sigmas), expected / np.outer(sigmas, sigmas), atol=0.08
+    )
+
+
 @given(transforms(), transforms())
 def test_adjoints_multiply_as_their_transforms_do(A: Float64, B: Float64) -> None:
     np.testing.assert_allclose(se3.adjoint(A) @ se3.adjoint(B), se3.adjoint(A @ B), atol=1e-11)

@@ -130,6 +130,25 @@ def test_drift_that_the_covariance_denies_is_another_place() -> None:
     np.testing.assert_array_equal(drift.target, NONE)
 
 
+@pytest.mark.parametrize(("uncertain_axis", "is_believed"), [(0, False), (2, True)])
+def test_drift_is_judged_by_the_covariance_in_the_frame_in_which_it_was_seen(
+    uncertain_axis: int, *, is_believed: bool
+) -> None:
+    """The odom frame is turned by 90 degrees from the track frame: its x axis is that one's z."""
+    T_odom_track = se3.exp(np.array([0, 0, 0, 0, np.pi / 2, 0]))
+    drift_along_x = se3.exp(np.array([0.04, 0, 0, 0, 0, 0]))
+    anchors = [
+        anchor(room_view(time_s), true_pose(time_s), drift_along_x @ T_odom_track)
+        for time_s in (0.0, 0.2)
+    ]
+    covariance = np.eye(6) * 0.005**2
+    covariance[uncertain_axis, uncertain_axis] = 0.05**2
+    now = replace(keyframe(room_view(0.5), true_pose(0.5)), covariance=covariance)
+    drift = DriftCorrection.at(T_odom_track).after_revisit(now, anchors, CONFIG)
+    expected = drift_along_x @ T_odom_track if is_believed else T_odom_track
+    np.testing.assert_allclose(drift.target, expected, atol=0.005)
+
+
 def test_a_view_in_which_colour_or_planes_disagree_shows_no_drift() -> None:
     view = room_view(0.5)
     dark = replace(view, grey=np.zeros_like(view.grey))

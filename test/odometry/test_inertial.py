@@ -112,7 +112,7 @@ def test_the_odometry_turns_with_the_imu_and_learns_its_bias() -> None:
                     )
             before, after = (
                 np.linalg.norm(np.subtract(BMI055.bias, b))
-                for b in (0.0, odometry.inertial.gyroscope.bias)
+                for b in (0.0, odometry.imu_calibration.bias)
             )
             assert after < before / 2 if has_imu else after == before
     assert len(off[True]) == len(off[False]) == 7

@@ -22,8 +22,9 @@ POINTS = np.array([[0.0, 0, 2], [1, 0, 3]])
 NORMALS = np.array([[0.0, 0, -1], [-0.6, 0, -0.8]])
 STILL, MIDDLE_ROW = np.zeros((2, 3)), np.zeros(2)
 MODEL = Model(
-    Planes(POINTS, NORMALS, STILL, MIDDLE_ROW),
-    (Pixels(POINTS, np.array([10.0, 20.0]), STILL, MIDDLE_ROW),) * LEVELS,
+    Planes(points=POINTS, normals=NORMALS, velocity=STILL, row_time=MIDDLE_ROW),
+    (Pixels(points=POINTS, brightness=np.array([10.0, 20.0]), velocity=STILL, row_time=MIDDLE_ROW),)
+    * LEVELS,
 )
 
 
@@ -62,7 +63,7 @@ def test_keyframes_that_are_left_serve_to_relocalise_but_not_to_track() -> None:
 
 
 @given(transforms())
-def test_a_keyframe_has_its_model_in_the_odom_frame(T: Float64) -> None:
+def test_a_keyframe_has_its_model_in_the_track_frame(T: Float64) -> None:
     model = add(kept(1), T).model
     np.testing.assert_allclose(
         se3.transform(se3.inverse(T), model.planes.points), POINTS, atol=1e-9

@@ -104,6 +104,7 @@ def test_an_odometry_that_was_closed_says_so() -> None:
     odometry = Odometry(PATIENT)
     odometry.process(recorded_frames()[0])
     odometry.close()
+    odometry.reset()
     with pytest.raises(InputError, match="the odometry: was closed; make another one"):
         track(recorded_frames()[1:3], odometry=odometry)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import subprocess
@@ -52,6 +53,52 @@ def test_the_package_alone_loads_nothing_and_every_name_of_it_is_there() -> None
     assert dir(rgbd_glue_ros) == sorted(rgbd_glue_ros.__all__)
     with pytest.raises(AttributeError, match="no attribute 'Odometri'"):
         _ = rgbd_glue_ros.Odometri
+
+
+def types_in(function: Callable[..., Any]) -> set[type]:
+    """The classes of the package that a function's annotations name."""
+    names = re.findall(r"\w+", " ".join(map(str, function.__annotations__.values())))
+    known = [vars(inspect.getmodule(function)).get(name) for name in names]
+    return {t for t in known if inspect.isclass(t) and t.__module__.startswith("rgbd_glue_ros")}
+
+
+def test_whatever_a_public_name_takes_or_gives_is_public() -> None:
+    # for the rest of the package: a shared registration, and what maps are made of
+    internal = {"__init__ of Odometry": {"Glue"}, "newest_keyframe of Odometry": {"Keyframe"}}
+    public = {getattr(rgbd_glue_ros, name) for name in rgbd_glue_ros.__all__}
+    for thing in public:
+        members = vars(thing) if inspect.isclass(thing) else {}
+        functions = {name: inspect.unwrap(getattr(m, "fget", m)) for name, m in members.items()}
+        functions = {name: f for name, f in functions.items() if inspect.isfunction(f)}
+        if inspect.isfunction(thing):
+            functions = {thing.__name__: thing}
+        for name, function in functions.items():
+            if name.startswith("_") and name != "__init__":
+                continue
+            # the sections of a configuration are set by with_values, and read by their names
+            if thing is rgbd_glue_ros.Config:
+                continue
+            hidden = {t.__name__ for t in types_in(function) - public}
+            assert hidden <= internal.get(f"{name} of {thing.__name__}", set()), (thing, name)
+
+
+def test_frames_are_compared_by_identity_and_can_be_kept_in_sets() -> None:
+    frame, other = RgbdFrame(0, COLOR, DEPTH, CAMERA), RgbdFrame(0, COLOR, DEPTH, CAMERA)
+    assert frame == frame  # noqa: PLR0124 - that is what is tested
+    assert frame != other
+    assert len({frame, other, frame}) == 2
+
+
+def test_a_matrix_in_place_of_intrinsics_is_refused_with_what_to_give() -> None:
+    with pytest.raises(
+        InputError, match=r"intrinsics: are .*\[3, 3\]; give CameraIntrinsics\(width"
+    ):
+        RgbdFrame(0, COLOR, DEPTH, CAMERA.matrix)  # type: ignore[arg-type]
+
+
+def test_odometry_needs_no_configuration() -> None:
+    with rgbd_glue_ros.Odometry() as odometry:
+        assert odometry.learnt_config().features == rgbd_glue_ros.load_preset("live").features
 
 
 def test_arrays_that_are_a_frame_are_taken_in_colour_and_grey() -> None:

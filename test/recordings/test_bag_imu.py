@@ -22,7 +22,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import InputConfig, load_preset
 from rgbd_glue_ros.recordings import Topics, imu_of, open_recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
-from rgbd_glue_ros.types import Float64, ImuSamples
+from rgbd_glue_ros.types import Float64, ImuSamples, ImuUse
 
 TYPES = get_typestore(Stores.ROS2_JAZZY).types
 CAMERA_FRAME, IMU_FRAME = "camera_optical", "imu_link"
@@ -135,13 +135,13 @@ def test_a_replay_turns_with_the_imu_of_its_bag(tmp_path: Path) -> None:
     with open_recording(path, inputs=inputs) as recording:
         run = replay(recording, load_preset("live"), tmp_path / "out", odometry=odometry)
     assert len(run.trajectory) == len(frames)
-    gyroscope = odometry.inertial.gyroscope
-    assert gyroscope.is_trusted
-    off = np.linalg.norm(gyroscope.bias - BMI055.bias)
+    learnt = odometry.imu_calibration
+    assert learnt.use is ImuUse.TURNS
+    off = np.linalg.norm(learnt.bias - BMI055.bias)
     assert off < 0.5 * np.linalg.norm(BMI055.bias)
     metrics = json.loads((tmp_path / "out" / METRICS).read_text())
     assert metrics["imu"]["use"] == "turns and gravity"
-    assert metrics["imu"]["bias_rad_s"] == pytest.approx(gyroscope.bias)
+    assert metrics["imu"]["bias_rad_s"] == pytest.approx(learnt.bias)
     up = metrics["up"]
     # at the first frame there was one sample of the moving sensor
     true_up = true_pose(0.0)[:3, :3].T @ [0, 0, 1]

@@ -14,8 +14,8 @@ from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.recordings import (
     Topics,
     imu_of,
-    load_calibration,
     open_recording,
+    read_calibration,
     refuse_recording,
 )
 from rgbd_glue_ros.types import CameraIntrinsics, UInt8
@@ -294,12 +294,12 @@ def test_a_calibration_is_read_as_camera_calibration_and_as_ros2_topic_echo_writ
     expected = CameraIntrinsics(640, 480, 600, 601, 320, 240, (0.1, 0, 0, 0, 0))
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(CALIBRATION))
-    assert load_calibration(path) == expected
+    assert read_calibration(path).intrinsics == expected
     path.write_text(
         "width: 640\nheight: 480\ndistortion_model: plumb_bob\nd: [0.1, 0, 0, 0, 0]\n"
         "k: [600, 0, 320, 0, 601, 240, 0, 0, 1]\n---\n"
     )
-    assert load_calibration(path) == expected
+    assert read_calibration(path).intrinsics == expected
 
 
 @pytest.mark.parametrize(
@@ -317,7 +317,7 @@ def test_a_calibration_that_is_no_pinhole_camera_is_refused(
     path = tmp_path / "camera.yaml"
     path.write_text(json.dumps({**CALIBRATION, **changes}))
     with pytest.raises(InputError, match=cause) as error:
-        load_calibration(path)
+        read_calibration(path)
     assert str(path) in str(error.value)
 
 
@@ -326,7 +326,7 @@ def test_a_file_that_is_no_calibration_is_refused(tmp_path: Path, content: str) 
     path = tmp_path / "camera.yaml"
     path.write_text(content)
     with pytest.raises(InputError):
-        load_calibration(path)
+        read_calibration(path)
 
 
 @pytest.mark.parametrize(

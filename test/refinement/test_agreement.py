@@ -14,6 +14,7 @@ from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement, disagreement
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64, View
 
@@ -102,9 +103,10 @@ def after(view: View, frames: int = 1) -> BandAgreement:
     config = RefineConfig(iterations=15)
     model = model_of(recorded(BEFORE), 8)
     start = se3.inverse(true_poses()[BEFORE]) @ true_poses()[NOW]
-    found, known = refine(start, model, view, config), BandAgreement()
+    problem = RefinementProblem(model, view, config)
+    found, known = refine(start, problem), BandAgreement()
     for _ in range(frames):
-        known = known.after_frame(found, model, view, config)
+        known = known.after_frame(found, problem)
     return known
 
 

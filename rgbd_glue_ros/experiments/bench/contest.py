@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.evaluation.run_record import stage_medians
 from rgbd_glue_ros.experiments.bench.figures import errors, honesty, losses, times
 from rgbd_glue_ros.experiments.peers import NoTransformError, Peer
@@ -31,7 +32,7 @@ class Contestant(Protocol):
         """The pose [4, 4] of the next frame in the axes of the first one; None when lost."""
 
 
-class Ours:
+class Ours(Closing):
     """The odometry of this package.
 
     Attributes:

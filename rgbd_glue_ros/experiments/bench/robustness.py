@@ -32,11 +32,11 @@ class Robustness:
     def run(self, step: Callable[[], None]) -> None:
         """Runs the odometry over each."""
         for sequence in self._sequences:
-            ours = Ours(self._config)
-            self._estimates[sequence.degradation.name] = ours.estimates
-            for frame in sequence:
-                ours.process(frame)
-                step()
+            with Ours(self._config) as ours:
+                self._estimates[sequence.degradation.name] = ours.estimates
+                for frame in sequence:
+                    ours.process(frame)
+                    step()
 
     def figures(self) -> dict[str, Any]:
         """Losses and errors by kind of degradation."""

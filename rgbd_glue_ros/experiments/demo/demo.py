@@ -89,6 +89,7 @@ def demo(
     on_progress: Callable[[Progress], None],
     command: str = "",
     parameters: Mapping[str, object] = MappingProxyType({}),
+    inputs: InputConfig | None = None,
 ) -> DemoResult:
     """Plays a recording to the node and writes the results of a replay, measured live.
 
@@ -101,11 +102,13 @@ def demo(
         on_progress: called after every frame.
         command: the command line, for quoting in the report.
         parameters: of the node, besides those that the recording needs.
+        inputs: how the recording was opened, for the record; None for the defaults.
 
     Raises:
-        InputError: the recording, the folder or a parameter cannot be used.
+        InputError: the recording, the folder or a parameter cannot be used, or the node gave no
+            pose.
         MissingExtraError: ROS is not installed.
-        RuntimeError: the node ended, or gave no pose.
+        RuntimeError: the node ended.
     """
     given = by_current_names(parameters)
     own = values(NodeConfig())
@@ -117,7 +120,7 @@ def demo(
         load_preset(PRESET), {name: value for name, value in given.items() if name not in own}
     )
     of_inputs = {name: value for name, value in given.items() if name in values(InputConfig())}
-    inputs = with_values(InputConfig(), of_inputs)
+    inputs = with_values(inputs or InputConfig(), of_inputs)
     with results_of(recording.name, config, folder, inputs, (LOG,)):
         node = {**_parameters(recording), **given}
         return _played_to_the_node(recording, config, folder, rate, on_progress, command, node)
@@ -163,7 +166,11 @@ def _played_to_the_node(
     if code != 0:
         raise RuntimeError(f"the node ended with exit code {code}; its log is in {log}")
     if not figures:
-        raise RuntimeError(f"the node gave no pose; its log is in {log}")
+        raise InputError(
+            recording.name,
+            f"the node gave no pose of it: {node.last_warning or 'it does not say why'}",
+            f"its log is in {log}",
+        )
     return DemoResult(figures, len(player.frames_ns), ready_s, player.summary)
 
 

@@ -24,6 +24,7 @@ DOMAINS = range(1, 102)
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # All users can write to the folder of the locks: anything there that is not a file is left alone.
 _LOCK_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+_WARNING = re.compile(r"\[(?:WARN|ERROR)\].*?\]: (?P<text>.*)")
 # What the node logs if its input is unusable.
 _REFUSAL = re.compile(r"\[FATAL\].*?\]: (?P<cause>.+?); (?P<remedy>.+)")
 # Maximum time for the node to end: it finishes the current frame.
@@ -176,6 +177,12 @@ class NodeProcess:
         code = self._process.poll()
         ended = "" if code is None else f"exit code {code}, "
         return f"{ended}last line: {self.lines[-1] if self.lines else 'none'}"
+
+    @property
+    def last_warning(self) -> str:
+        """Its latest warning; "" without one."""
+        warnings = [found["text"] for line in self.lines if (found := _WARNING.search(line))]
+        return warnings[-1] if warnings else ""
 
     def check_refusal(self) -> None:
         """Raises the reason why the node ended, if that was its input.

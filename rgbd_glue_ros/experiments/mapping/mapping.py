@@ -24,6 +24,7 @@ from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
 from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused, write_ply
 from rgbd_glue_ros.slam.correction import corrected
@@ -137,7 +138,9 @@ def map_recording(
         MissingExtraError: the libraries of the extra slam are not installed.
     """
     load_gtsam()
-    odometry, mapper = Odometry(config), Mapper(config, SearchTree())
+    # learned features have networks, which are loaded once
+    glue = Glue(config)
+    odometry, mapper = Odometry(config, glue), Mapper(config, glue, SearchTree())
     if before is not None:
         mapper.restore(before)
     sink = MappingSink(odometry, mapper)

@@ -28,7 +28,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
     explain_no_pose,
 )
-from rgbd_glue_ros.odometry.gyroscope import explain_distrust
+from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
@@ -143,7 +143,7 @@ def replay_into(
                 run.wall_s = now - start
                 run.imu = _learnt(odometry)
                 if estimate.T_odom_camera is not None:
-                    run.up = odometry.inertial.up(estimate.stamp_ns) if starts else run.up
+                    run.up = odometry.up(estimate.stamp_ns) if starts else run.up
                     trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
                 for taker in takers:
                     taker.add(frame, estimate)
@@ -187,13 +187,13 @@ def _leave_cloud(left: ExitStack, file: Path | None, clouds: KeyframeClouds, run
 
 
 def _learnt(odometry: Odometry) -> ImuCalibration | None:
-    imu = odometry.inertial.calibration
+    imu = odometry.imu_calibration
     return None if imu.use is ImuUse.NONE else imu
 
 
 def _warn_of_imu(odometry: Odometry) -> None:
-    distrust = explain_distrust(odometry.inertial.gyroscope)
-    if _learnt(odometry) is not None and distrust is not None:
+    distrust = explain_distrust(odometry.imu_calibration)
+    if distrust is not None:
         logger.warning("imu: %s", distrust)
 
 
