@@ -72,7 +72,7 @@ def _panel(name: str, points: Mapping[str, tuple[float, float]], ours: str) -> s
         y = place(tick, y_ticks, bottom, _TOP)
         drawn.append(_rule(_LEFT, right, y, y))
         drawn.append(_word(_LEFT - 6, y + 4, f"{tick:g}", _QUIET, "end"))
-    drawn.append(_word((_LEFT + right) / 2, bottom + 33, "ms a frame, median", _QUIET, "middle"))
+    drawn.append(_word((_LEFT + right) / 2, bottom + 33, "ms per frame, median", _QUIET, "middle"))
     drawn.append(
         f'<text transform="translate(14 {(_TOP + bottom) / 2:.1f}) rotate(-90)" fill="{_QUIET}" '
         'text-anchor="middle">RPE, cm/s</text>'

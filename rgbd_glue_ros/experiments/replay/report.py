@@ -88,7 +88,7 @@ def _tiles(figures: Mapping[str, Any]) -> str:
         shown.append((f"{rpe['rot_rmse_deg']:.2f}", "°/s", "rotation drift, rmse (RPE)"))
     shown += [
         (tracked, "%", f"of {which} tracked, {figures['lost']} lost"),
-        (f"{figures['latency_ms']['p50']:.1f}", "ms", "median latency of a frame"),
+        (f"{figures['latency_ms']['p50']:.1f}", "ms", "median latency per frame"),
         (f"{figures['fps']:.1f}", "fps", "poses of the node" if is_live else "with decoding"),
     ]
     return tiles(shown)
@@ -108,10 +108,10 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
     tracks.append(("estimate", "var(--estimate)", poses[:, :3, 3], ""))
     above = [Line(name, color, p[:, 0], p[:, 2], style) for name, color, p, style in tracks]
     beside = [Line(name, color, p[:, 2], -p[:, 1], style) for name, color, p, style in tracks]
-    aligned = "; the ground truth is laid upon it by rotation and translation"
+    aligned = "; the ground truth is aligned with it by rotation and translation"
     return (
         "<h2>Trajectory</h2><p>In the axes of the first camera, from the green to the red end"
-        f"{aligned if evaluation else ''}. Both views have one scale.</p>"
+        f"{aligned if evaluation else ''}. Both views have the same scale.</p>"
         + plans(
             [
                 ("From above (right, forward)", above, times),
@@ -127,8 +127,8 @@ def _map(run: Run) -> str:
         return ""
     jpeg = base64.b64encode(run.map_jpeg).decode()
     return (
-        "<h2>Map</h2><p>What the keyframes saw, where they are in the end, and the way of the "
-        "camera. Walls and edges that are there twice would show an error.</p>"
+        "<h2>Map</h2><p>What the keyframes saw, at their final poses, and the camera's path. "
+        "Duplicate walls and edges would show an error.</p>"
         f'<img class="map" src="data:image/jpeg;base64,{jpeg}" alt="the map from above" />'
     )
 
@@ -195,7 +195,7 @@ def _latency(run: Run, span: tuple[float, float]) -> str:
     if len(beyond):
         dots = [Line("longer", "var(--bad)", beyond, np.full(len(beyond), y.high))]
         text = (
-            f"<p>Red at the top edge: longer than that, {latency.max():.0f} ms at most "
+            f"<p>Red at the top edge: longer than that, up to {latency.max():.0f} ms "
             f"(at {since_start(run, stamps_ns)[latency.argmax()]:.1f} s).</p>"
         )
     drawn = charts.plot(

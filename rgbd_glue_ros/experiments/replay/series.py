@@ -57,11 +57,11 @@ def error_charts(run: Run, evaluation: Evaluation, span: tuple[float, float]) ->
     position_m, rotation_rad = errors_since_start(evaluation)
     sigmas = sigmas_of(run, evaluation.stamps_ns)
     drawn.append(
-        "<p>Since the first pose that has a true one, in the axes of the first camera. The band "
-        "holds 95&nbsp;% of the errors where the covariance that comes with each pose is right: "
-        "1.96 σ of an axis. It is cut off beyond three times the greatest error.</p>"
+        "<p>Since the first pose with ground truth, in the axes of the first camera. The band "
+        "contains 95&nbsp;% of the errors if the covariance of each pose is correct: 1.96 σ of an "
+        "axis. It is cut off beyond three times the largest error.</p>"
         if np.isfinite(sigmas).any()
-        else "<p>Since the first pose that has a true one, in the axes of the first camera.</p>"
+        else "<p>Since the first pose with ground truth, in the axes of the first camera.</p>"
     )
     parts = []
     for i, name in enumerate(("x (right)", "y (down)", "z (forward)")):
