@@ -22,8 +22,8 @@ _NEAREST_M = 0.3
 _JPEG_WIDTH, _JPEG_HEIGHT, _JPEG_QUALITY = 880, 560, 80
 # of the pinhole that a camera is drawn as, and half the width of a point, metres
 _EYE_M, _SPLAT_M = 0.09, 0.009
-# position of the onlooker: height above the cameras' line of sight, and the percentage of points that
-# must be in the picture
+# position of the onlooker: height above the cameras' line of sight, and the percentage of points
+# that must be in the picture
 _RISE, _INSIDE = 0.55, 90
 
 
