@@ -114,7 +114,7 @@ class Odometry(Closing):
         )
 
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
-        """Registers a frame and returns what is known after it.
+        """Registers a frame and returns its estimate.
 
         Args:
             frame: later than the previous one.
