@@ -210,7 +210,7 @@ def add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
         "--preset",
         default=preset,
         metavar="PRESET",
-        help="what to start from: live, paper, or a YAML file of parameters, such as the "
+        help="preset to start from: live, paper, or a YAML file of parameters, such as the "
         "params.yaml of an earlier run (default: %(default)s)",
     ).completer = _presets  # type: ignore[attr-defined]
     add_set(parser)
@@ -230,11 +230,11 @@ def sources(args: argparse.Namespace) -> list[Path]:
 def opener(
     args: argparse.Namespace, inputs: InputConfig | None = None
 ) -> Callable[[Path], Recording]:
-    """Opens recordings as the arguments say, in this process or another.
+    """Opens recordings according to the arguments, in this process or another.
 
     Args:
         args: of the command.
-        inputs: how images are read; None as ``--set`` and the options say.
+        inputs: how images are read; None for ``--set`` and the options.
 
     Raises:
         InputError: the calibration cannot be read, or a parameter is unknown or not allowed.
@@ -285,7 +285,7 @@ def config(args: argparse.Namespace) -> Config:
 
 
 def inputs_of(args: argparse.Namespace) -> InputConfig:
-    """What ``--set`` and the options change of how images are read.
+    """The parameters of the inputs in ``--set`` and the options.
 
     Raises:
         InputError: a parameter is not known, or a value not allowed.
@@ -301,7 +301,7 @@ def inputs_of(args: argparse.Namespace) -> InputConfig:
 
 
 def _preset_file(args: argparse.Namespace) -> Path | None:
-    """The file that ``--preset`` names; None where it is a name, or the command has none."""
+    """The file given as ``--preset``; None if it is a name, or the command has no preset."""
     preset = Path(vars(args).get("preset", ""))
     return preset if preset.suffix in (".yaml", ".yml") else None
 

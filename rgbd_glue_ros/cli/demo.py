@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> str:
     is_whole = not (args.start or args.duration or args.compressed or args.depth_scale)
     if args.recording is None and is_whole:
         return _play(args, PlayedBag.load(bundled_bag()), given, InputConfig())  # byte for byte
-    # what is told of the messages of a recording is done when it is read: depth is in metres then
+    # parameters about the recording's messages are applied on reading: depth is then in metres
     of_messages = {name: given.pop(name) for name in OF_MESSAGES if name in given}
     inputs = with_values(arguments.inputs_of(args), of_messages)
     with arguments.opener(args, inputs)(args.recording or bundled_bag()) as recording:

@@ -106,7 +106,7 @@ def chamfer(estimate: Float64, truth: Float64, source: Float64, target: Float64)
 def chamfer_points(view: View) -> Float64:
     """The points [N, 3] that UR&R measures the chamfer distance on, optical frame, metres.
 
-    Those of 128 x 128 pixels spread evenly over the centred square of the depth image, without
+    The points of 128 x 128 pixels spread evenly over the centred square of the depth image, without
     interpolation. Unknown depth is skipped, whereas UR&R keeps a point at the camera for it.
     """
     height, width = view.depth.shape

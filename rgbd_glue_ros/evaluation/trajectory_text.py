@@ -33,7 +33,8 @@ _NAMES = {
     **{f"q{axis}": rf"(q|quat|quaternion|rot|orientation)(_.*)?_?{axis}" for axis in "xyzw"},
 }
 
-# A stamp of so many units is one of these; of today, each is a thousand times the one before
+# Upper limits of stamps in these units; today's stamps in each are a thousand times those in the
+# previous
 _END_OF_TIME_NS = 2**63
 _SECONDS_BELOW, _MILLISECONDS_BELOW, _MICROSECONDS_BELOW = Decimal("9.2e9"), Decimal(10**14), 10**17
 

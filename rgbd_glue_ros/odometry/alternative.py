@@ -1,7 +1,7 @@
-"""Another pose of a frame, that the part of it which contradicts the believed one agrees on.
+"""Another pose of a frame, on which the part that contradicts the accepted one agrees.
 
-Robust residuals leave out what does not fit. Where that fits together, in another motion of the
-camera, one of the two motions is that of something that moves.
+Robust residuals ignore what does not fit. If that is consistent with another motion of the camera,
+one of the two motions is that of a moving object.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
 from rgbd_glue_ros.types import Float64
 
 # An alternative adds its share times its squared distance to the covariance of a pose. With this
-# share it is three standard deviations away; with less it is farther, and not looked for.
+# share it is three standard deviations away; with less it is farther, and not searched for.
 _SUBSTANTIAL = 1 / 9
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another pose of a frame, that a part of what it shows agrees with.
+    """Another pose of a frame, with which a part of its view agrees.
 
     Attributes:
         T_track_camera: float64 [4, 4].
-        share: of the surface that agrees with one of the two poses alone, the part that agrees
+        share: of the surface that agrees with only one of the two poses, the fraction that agrees
             with this one; from 0 to 1.
     """
 
@@ -46,23 +46,23 @@ class Alternative:
 
 
 def is_contradicted(pose: Refinement) -> bool:
-    """Whether a substantial part of the planes that a frame shows lies elsewhere than at a pose."""
+    """Whether a substantial part of a frame's planes disagrees with a pose."""
     return 1 - pose.plane_agreement >= _SUBSTANTIAL
 
 
 def find_alternative(
     problem: PoseProblem, pose: Refinement, before: Alternative | None, config: OdometryConfig
 ) -> Alternative | None:
-    """The other pose that a part of the frame agrees on, which contradicts the one believed.
+    """The other pose on which a part of the frame agrees, and which contradicts the accepted one.
 
     Args:
-        problem: the frame, and what its pose was refined by.
-        pose: the one that is believed, at the coarse levels.
-        before: that of the frame before: what moves has not moved far since.
-        config: how much it takes to believe a pose.
+        problem: the frame, and the inputs of its refinement.
+        pose: the accepted pose, at the coarse levels.
+        before: the alternative of the previous frame: a moving object has not moved far since.
+        config: when a pose is accepted.
 
     Returns:
-        None where little contradicts, or each part of it something else.
+        None if little contradicts, or the contradicting parts disagree.
     """
     if not is_contradicted(pose):
         return None
@@ -109,17 +109,17 @@ def _coherent(
     iterations: int,
     config: OdometryConfig,
 ) -> Float64 | None:
-    """The pose that what contradicts another one agrees on; None if it does not agree.
+    """The pose on which the part that contradicts another one agrees; None if it does not agree.
 
-    Some part of any noise agrees with some pose. So more has to agree here than with a pose that is
-    believed by all that is seen: only half as much may disagree.
+    Part of any noise agrees with some pose. So more has to agree here than with a pose supported by
+    the whole view: only half as much may disagree.
 
     Args:
-        rest: each level, coarse to fine, and what contradicts there.
+        rest: each level, coarse to fine, and the contradicting part there.
         start: of the search, float64 [4, 4].
-        pose: that is contradicted.
-        iterations: at each level, at most.
-        config: what it takes to believe a pose.
+        pose: the contradicted pose.
+        iterations: maximum at each level.
+        config: when a pose is accepted.
     """
     T, found = start, pose
     for level, of_the_rest in rest:
@@ -136,7 +136,7 @@ def _coherent(
 
 
 def _share(of_level: LevelProblem, T: Float64, T_other: Float64) -> float:
-    """The part of the surface that agrees with T, of that which agrees with one of two poses."""
+    """The fraction that agrees with T, of the surface that agrees with only one of two poses."""
     agrees, agrees_with_other = (agreeing_planes(of_level, pose) for pose in (T, T_other))
     # the surface behind a pixel grows with the square of its depth
     area = se3.transform(se3.inverse(T), of_level.points)[:, 2] ** 2

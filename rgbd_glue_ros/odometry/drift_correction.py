@@ -110,7 +110,7 @@ class DriftCorrection:
         T_seen = anchor.T_odom_track @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
         in_odom = se3.transported_covariance(self.target, keyframe.covariance)
-        # drift that the covariance finds less likely is a place that looks like another
+        # drift that is less likely by the covariance is a place that looks like another
         if not mahalanobis_squared(off, in_odom) <= SURPRISE:
             return None
         return _Comparison(off, revisit_edge(anchor, keyframe, found, config))

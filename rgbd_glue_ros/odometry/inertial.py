@@ -112,7 +112,7 @@ class Inertial:
 
 
 def explain_distrust(imu: ImuCalibration) -> str | None:
-    """Why a gyroscope is not used, and what to do about it; None where it is."""
+    """Why a gyroscope is not used, and what to do about it; None if it is used."""
     if imu.use is not ImuUse.DISTRUSTED:
         return None
     return (

@@ -22,7 +22,7 @@ class Keyframe:
         stamp_ns: of the frame.
         T_track_camera: float64 [4, 4].
         covariance: float64 [6, 6] of the pose, perturbation on the left, track frame; without the
-            error of its image's time, which those of later poses do not add to.
+            error of its image's time, which does not accumulate in later poses.
         features: of the frame.
         model: its planes and pixels, in the track frame.
     """

@@ -62,7 +62,7 @@ class Odometry(Closing):
         self._background.close()
 
     def reconfigure(self, config: Config) -> None:
-        """Uses other parameters from the next frame on; fixed ones must be as before."""
+        """Uses other parameters from the next frame on; fixed ones must be unchanged."""
         self._config = config
         self._glue.reconfigure(config)
         self._map.reconfigure(config)
@@ -86,7 +86,7 @@ class Odometry(Closing):
 
     @property
     def imu_calibration(self) -> ImuCalibration:
-        """What was learnt of the IMU so far, and what it is used for."""
+        """What was learnt about the IMU so far, and what it is used for."""
         return self._inertial.calibration
 
     def up(self, stamp_ns: int) -> Float64 | None:
@@ -114,7 +114,7 @@ class Odometry(Closing):
         )
 
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
-        """Registers a frame and returns what is known after it.
+        """Registers a frame and returns its estimate.
 
         Args:
             frame: later than the previous one.
@@ -126,8 +126,9 @@ class Odometry(Closing):
             one at which the odometry starts or restarts, which already is one.
 
         Raises:
-            InputError: the frame is not later than the one before, the guess is no pose, or the
-                odometry was closed. An image that shows nothing gives an estimate without a pose.
+            InputError: the frame is not later than the previous one, the guess is not a pose, or
+                the odometry was closed. An image that shows nothing gives an estimate without a
+                pose.
         """
         self._background.check_open()
         if T_guess_camera is not None:

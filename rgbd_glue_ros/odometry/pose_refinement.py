@@ -51,10 +51,10 @@ class PoseEstimate:
 
 @dataclass(frozen=True)
 class PoseProblem(RefinementProblem):
-    """What the pose of a frame is refined by; its model is in the track frame.
+    """The inputs for refining the pose of a frame; its model is in the track frame.
 
     Attributes:
-        predicted: the frame's motion before the images are looked at.
+        predicted: the frame's motion, predicted without its images.
     """
 
     predicted: Motion = field(kw_only=True)
@@ -65,7 +65,7 @@ class PoseProblem(RefinementProblem):
         levels: Sequence[int],
         affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
     ) -> Refinement:
-        """A pose refined from a start, at some levels."""
+        """A pose refined from a start, at given levels."""
         return refine(T_track_camera, self, levels, affine_brightness)
 
     def refined_further(self, coarse: Refinement, config: OdometryConfig) -> PoseEstimate:
@@ -83,7 +83,7 @@ class PoseProblem(RefinementProblem):
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
     def reliable(self, estimate: PoseEstimate, config: OdometryConfig) -> PoseEstimate:
-        """An estimate without spurious information, as far as where another search starts."""
+        """An estimate without spurious information, relative to another start."""
         expected, reach = self.predicted.T_track_camera, config.surprise_translation
         left = without_spurious_information(estimate.refinement, expected, self, reach)
         return replace(estimate, refinement=left)

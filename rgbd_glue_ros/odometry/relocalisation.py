@@ -32,10 +32,10 @@ def relocalise(
         keyframes: to try, in this order.
         last: the motion at the last frame with a pose.
         problem: the frame, its predicted motion, and how poses are refined.
-        glue: registers.
-        config: when a pose is believed: on more evidence than tracking asks for.
-        is_lost: whether the frame before had no pose. Poses of two frames in turn are never
-            farther apart than a camera gets: a jump is announced by a frame without one.
+        glue: registers the frame.
+        config: when a pose is accepted: on more evidence than tracking requires.
+        is_lost: whether the previous frame had no pose. Poses of consecutive frames are never
+            farther apart than a camera can move: a jump is announced by a frame without a pose.
 
     Returns:
         None if no keyframe gives one.

@@ -12,7 +12,7 @@ from rgbd_glue_ros.parameters.parameter import parameter
 HEADER, RECEIPT = "header", "receipt"
 
 OF_MESSAGES = ("depth_scale", "depth_is_registered", "depth_camera_pose", "imu_pose")
-"""Parameters that tell what messages leave open; frames that were read leave nothing open."""
+"""Parameters that complete messages; frames that were read need none."""
 
 READ_ONCE = "it is read once, when the node starts"
 

@@ -163,12 +163,12 @@ class NodeConfig(InputConfig):
         self._check_distinct("odom_frame_id", "frame_id", "guess_frame_id")
 
     def check_for_mapping(self) -> None:
-        """Refuses what the mapping node cannot go by; the odometry alone can.
+        """Refuses what the mapping node cannot use; the odometry alone can.
 
         Raises:
-            InputError: the map's frame has the name of another, since none is its own parent; or
-                stamps are those of receipt, by which no keyframe would find its image: each process
-                receives an image at a time of its own.
+            InputError: the map's frame has the name of another, since no frame is its own parent;
+                or stamps are those of receipt, with which no keyframe would find its image: each
+                process receives an image at a different time.
         """
         self._check_distinct("odom_frame_id", "frame_id", "guess_frame_id", "map_frame_id")
         if self.stamps == RECEIPT:

@@ -73,7 +73,7 @@ _REMEDY = (
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a calibration file tells.
+    """The content of a calibration file.
 
     Attributes:
         intrinsics: the camera; width and height are 0 if the file does not give them.
@@ -87,7 +87,7 @@ class Calibration:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """What a calibration file tells.
+    """The content of a calibration file.
 
     Raises:
         InputError: the file cannot be read, contains no camera or several, or its numbers are

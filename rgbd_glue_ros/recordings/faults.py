@@ -1,4 +1,4 @@
-"""What a recording holds that cannot be used: skipped, counted, and each kind logged once."""
+"""Unusable parts of a recording: skipped, counted, and each kind logged once."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ logger = logging.getLogger(__name__)
 
 
 class Faults:
-    """Counts faults, and logs those that are news.
+    """Counts faults, and logs new kinds.
 
     Attributes:
-        count: how many there were.
+        count: number of faults.
         first: the first one; None without any.
     """
 

@@ -36,10 +36,10 @@ class KeyframeStream:
         self._newest_ns: int | None = None
 
     def add_pose(self, stamp_ns: int, T_odom_child: Float64) -> list[NewKeyframe]:
-        """Takes the pose [4, 4] of a keyframe; returns the keyframes that are complete now.
+        """Adds the pose [4, 4] of a keyframe; returns the keyframes that are now complete.
 
-        Where time went back, as of a bag in a loop, the odometry has started anew. Numbers and
-        stamps may be the same as before then, so that they do not tell.
+        If time went back, as with a bag in a loop, the odometry has restarted. Numbers and stamps
+        may then repeat, so they do not show it.
         """
         if self._newest_ns is not None and stamp_ns < self._newest_ns:
             self._poses, self._edges, self._stamps = {}, {}, {}

@@ -60,7 +60,7 @@ def loop_edge(
     T = refinement.T_model_source
     if se3.difference(T, se3.inverse(back.T_model_source)) > _SAME:
         return None
-    # two that were taken long apart may disagree as no neighbours do
+    # two that were taken far apart in time may disagree more than neighbours do
     agreement = BandAgreement().after_frame(refinement, problem)
     honest = replace(config, refine=agreement.applied_to(config.refine))
     covariance = refined_covariance(refinement, np.eye(4), problem.view.twist, honest)
@@ -68,6 +68,6 @@ def loop_edge(
 
 
 def _refined(T: Float64, problem: RefinementProblem, config: Config) -> Refinement | None:
-    """The pose of one keyframe on the model of another, if planes and pixels are sure of it."""
+    """The pose of one keyframe on the model of another, if planes and pixels are certain."""
     refinement = refine(T, problem)
     return refinement if is_conclusive(refinement, config.odometry) else None

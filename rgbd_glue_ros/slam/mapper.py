@@ -43,8 +43,8 @@ class Mapper:
 
         Args:
             config: how keyframes are compared.
-            glue: of that configuration: registers them.
-            appearance: finds those that look alike.
+            glue: registers them, with that configuration.
+            appearance: finds similar keyframes.
         """
         self._config = config
         self._glue = glue

@@ -22,8 +22,8 @@ _NEAREST_M = 0.3
 _JPEG_WIDTH, _JPEG_HEIGHT, _JPEG_QUALITY = 880, 560, 80
 # of the pinhole that a camera is drawn as, and half the width of a point, metres
 _EYE_M, _SPLAT_M = 0.09, 0.009
-# where somebody stands who sees all: how far above the cameras' line of sight, and how much of the
-# cloud, points apart, is to be in the picture
+# position of the onlooker: height above the cameras' line of sight, and the percentage of points
+# that must be in the picture
 _RISE, _INSIDE = 0.55, 90
 
 

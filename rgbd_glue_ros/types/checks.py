@@ -117,14 +117,14 @@ def check_frame_id(frame_id: object) -> None:
 
 
 def check_camera(camera: object, kind: type) -> None:
-    """Refuses what is not a camera, such as the matrix K.
+    """Refuses anything that is not a camera, such as the matrix K.
 
     Args:
         camera: of a frame.
-        kind: the class that it has to be of.
+        kind: the required class.
 
     Raises:
-        InputError: it is of another class.
+        InputError: ``camera`` has another class.
     """
     if not isinstance(camera, kind):
         remedy = "give CameraIntrinsics(width, height, fx, fy, cx, cy)"

@@ -50,7 +50,7 @@ class ImuSamples:
         return ImuSamples(*(values[slice(*ends)] for values in vars(self).values()))
 
     def with_later(self, later: ImuSamples) -> ImuSamples:
-        """These samples, followed by those of ``others`` that are later than all of them."""
+        """These samples, followed by those of ``later`` that come after all of them."""
         if len(self) and len(later):
             later = later.between(int(self.stamps_ns[-1]) + 1, int(later.stamps_ns[-1]))
         both = zip(vars(self).values(), vars(later).values(), strict=True)

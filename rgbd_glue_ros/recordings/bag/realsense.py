@@ -95,7 +95,7 @@ def T_color_depth(bag: BagFile, color_topic: str, depth_topic: str) -> Float64:
             bag.path,
             f"does not contain the pose of the depth camera ({depth}0 and {color}0)",
             "give --set depth_camera_pose='x y z roll pitch yaw', as rs-enumerate-devices -c "
-            "tells it (about 0.015 0 0 0 0 0 for a D400), or --set depth_is_registered=true if "
+            "prints it (about 0.015 0 0 0 0 0 for a D400), or --set depth_is_registered=true if "
             "the depth is registered to colour",
         )
     T_color_reference, T_depth_reference = (

@@ -52,7 +52,7 @@ def _check_schema(connection: sqlite3.Connection) -> None:
 
 
 def _stop_after(connection: sqlite3.Connection, rows: int) -> None:
-    """Ends a query that takes longer than one over so many rows can."""
+    """Ends a query that takes longer than one over a number of rows can."""
     calls = 0
 
     def count() -> bool:
