@@ -62,6 +62,11 @@ class _SeenKeyframe:
     match: Match[Any]
 
 
+@dataclass(frozen=True)
+class _NewGraph:
+    """The odometry has started anew: what follows has nothing to do with what came before."""
+
+
 class MappingNode(BaseNode):
     """Publishes ``map`` -> ``odom`` and ``map/path``."""
 
@@ -84,10 +89,10 @@ class MappingNode(BaseNode):
         self._input = RgbdInput(self, self._config, transforms, self._receive)
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
-        self._worker: QueueWorker[_SeenKeyframe | PoseGraphEdge] = QueueWorker(
+        self._worker: QueueWorker[_NewGraph | _SeenKeyframe | PoseGraphEdge] = QueueWorker(
             self._process, KEYFRAMES_WAITING
         )
-        self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
+        self._waiting: deque[_NewGraph | NewKeyframe | PoseGraphEdge] = deque()
         self._odometry = OdometryInput(self, self._broadcast, self._take_keyframe, self._take_edge)
         self._input.subscribe()
         create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
@@ -138,19 +143,20 @@ class MappingNode(BaseNode):
         """Leaves keyframes and edges for the worker, in order, once their images are there."""
         for item in items:
             if isinstance(item, NewKeyframe) and item.is_anew:
-                # the map forgets the graph before; its images may never come where time went back
+                # images of the graph before may never come, as where time went back
                 self._waiting.clear()
+                self._waiting.append(_NewGraph())
             self._waiting.append(item)
         while self._waiting and not self._is_awaited(self._waiting[0]):
-            item = self._waiting.popleft()
-            if isinstance(item, PoseGraphEdge):
-                self._worker.submit(item)
+            oldest = self._waiting.popleft()
+            if isinstance(oldest, NewKeyframe):
+                self._submit_keyframe(oldest)
             else:
-                self._submit_keyframe(item)
+                self._worker.submit(oldest)
 
-    def _is_awaited(self, item: NewKeyframe | PoseGraphEdge) -> bool:
+    def _is_awaited(self, item: _NewGraph | NewKeyframe | PoseGraphEdge) -> bool:
         """Whether the images of a keyframe may yet come."""
-        if isinstance(item, PoseGraphEdge) or item.stamp_ns in self._matches:
+        if not isinstance(item, NewKeyframe) or item.stamp_ns in self._matches:
             return False
         return not self._matches or next(reversed(self._matches)) < item.stamp_ns
 
@@ -172,14 +178,16 @@ class MappingNode(BaseNode):
 
     # Work, on the worker's thread
 
-    def _process(self, item: _SeenKeyframe | PoseGraphEdge) -> None:
+    def _process(self, item: _NewGraph | _SeenKeyframe | PoseGraphEdge) -> None:
         try:
-            if isinstance(item, PoseGraphEdge):
-                with self._map_lock:
+            # not while frames are decoded, which may wait for TF
+            frame = self._input.frame(item.match) if isinstance(item, _SeenKeyframe) else None
+            with self._map_lock:
+                if isinstance(item, _NewGraph):
+                    self._map.clear()
+                elif isinstance(item, PoseGraphEdge):
                     self._add_edge(item)
-            else:
-                frame = self._input.frame(item.match)
-                with self._map_lock:
+                elif frame is not None:
                     self._add(item.keyframe, frame)
         except InputError as fault:
             if self.is_news(fault.where, fault.cause):
@@ -199,8 +207,6 @@ class MappingNode(BaseNode):
         if extrinsics is None:
             return
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
-        if keyframe.is_anew:
-            self._map.clear()
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
         before, was_placed = self._map.loops, self._map.is_placed
         keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -203,6 +204,30 @@ def test_when_a_bag_begins_anew_nothing_waits_for_images_of_the_time_before(
             session.publish(keyframe, keyframe.T_odom_camera)
         session.wait_for_path_of(2)
     stamps = [recorded_frames()[keyframe.row].stamp_ns for keyframe in keyframes[:2]]
+    assert [stamp_ns(pose.header.stamp) for pose in session.paths[-1].poses] == stamps
+
+
+@pytest.mark.slow
+def test_a_new_map_begins_though_the_first_image_of_the_new_graph_is_missing(
+    ros_domain: int,
+) -> None:
+    before, rows = drifted()[:3], drifted()[3:6]
+    # numbered from 0 again
+    first, *after = [replace(new, edges=old.edges) for new, old in zip(rows, before, strict=True)]
+    with (
+        NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in before:
+            session.publish(keyframe, keyframe.T_odom_camera)
+        session.wait_for_path_of(len(before))
+        session.publish(first, first.T_odom_camera, has_images=False)
+        for keyframe in after:
+            session.publish(keyframe, keyframe.T_odom_camera)
+        node.wait_for_line("no image has its stamp, so it is left out", MAPPED_S)
+        session.wait_for_path_of(len(after))
+    stamps = [recorded_frames()[keyframe.row].stamp_ns for keyframe in after]
     assert [stamp_ns(pose.header.stamp) for pose in session.paths[-1].poses] == stamps
 
 
