@@ -165,7 +165,7 @@ def test_the_first_frame_reaches_a_node_that_was_there_before(
             listener.wait(lambda: listener.poses, "a pose")
             said, faults = player.communicate()
             assert player.returncode == 0, faults
-    assert "heard by /rgbd_odometry\n" in said
+    assert "received by /rgbd_odometry\n" in said
     assert f"odometry{f' --camera {camera}' if camera else ''}\n" in said
     stamp = fields.header(frames[0].stamp_ns, "").stamp
     first = listener.poses[0].header.stamp
