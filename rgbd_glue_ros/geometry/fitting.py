@@ -24,8 +24,8 @@ def chi_squared(confidence: float, degrees: int) -> float:
     return float(chdtri(degrees, 1.0 - confidence))
 
 
-SURPRISE = chi_squared(0.999, 6)
-"""``mahalanobis_squared`` exceeds this for one in a thousand errors of a pose."""
+POSE_GATE = chi_squared(0.999, 6)
+"""The validation gate of a pose: a squared Mahalanobis distance that one in a thousand exceeds."""
 
 
 def mahalanobis_squared(error: Float64, covariance: Float64) -> float:

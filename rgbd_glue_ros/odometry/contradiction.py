@@ -20,7 +20,7 @@ from rgbd_glue_ros.odometry.alternative import (
     find_alternative,
     is_contradicted,
 )
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
@@ -66,8 +66,9 @@ def settle_contradiction(
     alternative = find_alternative(problem, chosen.coarse, last.alternative, config)
     if alternative is None:
         return SettledPose(pose)
-    surprise = last.motion.surprise(alternative.T_track_camera, problem.predicted)
-    has_witness = last.alternative is not None or surprise < chosen.surprise
+    distance_squared = problem.predicted.distance_squared(alternative.T_track_camera)
+    is_likelier = distance_squared < chosen.distance_squared
+    has_witness = last.alternative is not None or is_likelier
     if alternative.is_larger and has_witness:
         larger = preferred(problem, alternative, chosen.coarse, config)
         if is_plausible(larger.refinement, larger.refinement.planes_visible, config):
@@ -134,7 +135,9 @@ def doubt(
     return np.asarray((1 - agreeing) * se3.transported_covariance(T, spread), np.float64)
 
 
-def _goes_on_from_alternative(T_track_camera: Float64, last: LastPose, predicted: Motion) -> bool:
+def _goes_on_from_alternative(
+    T_track_camera: Float64, last: LastPose, predicted: PredictedMotion
+) -> bool:
     """Whether a pose goes on where the last alternative was, and not where the last pose was.
 
     Then tracking had been carried along by something that moves.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
+from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import is_conclusive
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
@@ -111,7 +111,7 @@ class DriftCorrection:
         off = se3.log(T_seen @ se3.inverse(expected))
         in_odom = se3.transported_covariance(self.target, keyframe.covariance)
         # drift that is less likely by the covariance is a place that looks like another
-        if not mahalanobis_squared(off, in_odom) <= SURPRISE:
+        if not mahalanobis_squared(off, in_odom) <= POSE_GATE:
             return None
         return _Comparison(off, revisit_edge(anchor, keyframe, found, config))
 

@@ -9,7 +9,7 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gravity import up_direction
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, camera_covariance
 from rgbd_glue_ros.parameters import MotionConfig, RefineConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuCalibration, ImuSamples, ImuUse
@@ -55,7 +55,7 @@ class Inertial:
         newest_ns = int(self.samples.stamps_ns[-1])
         return replace(self, samples=self.samples.between(stamp_ns - _KEPT_NS, newest_ns))
 
-    def predicted(self, motion: Motion, stamp_ns: int, config: MotionConfig) -> Motion:
+    def predicted(self, motion: Motion, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
         """The motion at a later stamp, predicted with the gyroscope or, failing that, without."""
         elapsed_ns = stamp_ns - motion.stamp_ns
         if elapsed_ns > _LONGEST_TURN_NS or not self.gyroscope.is_trusted:

@@ -219,15 +219,15 @@ class KeyframeMap:
     def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
         """What a frame due as a keyframe shows of the room; None if it is not due."""
         reference = candidate.reference
-        progress = _progress(reference, candidate, self._config.odometry)
-        if progress < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap:
+        distance = _keyframe_distance(reference, candidate, self._config.odometry)
+        if distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap:
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):
             return None
         # a blurred image is a poor keyframe: a sharper one will probably follow
         is_blurred = 2 * len(model.pixels[0].points) < len(reference.model.pixels[0].points)
-        return None if is_blurred and progress < 2 else (features, model)
+        return None if is_blurred and distance < 2 else (features, model)
 
     def _shown_of_the_room(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model]:
         """A frame's features and model without dynamic objects."""
@@ -260,7 +260,9 @@ def overlap(view: View, refinement: Refinement, config: RefineConfig) -> float:
     return refinement.planes_seen / max(int(known), 1)
 
 
-def _progress(reference: Keyframe, candidate: KeyframeCandidate, config: OdometryConfig) -> float:
+def _keyframe_distance(
+    reference: Keyframe, candidate: KeyframeCandidate, config: OdometryConfig
+) -> float:
     """Distance of a frame from its keyframe, in units of that at which it becomes one itself."""
     T = se3.inverse(reference.T_track_camera) @ candidate.T_track_camera
     return max(

@@ -7,17 +7,18 @@ has mass and does not. The filter follows the images where they are precise, oth
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
+from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.gyroscope import Turn
 from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # A velocity is meaningful for this long; after that the camera is expected where it was.
-_MEMORY_S = 0.25
+MEMORY_S = 0.25
 # Initial standard deviations: a camera on a robot or in a hand, m/s and rad/s.
 _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 # How much a camera with a usable image may change its speed between two frames, m/s and rad/s.
@@ -31,6 +32,8 @@ A hand-held camera or a robot indoors.
 """
 # No pose is off by more; after a clock jump of months, a covariance would have no digits left.
 _FARTHEST_SPREAD = np.diag([1e3] * 3 + [np.pi] * 3) ** 2
+_EXACT = np.zeros((6, 6))
+M = TypeVar("M", bound="Motion")
 # The two parts of the filter's state.
 _POSE, _TWIST = slice(0, 6), slice(6, 12)
 
@@ -46,7 +49,7 @@ class Motion:
     """Pose and velocity at a time.
 
     Attributes:
-        stamp_ns: of the last frame that had a pose.
+        stamp_ns: of a frame.
         T_track_camera: float64 [4, 4].
         twist: float64 [6], linear and angular velocity, in the camera's frame (m/s, rad/s).
         covariance: float64 [12, 12] of pose and velocity; perturbations on the right of the pose,
@@ -59,15 +62,16 @@ class Motion:
     covariance: Float64
 
     @staticmethod
-    def start(stamp_ns: int, T_track_camera: Float64) -> Motion:
-        """A known pose with unknown velocity."""
+    def start(stamp_ns: int, T_track_camera: Float64, pose_covariance: Float64 = _EXACT) -> Motion:
+        """A known pose, by default exactly, with unknown velocity."""
         covariance = np.diag(np.concatenate([np.zeros(6), _START_SPEED**2]))
+        covariance[_POSE, _POSE] = pose_covariance
         return Motion(stamp_ns, T_track_camera, np.zeros(6), covariance)
 
-    def predicted(self, stamp_ns: int, config: MotionConfig) -> Motion:
+    def predicted(self, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
         """The motion at a later stamp, at constant velocity plus random accelerations."""
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
-        moving = min(elapsed, _MEMORY_S)
+        moving = min(elapsed, MEMORY_S)
         step = se3.exp(self.twist * moving)
         F = np.eye(12)
         F[:6, :6] = se3.adjoint(se3.inverse(step))
@@ -81,9 +85,9 @@ class Motion:
         covariance[6:, 6:] += acceleration * (elapsed / 2) ** 2
         # what the camera does after that time is unknown
         twist = self.twist * (moving / elapsed)
-        return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
+        return PredictedMotion(stamp_ns, self.T_track_camera @ step, twist, covariance, elapsed)
 
-    def predicted_by(self, turn: Turn, stamp_ns: int, config: MotionConfig) -> Motion:
+    def predicted_by(self, turn: Turn, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
         """The motion at a later stamp, at constant linear velocity and with a gyroscope's rotation.
 
         The pose is no more certain than without it: what images leave open couples rotation and
@@ -95,55 +99,20 @@ class Motion:
             config: how the linear velocity changes.
         """
         predicted = self.predicted(stamp_ns, config)
-        moving = min((stamp_ns - self.stamp_ns) / NANOSECONDS, _MEMORY_S)
+        moving = min(predicted.elapsed_s, MEMORY_S)
         step = se3.exp(np.concatenate([self.twist[:3] * moving, turn.rotation_vector]))
         # the measured angular velocity replaces the previous one
         covariance = predicted.covariance.copy()
         covariance[9:, :] = covariance[:, 9:] = 0.0
         covariance[9:, 9:] = turn.angular_velocity_covariance
         twist = np.concatenate([predicted.twist[:3], turn.angular_velocity])
-        return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
+        return replace(
+            predicted, T_track_camera=self.T_track_camera @ step, twist=twist, covariance=covariance
+        )
 
-    def shifted(self, T_shift: Float64) -> Motion:
+    def shifted(self: M, T_shift: Float64) -> M:
         """The same motion elsewhere: poses multiplied by T_shift [4, 4] on the left."""
         return replace(self, T_track_camera=T_shift @ self.T_track_camera)
-
-    def expects(self, T_track_camera: Float64) -> bool:
-        """Whether a pose is possible according to the filter, at its stamp."""
-        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, self.covariance[_POSE, _POSE]) < SURPRISE
-
-    def reaches(self, T_track_camera: Float64, predicted: Motion) -> bool:
-        """Whether a camera that was last here can have reached a pose, in terms of ``surprise``."""
-        return self.surprise(T_track_camera, predicted) < SURPRISE
-
-    def surprise(self, T_track_camera: Float64, predicted: Motion) -> float:
-        """How far a camera that was last here is from where it is expected now.
-
-        Args:
-            T_track_camera: where it is, float64 [4, 4].
-            predicted: where it is expected.
-
-        Returns:
-            The squared Mahalanobis distance; ``SURPRISE`` is what no camera exceeds.
-        """
-        way = se3.log(se3.inverse(predicted.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, self.spread(predicted))
-
-    def spread(self, predicted: Motion) -> Float64:
-        """How far from where it is expected a camera that was last here may be.
-
-        Args:
-            predicted: where it is expected.
-
-        Returns:
-            The covariance [6, 6], perturbation on the right of the predicted pose.
-        """
-        elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
-        covariance: Float64 = predicted.covariance[_POSE, _POSE] + np.diag(
-            (_CHANGE_OF_SPEED * elapsed) ** 2
-        )
-        return covariance
 
     def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
         """The motion after a measured pose.
@@ -156,14 +125,13 @@ class Motion:
             covariance: float64 [6, 6] of the pose, perturbation on the right.
         """
         innovation = se3.log(se3.inverse(self.T_track_camera) @ T_measured)
-        surprise = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
-        P = self.covariance * max(1.0, (surprise / SURPRISE) ** 2)
+        distance = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
+        P = self.covariance * max(1.0, (distance / POSE_GATE) ** 2)
         corrected = self._updated(P, _POSE, innovation, covariance)
         if (np.abs(corrected.twist) < _FASTEST).all():
             return corrected
-        start = Motion.start(self.stamp_ns, corrected.T_track_camera)
-        start.covariance[:6, :6] = corrected.covariance[:6, :6]
-        return start
+        pose_covariance = corrected.covariance[_POSE, _POSE]
+        return Motion.start(self.stamp_ns, corrected.T_track_camera, pose_covariance)
 
     def corrected_by_twist(self, twist: Float64, covariance: Float64) -> Motion:
         """The motion after a measured velocity; unchanged if the two disagree completely.
@@ -175,7 +143,7 @@ class Motion:
         innovation = twist - self.twist
         expected = self.covariance[_TWIST, _TWIST] + covariance
         # a comparison with NaN is false, too
-        if not mahalanobis_squared(innovation, expected) <= SURPRISE:
+        if not mahalanobis_squared(innovation, expected) <= POSE_GATE:
             return self
         return self._updated(self.covariance, _TWIST, innovation, covariance)
 
@@ -195,9 +163,52 @@ class Motion:
         # Joseph's form: the difference P - gain P has no digits left after a minute without a pose
         kept = np.eye(12)
         kept[:, measured] -= gain
-        return replace(
-            self,
-            T_track_camera=self.T_track_camera @ se3.exp(change[_POSE]),
-            twist=self.twist + change[_TWIST],
-            covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
+        return Motion(
+            self.stamp_ns,
+            self.T_track_camera @ se3.exp(change[_POSE]),
+            self.twist + change[_TWIST],
+            kept @ P @ kept.T + gain @ covariance @ gain.T,
         )
+
+
+@dataclass(frozen=True)
+class PredictedMotion(Motion):
+    """The motion at a frame's stamp before its images are looked at.
+
+    Attributes:
+        elapsed_s: since the last pose, from which it is predicted, seconds.
+    """
+
+    elapsed_s: float
+
+    def expects(self, T_track_camera: Float64) -> bool:
+        """Whether a pose is possible according to the filter."""
+        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
+        return mahalanobis_squared(way, self.covariance[_POSE, _POSE]) < POSE_GATE
+
+    def reaches(self, T_track_camera: Float64) -> bool:
+        """Whether the camera can have got to a pose."""
+        return self.distance_squared(T_track_camera) < POSE_GATE
+
+    def distance_squared(self, T_track_camera: Float64) -> float:
+        """The squared Mahalanobis distance of a pose from the predicted one.
+
+        Args:
+            T_track_camera: float64 [4, 4].
+
+        Returns:
+            The distance with ``reach_covariance``; no camera gets beyond ``POSE_GATE``.
+        """
+        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
+        return mahalanobis_squared(way, self.reach_covariance())
+
+    def reach_covariance(self) -> Float64:
+        """How far from its predicted pose the camera can have got, float64 [6, 6].
+
+        The filter's covariance and a change of speed as sudden as a hand can make it; perturbation
+        on the right of the predicted pose.
+        """
+        covariance: Float64 = self.covariance[_POSE, _POSE] + np.diag(
+            (_CHANGE_OF_SPEED * self.elapsed_s) ** 2
+        )
+        return covariance

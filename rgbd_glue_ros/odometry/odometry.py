@@ -16,7 +16,7 @@ from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_edges import timing_covariance, tracked_covariance
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
@@ -183,7 +183,7 @@ class Odometry(Closing):
         """
         return self._map.take_edges()
 
-    def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> Motion | None:
+    def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> PredictedMotion | None:
         """The motion at a stamp, predicted without its images; None at the start."""
         last, T_guess_last = self._progress.last, self._progress.T_guess_camera
         if last is None:
@@ -194,32 +194,32 @@ class Odometry(Closing):
         T_last_camera = se3.inverse(T_guess_last) @ T_guess_camera
         return replace(predicted, T_track_camera=last.motion.T_track_camera @ T_last_camera)
 
-    def _prepare(self, frame: RgbdFrame, predicted: Motion | None) -> View:
+    def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> View:
         """The frame prepared for registration, with its expected twist."""
         if predicted is None:
             self._calibration.start(frame.frame_id)
         twist = np.zeros(6) if predicted is None else predicted.twist
         return self._calibration.prepare(frame, twist)
 
-    def _find_pose(self, view: View, last: LastPose, predicted: Motion) -> Attempt:
+    def _find_pose(self, view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
         problem = PoseProblem(model, view, self._calibration.refine_config(), predicted=predicted)
         config, is_lost = self._config.odometry, self.state is TrackingState.LOST
-        asked = sceptical(config) if is_lost else config
+        asked = sceptical(config) if is_lost or self._progress.is_after_gap else config
         tracked = track(problem, references, last, self._glue, self._background, asked)
         self._map.finish_revisit()
         if tracked.fix is not None:
             return tracked
         keyframes = self._map.in_turn(self._progress.frames_missed)
         relocalised = relocalise(
-            tracked.features, keyframes, last.motion, problem, self._glue, config, is_lost=is_lost
+            tracked.features, keyframes, problem, self._glue, config, is_lost=is_lost
         )
         return tracked if relocalised is None else relocalised
 
     def _accept(
-        self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: Motion
+        self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: PredictedMotion
     ) -> OdometryEstimate:
         """Applies a pose to the motion, the drift, the calibration and the map."""
         if fix.T_shift is not None:
@@ -232,7 +232,7 @@ class Odometry(Closing):
         learnt = self._calibration.learnt_config()
         said = corrected_motion(predicted, fix.estimate, learnt.refine)
         covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
-            fix.estimate.refinement, fix.alternative, last.spread(predicted), learnt.odometry
+            fix.estimate.refinement, fix.alternative, predicted.reach_covariance(), learnt.odometry
         )
         # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)
@@ -272,15 +272,14 @@ class Odometry(Closing):
     def _miss(self, attempt: Attempt, last: Motion, stamp_ns: int) -> OdometryEstimate:
         """No pose for this frame; after enough such frames, a restart at the last pose."""
         features = attempt.features
-        self._progress = replace(self._progress, state=TrackingState.LOST)
+        model = self._map.model_if_enough(features)
+        self._progress = self._progress.with_miss(shows_enough=model is not None)
         missed = OdometryEstimate(
             stamp_ns, self.state, registration=attempt.registration, stages_ms=features.stages_ms
         )
-        model = self._map.model_if_enough(features)
-        if model is None:
-            return missed  # a covered camera may still return to a known place
-        self._progress = self._progress.with_miss()
-        if not self._progress.is_long_without_pose(stamp_ns, self._config.odometry):
+        # a covered camera may still return to a known place
+        is_time = self._progress.is_long_without_pose(stamp_ns, self._config.odometry)
+        if model is None or not is_time:
             return missed
         anew = self._map.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, features.stages_ms)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import SURPRISE, distances
+from rgbd_glue_ros.geometry.fitting import POSE_GATE, distances
 from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
 from rgbd_glue_ros.parameters import OdometryConfig
@@ -45,13 +45,13 @@ class Candidate:
         estimate: the pose.
         coarse: the pose after the coarse levels alone, by which candidates are compared: the final
             level rarely changes which is better.
-        surprise: squared Mahalanobis distance of the pose from where the camera was expected.
+        distance_squared: Mahalanobis distance of the pose from the predicted one, squared.
         milliseconds: duration of its refinement.
     """
 
     estimate: PoseEstimate
     coarse: Refinement
-    surprise: float
+    distance_squared: float
     milliseconds: float
 
     @property
@@ -63,7 +63,7 @@ class Candidate:
         """Whether the pose is plausible, and within reach of the camera or conclusive."""
         if not is_plausible(self.refinement, self.refinement.planes_visible, config):
             return False
-        return self.surprise < SURPRISE or is_conclusive(self.refinement, config)
+        return self.distance_squared < POSE_GATE or is_conclusive(self.refinement, config)
 
 
 def choose(
@@ -130,7 +130,7 @@ def _is_better(
 
 def _unlikeliness(candidate: Candidate) -> float:
     """From 0 for normal motion of a hand-held camera to 1 at the limit of what is possible."""
-    return min(candidate.surprise / SURPRISE, 1.0) ** 2
+    return min(candidate.distance_squared / POSE_GATE, 1.0) ** 2
 
 
 def _fit(refinement: Refinement) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import is_plausible
-from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
+from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion, PredictedMotion
 from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
     COARSE_TO_FINE,
@@ -57,7 +57,7 @@ class PoseProblem(RefinementProblem):
         predicted: the frame's motion, predicted without its images.
     """
 
-    predicted: Motion = field(kw_only=True)
+    predicted: PredictedMotion = field(kw_only=True)
 
     def refined(
         self,

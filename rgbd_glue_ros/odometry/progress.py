@@ -8,7 +8,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.odometry.alternative import Alternative
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState, View
 
@@ -16,6 +16,9 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, Tracking
 _REPEATED_WITHIN_NS = NANOSECONDS // 10
 # A camera that moves by no more metres and radians per second, added, is at rest.
 _AT_REST = 0.02
+# Frames are missing where one comes this many times as long after the last as that one did, and
+# after the motion before has become worthless.
+_GAP_INTERVALS, _GAP_NS = 3, int(MEMORY_S * NANOSECONDS)
 # Images are compared here first: two that differ mostly do so in every part.
 _SAMPLE = (slice(None, None, 16), slice(None, None, 16))
 
@@ -45,6 +48,9 @@ class Progress:
         estimate: the result for that frame; None before the first.
         T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if any.
         last_stamp_ns: of the last frame; None before the first.
+        last_interval_ns: from the frame before it to the last one; None before the second.
+        is_after_gap: whether the last frame came so much later than usual that the motion before
+            it says little of where the camera is.
         frames_missed: frames that showed something and had no pose, since the last pose.
     """
 
@@ -53,11 +59,14 @@ class Progress:
     estimate: OdometryEstimate | None = None
     T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
+    last_interval_ns: int | None = None
+    is_after_gap: bool = False
     frames_missed: int = 0
 
-    def with_miss(self) -> Progress:
-        """The state after another frame that showed something and had no pose."""
-        return replace(self, frames_missed=self.frames_missed + 1)
+    def with_miss(self, *, shows_enough: bool) -> Progress:
+        """The state after a frame without a pose; whether it showed enough for one."""
+        missed = self.frames_missed + shows_enough
+        return replace(self, state=TrackingState.LOST, frames_missed=missed)
 
     def is_long_without_pose(self, stamp_ns: int, config: OdometryConfig) -> bool:
         """Whether it is time to restart, with the frame at a stamp."""
@@ -78,7 +87,16 @@ class Progress:
                 f"not later than the frame before, at {self.last_stamp_ns} ns",
                 "skip it, or call reset() when time restarts",
             )
-        return replace(self, last_stamp_ns=stamp_ns)
+        if self.last_stamp_ns is None:
+            return replace(self, last_stamp_ns=stamp_ns)
+        interval_ns = stamp_ns - self.last_stamp_ns
+        usual_ns = self.last_interval_ns or interval_ns
+        return replace(
+            self,
+            last_stamp_ns=stamp_ns,
+            last_interval_ns=interval_ns,
+            is_after_gap=interval_ns > max(_GAP_INTERVALS * usual_ns, _GAP_NS),
+        )
 
     def repeated(self, stamp_ns: int, view: View) -> OdometryEstimate | None:
         """The estimate for a frame that repeats the last one; None if it does not.

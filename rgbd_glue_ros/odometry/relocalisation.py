@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix
 from rgbd_glue_ros.parameters import OdometryConfig
@@ -18,7 +18,6 @@ from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 def relocalise(
     features: FrameFeatures,
     keyframes: Iterable[Keyframe],
-    last: Motion,
     problem: PoseProblem,
     glue: Glue,
     config: OdometryConfig,
@@ -30,7 +29,6 @@ def relocalise(
     Args:
         features: of the frame.
         keyframes: to try, in this order.
-        last: the motion at the last frame with a pose.
         problem: the frame, its predicted motion, and how poses are refined.
         glue: registers the frame.
         config: when a pose is accepted: on more evidence than tracking requires.
@@ -48,7 +46,7 @@ def relocalise(
             continue
         T_track_camera = keyframe.T_track_camera @ T_keyframe_camera
         refinement = refine(T_track_camera, replace(problem, model=keyframe.model))
-        if _is_believed(refinement, last, problem.predicted, config, is_lost=is_lost):
+        if _is_believed(refinement, problem.predicted, config, is_lost=is_lost):
             fix = PoseFix(PoseEstimate(refinement), keyframe, keyframe.model)
             return Attempt(features, registration, fix)
     return None
@@ -56,8 +54,7 @@ def relocalise(
 
 def _is_believed(
     refinement: Refinement,
-    last: Motion,
-    predicted: Motion,
+    predicted: PredictedMotion,
     config: OdometryConfig,
     *,
     is_lost: bool,
@@ -70,7 +67,7 @@ def _is_believed(
         is_plausible(refinement, refinement.planes_seen, config)
         and refinement.brightness_correlation >= config.brightness_correlation
         and (
-            last.reaches(refinement.T_model_source, predicted)
+            predicted.reaches(refinement.T_model_source)
             or (is_lost and is_conclusive(refinement, config))
         )
     )

@@ -18,7 +18,7 @@ from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.contradiction import settle_contradiction
 from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
@@ -88,7 +88,7 @@ def track(
         config: when a pose is believed.
     """
     nearest = references[0]
-    from_prior = _start_prior_refinement(problem, last.motion, background, config)
+    from_prior = _start_prior_refinement(problem, background, config)
     features = glue.extract(problem.view)
     registration = _register(features, nearest, problem.predicted, glue, config)
     candidates = _candidates(problem, from_prior, registration, last, config)
@@ -120,7 +120,7 @@ def turned_candidates(
     T_last, T_predicted = last.motion.T_track_camera, problem.predicted.T_track_camera
     R = T_last[:3, :3] @ turn_between(last.view, problem.view)
     turned = [
-        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, last.motion, config)
+        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, config)
         for T in (T_predicted, T_last)
     ]
     return [candidate for candidate in turned if is_conclusive(candidate.refinement, config)]
@@ -159,19 +159,19 @@ class _Registration:
 
 
 def _start_prior_refinement(
-    problem: PoseProblem, last: Motion, background: BackgroundThread, config: OdometryConfig
+    problem: PoseProblem, background: BackgroundThread, config: OdometryConfig
 ) -> Future[Candidate] | None:
     """Starts to refine the predicted pose; None where no prediction is to be used."""
     if config.prior_radius <= 0:
         return None
     T_predicted = problem.predicted.T_track_camera
-    return background.submit(_candidate, T_predicted, problem, last, config)
+    return background.submit(_candidate, T_predicted, problem, config)
 
 
 def _register(
     features: FrameFeatures,
     keyframe: Keyframe,
-    predicted: Motion,
+    predicted: PredictedMotion,
     glue: Glue,
     config: OdometryConfig,
 ) -> _Registration:
@@ -193,7 +193,7 @@ def _candidates(
 ) -> list[Candidate]:
     """The poses that different starts lead to: as few as make one of them clear."""
     candidates = [] if from_prior is None else [from_prior.result()]
-    candidates += _registered_candidates(problem, registration, candidates, last.motion, config)
+    candidates += _registered_candidates(problem, registration, candidates, config)
     matches, threshold = registration.matches, registration.inlier_threshold
     if candidates and not any(is_clear(c, matches, threshold) for c in candidates):
         candidates += turned_candidates(problem, last, config)
@@ -204,7 +204,6 @@ def _registered_candidates(
     problem: PoseProblem,
     registration: _Registration,
     others: Sequence[Candidate],
-    last: Motion,
     config: OdometryConfig,
 ) -> list[Candidate]:
     """The poses from where registration has the frame, without its inliers and with them.
@@ -217,22 +216,20 @@ def _registered_candidates(
         is_near(other.coarse.T_model_source, T_registered, config) for other in others
     ):
         return []
-    registered = _candidate(T_registered, problem, last, config)
+    registered = _candidate(T_registered, problem, config)
     inliers = registration.inliers
     if not _leaves_behind(inliers, registered, T_registered, registration.inlier_threshold):
         return [registered]
     held = replace(problem, matches=inliers)
-    return [registered, _candidate(T_registered, held, last, config)]
+    return [registered, _candidate(T_registered, held, config)]
 
 
-def _candidate(
-    T_track_camera: Float64, problem: PoseProblem, last: Motion, config: OdometryConfig
-) -> Candidate:
+def _candidate(T_track_camera: Float64, problem: PoseProblem, config: OdometryConfig) -> Candidate:
     """The pose that refinement ends at from a start."""
     coarse, coarse_ms = timed(problem.refined, T_track_camera, COARSE_LEVELS)
     estimate, further_ms = timed(problem.refined_further, coarse, config)
-    surprise = last.surprise(estimate.T_track_camera, problem.predicted)
-    return Candidate(estimate, coarse, surprise, coarse_ms + further_ms)
+    distance_squared = problem.predicted.distance_squared(estimate.T_track_camera)
+    return Candidate(estimate, coarse, distance_squared, coarse_ms + further_ms)
 
 
 def _leaves_behind(

@@ -18,7 +18,7 @@ from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, View
+from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, View
 
 CONFIG = Config()
 IN_FRONT = PasserBy(distance=1.6, reach=0.4, period=6.0, tall=0.7)
@@ -69,8 +69,8 @@ def prepared(frame: RgbdFrame) -> View:
 
 
 def problem(before: View, now: View) -> PoseProblem:
-    start = Motion.start(0, np.eye(4))
-    return PoseProblem(model_of(before, 8), now, CONFIG.refine, predicted=start)
+    predicted = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, CONFIG.motion)
+    return PoseProblem(model_of(before, 8), now, CONFIG.refine, predicted=predicted)
 
 
 def alternative(of: PoseProblem, T: Float64) -> Alternative | None:

@@ -370,6 +370,18 @@ def test_the_first_second_of_a_real_sequence_is_tracked(name: str, shared_data: 
     assert evaluate(Trajectory(stamps, np.array(poses)), truth).ape.rmse_m < 0.02
 
 
+def test_after_a_gap_in_a_fast_turn_there_is_no_pose_rather_than_a_wrong_one(
+    shared_data: Path,
+) -> None:
+    """In the 0.7 s that are missing the camera turns by 43 degrees."""
+    with open_recording(shared_data / "rgbd_dataset_freiburg1_desk") as sequence:
+        frames = list(islice(sequence, 42))
+    before, after = frames[:20], frames[40:]
+    states = [estimate.state for estimate in track([*before, *after])]
+    assert states[: len(before)] == [TrackingState.TRACKING] * len(before)
+    assert states[len(before) :] == [TrackingState.LOST] * len(after)
+
+
 # keyframes
 
 

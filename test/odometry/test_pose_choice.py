@@ -16,7 +16,7 @@ from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.refinement.problem import NO_MATCHES
-from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float64, View
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Correspondences, Float64, View
 
 CONFIG = Config()
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
@@ -44,13 +44,13 @@ def moved_matches(metres: float, count: int) -> Correspondences:
 
 
 def problem(before: View, now: View, matches: Correspondences = NO_MATCHES) -> PoseProblem:
-    start = Motion.start(0, np.eye(4))
-    return PoseProblem(model_of(before, 8), now, CONFIG.refine, matches, predicted=start)
+    predicted = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, CONFIG.motion)
+    return PoseProblem(model_of(before, 8), now, CONFIG.refine, matches, predicted=predicted)
 
 
-def candidate(T: Float64, of: PoseProblem, surprise: float = 6.0) -> Candidate:
+def candidate(T: Float64, of: PoseProblem, distance_squared: float = 6.0) -> Candidate:
     refinement = evaluate_pose(T, of)
-    return Candidate(PoseEstimate(refinement), refinement, surprise, 0.0)
+    return Candidate(PoseEstimate(refinement), refinement, distance_squared, 0.0)
 
 
 def chosen(candidates: list[Candidate], of: PoseProblem) -> Candidate | None:
