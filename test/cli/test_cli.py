@@ -293,7 +293,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
         _, errors = process.communicate()
     assert process.returncode == 128 + signal.SIGINT
     (line,) = errors.splitlines()
-    assert f"interrupted; what was done is in {out}" in line
+    assert f"interrupted; the results so far are in {out}" in line
     frames = json.loads((out / "metrics.json").read_text())["frames"]
     assert 4 <= frames <= 9
     assert len(read_tum(out / "trajectory.txt")) == frames

@@ -165,7 +165,7 @@ def test_the_first_frame_reaches_a_node_that_was_there_before(
             listener.wait(lambda: listener.poses, "a pose")
             said, faults = player.communicate()
             assert player.returncode == 0, faults
-    assert "heard by /rgbd_odometry\n" in said
+    assert "received by /rgbd_odometry\n" in said
     assert f"odometry{f' --camera {camera}' if camera else ''}\n" in said
     stamp = fields.header(frames[0].stamp_ns, "").stamp
     first = listener.poses[0].header.stamp
@@ -199,7 +199,7 @@ def test_topics_that_nobody_listens_to_are_named(bag: Path, ros_domain: int) -> 
         with playing(ros_domain, str(bag)) as player:
             viewer.wait(lambda: len(images) == 10, "all images")
             said, _ = player.communicate()
-    assert "heard by /rig; nobody listens to /rgb/camera_info, /depth/image\n" in said
+    assert "received by /rig; no subscriber of /rgb/camera_info, /depth/image\n" in said
 
 
 @pytest.mark.slow

@@ -105,7 +105,7 @@ def test_an_odometry_that_was_closed_says_so() -> None:
     odometry.process(recorded_frames()[0])
     odometry.close()
     odometry.reset()
-    with pytest.raises(InputError, match="the odometry: was closed; make another one"):
+    with pytest.raises(InputError, match="the odometry: was closed; create another one"):
         track(recorded_frames()[1:3], odometry=odometry)
 
 
