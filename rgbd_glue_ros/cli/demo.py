@@ -75,9 +75,13 @@ def _play(
     from rgbd_glue_ros.experiments.demo.demo import Progress, demo
     from rgbd_glue_ros.experiments.replay.replay import REPORT
 
-    with bar(" frames", desc="waiting for the node") as shown:
+    waiting = "waiting for the node (compiling once)"
+    with bar(" frames", desc=waiting) as shown:
 
         def show(progress: Progress) -> None:
+            if progress.played == 0:
+                shown.refresh()  # the time goes on
+                return
             shown.total = progress.frames
             shown.set_description("playing", refresh=False)
             shown.set_postfix_str(f"{progress.poses} poses", refresh=False)

@@ -162,7 +162,7 @@ class OdometryNode(BaseNode):
     # Input
 
     def _warm_up(self, glue: Glue) -> None:
-        self.get_logger().info("Warming up; where nothing is compiled yet, it takes some seconds")
+        self.get_logger().info("Warming up; the very first time it compiles, for a minute or two")
         try:
             # no frame comes before it has ended, so both may use the features
             warm_up(self._config, glue)

@@ -99,7 +99,7 @@ def demo(
         recording: what is played.
         folder: where the results and the node's log go.
         rate: speed, 1 for that of the recording.
-        on_progress: called after every frame.
+        on_progress: called after every frame, and while the node gets ready.
         command: the command line, for quoting in the report.
         parameters: of the node, besides those that the recording needs.
         inputs: how the recording was opened, for the record; None for the defaults.
@@ -150,7 +150,9 @@ def _played_to_the_node(
             Player(recording, domain) as player,
         ):
             try:
-                _wait_until_ready(player, node)
+                _wait_until_ready(
+                    player, node, lambda: on_progress(Progress(recording.frame_count, 0, 0))
+                )
                 ready_s = time.monotonic() - start
                 _play(player, recording, node, rate, on_progress)
             finally:
@@ -189,8 +191,12 @@ def _waits(player: Player, node: NodeProcess, condition: Callable[[], bool], tim
     return player.wait(lambda: not node.is_running or condition(), time_s) and node.is_running
 
 
-def _wait_until_ready(player: Player, node: NodeProcess) -> None:
-    if not _waits(player, node, player.is_matched, READY_S):
+def _wait_until_ready(player: Player, node: NodeProcess, on_wait: Callable[[], None]) -> None:
+    def is_ready() -> bool:
+        on_wait()
+        return player.is_matched()
+
+    if not _waits(player, node, is_ready, READY_S):
         node.check_refusal()
         raise RuntimeError(f"the node did not become ready: {node.last_words}")
 
