@@ -10,13 +10,11 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-# Signals so soon after one another are one wish: a launch system and a shell may both tell.
-SAME_WISH_S = 1.0
+from rgbd_glue_ros.closing import END_SIGNALS, SAME_WISH_S
 
 
 class EndSignals:
-    """Keeps SIGINT and SIGTERM, from its creation on, for who waits.
+    """Keeps ``END_SIGNALS``, from its creation on, for who waits.
 
     A handler that sets an event is no way: the next signal interrupts it while it holds the event's
     lock, and waits for that for ever. Here the interpreter writes the signal's number to a pipe,
@@ -44,11 +42,12 @@ class InterruptOnce:
     """A handler that interrupts the main thread, but not what it does about that.
 
     Without it the second signal would interrupt the results' being written, or the end of the
-    processes that were started. One that comes a second later is a new wish.
+    processes that were started. One that comes a second later is a new wish. Computations put it
+    off (``uninterrupted``): what waits, loads or reads ends at once.
     """
 
     def __init__(self) -> None:
-        """Takes SIGINT and SIGTERM over. To be called from the main thread."""
+        """Takes ``END_SIGNALS`` over. To be called from the main thread."""
         self._last_s = -float("inf")
         _handle_by(self)
 
@@ -60,7 +59,7 @@ class InterruptOnce:
 
 
 def _handle_by(handler: Callable[[int, FrameType | None], None]) -> None:
-    """Gives both signals a handler, until the interpreter ends: then they change nothing more."""
+    """Gives the signals a handler, until the interpreter ends: then they change nothing more."""
     atexit.register(_ignore)
     for number in END_SIGNALS:
         signal.signal(number, handler)

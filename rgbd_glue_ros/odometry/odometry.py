@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import sceptical
 from rgbd_glue_ros.odometry.background import BackgroundThread
@@ -47,8 +47,8 @@ class Odometry(Closing):
     """Turns RGB-D frames into poses T_odom_camera.
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: one
-    thread calls. It has one thread of its own, which ``close`` or the end of a ``with`` ends.
-    A ``Glue`` of the same configuration may be given to it, else it makes one.
+    thread calls. It has one of its own, which ``close`` or the end of a ``with`` ends. A ``Glue``
+    of the same configuration may be given to it. Ctrl-C interrupts when a frame is done.
     """
 
     def __init__(self, config: Config, glue: Glue | None = None) -> None:
@@ -112,6 +112,7 @@ class Odometry(Closing):
             stages_ms={**estimate.stages_ms, "keyframe": ms},
         )
 
+    @uninterrupted()
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
         """Registers a frame and returns what is known after it.
 
@@ -152,6 +153,7 @@ class Odometry(Closing):
             self._progress = self._progress.with_estimate(estimate, T_guess_camera)
         return replace(estimate, stages_ms={"preparation": preparation_ms, **estimate.stages_ms})
 
+    @uninterrupted()
     def update_map(self) -> bool:
         """Makes a keyframe of the frame tracked last, where it is time.
 

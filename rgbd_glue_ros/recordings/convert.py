@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import NewFolder, not_written
 from rgbd_glue_ros.recordings import Recording
@@ -98,7 +99,8 @@ def write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWri
     if truth is not None:
         streams.append(_poses(truth, bag))
     for _, write in heapq.merge(*streams, key=itemgetter(0)):
-        write()
+        with uninterrupted():  # a bag holds no half of a message
+            write()
 
 
 def _poses(truth: Trajectory, bag: BagWriter) -> Iterator[_Write]:

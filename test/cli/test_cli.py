@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import shlex
@@ -19,7 +20,7 @@ import yaml
 from rigs.data_sets import write_data_set
 from rigs.paths import ROOT
 
-from rgbd_glue_ros.cli import commands, parser
+from rgbd_glue_ros.cli import commands, params, parser
 from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.errors import MissingExtraError
 from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
@@ -286,6 +287,18 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     frames = json.loads((out / "metrics.json").read_text())["frames"]
     assert 4 <= frames <= 9
     assert len(read_tum(out / "trajectory.txt")) == frames
+
+
+def test_an_interrupt_that_a_library_calls_an_error_is_one_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: argparse.Namespace) -> str:
+        # what CPython makes of an exception that is set when a function has returned a result
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr(params, "run", interrupted)
+    assert main(["params"]) == 128 + signal.SIGINT
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from rgbd_glue_ros.experiments.replay.replay import (
 from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
 from rgbd_glue_ros.types import (
     OdometryEstimate,
+    RgbdFrame,
     Trajectory,
 )
 
@@ -104,6 +106,38 @@ def test_an_interrupted_replay_keeps_what_was_done(tmp_path: Path) -> None:
     assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
     assert len(read_tum(tmp_path / TRAJECTORY)) == 5
     assert (tmp_path / REPORT).stat().st_size > 1000
+
+
+def test_a_signal_in_the_middle_of_a_frame_waits_for_the_frame(tmp_path: Path) -> None:
+    done: list[OdometryEstimate] = []
+
+    class Interrupts:
+        def add(self, _: RgbdFrame, __: OdometryEstimate) -> None:
+            if len(done) == 4:
+                signal.raise_signal(signal.SIGINT)
+
+        def close(self) -> None: ...
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(Pan(20), Config(), tmp_path, on_frame=done.append, sinks=[Interrupts()])
+    assert len(done) == 5
+    assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
+
+
+def test_a_signal_while_results_are_written_waits_for_them(tmp_path: Path) -> None:
+    finished = []
+
+    class Interrupts:
+        def add(self, _: RgbdFrame, __: OdometryEstimate) -> None: ...
+
+        def close(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+            finished.append(self)
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(Pan(3), Config(), tmp_path, sinks=[Interrupts(), Interrupts()])
+    assert len(finished) == 2
+    assert (tmp_path / REPORT).is_file()
 
 
 def test_frames_before_a_damaged_one_are_replayed_and_that_is_said(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
@@ -142,10 +144,11 @@ def map_recording(
     glue = Glue(config)
     odometry, mapper = Odometry(config, glue), Mapper(config, glue, SearchTree())
     if before is not None:
-        mapper.restore(before)
+        with uninterrupted():
+            mapper.restore(before)
     sink = MappingSink(odometry, mapper)
     inputs, further = inputs or InputConfig(), (ODOMETRY, CLOUD)
-    with results_of(sequence.name, config, folder, inputs, further) as results:
+    with results_of(sequence.name, config, folder, inputs, further) as results, ExitStack() as end:
         run = replay_into(
             results,
             sequence,
@@ -157,6 +160,8 @@ def map_recording(
             odometry=odometry,
             command=command,
         )
+        # GTSAM is not to be interrupted, and the map is not long in coming
+        end.enter_context(uninterrupted())
         write_tum(folder / ODOMETRY, run.trajectory)
         start = perf_counter()
         optimum = mapper.finish()

@@ -12,6 +12,7 @@ from time import perf_counter
 from types import MappingProxyType
 from typing import Any
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import GraphReader, write_graph
 from rgbd_glue_ros.evaluation.run_record import Run, metrics
@@ -133,26 +134,28 @@ def replay_into(
     try:
         with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
             for frame in islice(sequence, limit):
-                if not run.frames:
-                    _warn_of_scale(frame, sequence.name)
-                starts = odometry.state is TrackingState.INITIALIZING
-                before = perf_counter()
-                estimate = odometry.process(frame)
-                now = perf_counter()
-                run.add(estimate, 1000 * (now - before))
-                run.wall_s = now - start
-                run.imu = _learnt(odometry)
-                if estimate.T_odom_camera is not None:
-                    run.up = odometry.up(estimate.stamp_ns) if starts else run.up
-                    trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
-                for taker in takers:
-                    taker.add(frame, estimate)
-                on_frame(estimate)
-                last = estimate
+                # an interrupt leaves no half of a frame, neither in code nor in results
+                with uninterrupted():
+                    if not run.frames:
+                        _warn_of_scale(frame, sequence.name)
+                    starts = odometry.state is TrackingState.INITIALIZING
+                    before = perf_counter()
+                    estimate = odometry.process(frame)
+                    now = perf_counter()
+                    run.add(estimate, 1000 * (now - before))
+                    run.wall_s = now - start
+                    run.imu = _learnt(odometry)
+                    if estimate.T_odom_camera is not None:
+                        run.up = odometry.up(estimate.stamp_ns) if starts else run.up
+                        trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
+                    for taker in takers:
+                        taker.add(frame, estimate)
+                    on_frame(estimate)
+                    last = estimate
     except InputError as error:
         raise _after_frames(error, len(run.frames)) from error
     finally:
-        with ExitStack() as left:
+        with uninterrupted(), ExitStack() as left:
             for sink in sinks:
                 left.callback(sink.close)
             if run.frames:
@@ -235,6 +238,7 @@ def results_of(
     return results
 
 
+@uninterrupted()
 def write_results(
     run: Run, folder: Path, measured: Mapping[str, Any] = MappingProxyType({})
 ) -> dict[str, Any]:
