@@ -14,8 +14,8 @@ from typing import Any, ClassVar, TypeVar
 
 C = TypeVar("C", bound="Closing")
 
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""Ctrl-C and a kill."""
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, a kill, and the end of the terminal."""
 
 SAME_WISH_S = 1.0
 """Signals so soon after one another are one wish: a launch system and a shell may both tell."""

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM, in whatever order and however fast they come one after the other."""
+"""SIGINT, SIGTERM and SIGHUP, in whatever order and however fast they come after one another."""
 
 from __future__ import annotations
 
@@ -59,10 +59,14 @@ class InterruptOnce:
 
 
 def _handle_by(handler: Callable[[int, FrameType | None], None]) -> None:
-    """Gives the signals a handler, until the interpreter ends: then they change nothing more."""
+    """Gives the signals a handler, until the interpreter ends: then they change nothing more.
+
+    A process that is to outlive its terminal goes on ignoring its end, as under nohup.
+    """
     atexit.register(_ignore)
     for number in END_SIGNALS:
-        signal.signal(number, handler)
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 def _ignore() -> None:

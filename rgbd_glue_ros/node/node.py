@@ -380,7 +380,7 @@ class OdometryNode(LoggedNode):
 
 
 def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
-    """Runs the node until SIGINT or SIGTERM.
+    """Runs the node until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         args: ROS arguments; None takes the process's.

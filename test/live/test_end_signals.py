@@ -16,7 +16,7 @@ from rigs.paths import ROOT
 
 from rgbd_glue_ros.closing import END_SIGNALS, SAME_WISH_S, uninterrupted
 from rgbd_glue_ros.compiled import compiled
-from rgbd_glue_ros.live.end_signals import InterruptOnce
+from rgbd_glue_ros.live.end_signals import EndSignals, InterruptOnce
 
 PATIENCE_S = 20.0
 ATTEMPTS = 10  # where a signal meets the end is by chance
@@ -153,6 +153,7 @@ def test_results_written_for_an_interrupt_are_interrupted_by_the_next_wish(
 @pytest.mark.usefixtures("_handlers_as_before")
 def test_handlers_of_others_and_threads_are_left_alone() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     before = [signal.getsignal(n) for n in END_SIGNALS]
     with uninterrupted():
         assert [signal.getsignal(n) for n in END_SIGNALS[1:]] == before[1:]
@@ -166,6 +167,18 @@ def test_handlers_of_others_and_threads_are_left_alone() -> None:
     thread.start()
     thread.join()
     assert seen == before
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+@pytest.mark.parametrize("take_over", [InterruptOnce, EndSignals])
+def test_a_process_that_is_to_outlive_its_terminal_goes_on_ignoring_its_end(
+    take_over: type[InterruptOnce | EndSignals],
+) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    take_over()
+    signal.set_wakeup_fd(-1)
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
