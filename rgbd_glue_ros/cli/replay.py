@@ -106,6 +106,26 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     return f"{summary(figures)}report   {folder / REPORT}\n"
 
 
+def _input(figures: dict[str, Any]) -> str:
+    """A line about what was wrong with the frames, if anything was."""
+    from rgbd_glue_ros.cli.progress import counted
+
+    restarts, duplicates = figures["restarts"], figures["duplicates"]
+    said = [
+        f"{counted(restarts, 'restart')} as time went back" if restarts else "",
+        f"{counted(duplicates, 'duplicate')} left out" if duplicates else "",
+        *(
+            f"{counted(count, f'{kind} image')} unpaired"
+            for kind, count in (figures["unpaired"] or {}).items()
+            if count
+        ),
+    ]
+    text = ", ".join(filter(None, said))
+    if not text:
+        return ""
+    return f"input    {text}; longest gap {figures['longest_gap_s']:.2f} s\n"
+
+
 def summary(figures: dict[str, Any]) -> str:
     """The figures of ``metrics.json`` in a few lines."""
     from rgbd_glue_ros.cli.progress import counted
@@ -116,7 +136,7 @@ def summary(figures: dict[str, Any]) -> str:
     frames += ", of which {tracked} tracked and {lost} lost; "
     speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
     keyframes = counted(figures["keyframes"], "keyframe")
-    text = f"frames   {frames.format(**figures)}{keyframes}\n"
+    text = f"frames   {frames.format(**figures)}{keyframes}\n{_input(figures)}"
     text += f"path     {figures['path_m']:.2f} m\n"
     text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
     if "ape" not in figures:

@@ -22,6 +22,7 @@ from rigs.paths import ROOT
 
 from rgbd_glue_ros.cli import commands, params, parser
 from rgbd_glue_ros.cli.main import main
+from rgbd_glue_ros.cli.replay import summary
 from rgbd_glue_ros.errors import MissingExtraError
 from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
 from rgbd_glue_ros.types import Trajectory
@@ -259,6 +260,30 @@ def test_a_converted_data_set_replays_to_the_same_trajectory(tmp_path: Path) -> 
     lines = (tmp_path / "a" / "trajectory.txt").read_text().splitlines()
     assert len(lines) == 9
     assert (tmp_path / "b" / "trajectory.txt").read_text().splitlines() == lines
+
+
+def test_the_summary_of_a_replay_says_what_was_wrong_with_its_frames() -> None:
+    figures = {
+        "frames": 60,
+        "played": 60,
+        "tracked": 60,
+        "lost": 0,
+        "keyframes": 6,
+        "path_m": 0.94,
+        "fps": 30.0,
+        "latency_ms": {"p50": 20.0, "p95": 30.0},
+        "longest_gap_s": 0.7,
+        "restarts": 1,
+        "duplicates": 2,
+        "unpaired": {"color": 20, "depth": 0},
+    }
+    _, line, *_ = summary(figures).splitlines()
+    assert line == (
+        "input    1 restart as time went back, 2 duplicates left out, 20 color images unpaired; "
+        "longest gap 0.70 s"
+    )
+    in_order = {**figures, "restarts": 0, "duplicates": 0, "unpaired": None}
+    assert "input" not in summary(in_order)
 
 
 @pytest.mark.slow
