@@ -146,7 +146,7 @@ def frame_stamp_ns(number: int) -> int:
 
 
 def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
-    """The first words of every line, as many as columns, where every other one is a number."""
+    """Stamps and files that every line begins with, as many as columns."""
     _, lines = read_lines(path)
     rows = []
     skipped = []
@@ -171,17 +171,34 @@ def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
 
 
 def _stamp_first(line: Line, columns: int) -> tuple[str, ...] | None:
-    words = line.words[:columns]
-    if len(words) < columns:
-        return None
+    """Stamps and files in turn, as many as columns; None where a line does not begin with these."""
+    found: list[str] = []
+    words = list(line.words)
     try:
-        for at in range(0, columns, 2):
-            if not _is_file(words[at + 1]):
-                return None
-            stamps_ns([words[at]])
-    except (ValueError, ArithmeticError):
+        while len(found) < columns:
+            stamps_ns(words[:1])
+            count, name = _first_file(words[1:])
+            found += words[0], name
+            words = words[1 + count :]
+    except (ValueError, ArithmeticError, IndexError):
         return None
-    return words
+    return tuple(found)
+
+
+def _first_file(words: list[str]) -> tuple[int, str]:
+    """The file that words begin with, which may have blanks in its name and stand in quotes.
+
+    Returns:
+        Of how many words it is, and its name.
+
+    Raises:
+        ValueError: they begin with none.
+    """
+    for count in range(1, len(words) + 1):
+        name = " ".join(words[:count]).strip("\"'")
+        if _is_file(name):
+            return count, name
+    raise ValueError("no file")
 
 
 def _is_file(word: str) -> bool:
