@@ -49,6 +49,7 @@ def run(args: argparse.Namespace) -> str:
     before = read_map(args.map) if args.map else None
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
+    arguments.check_beside(folder, {"--save-map": args.save_map})
     with ExitStack() as left, arguments.opener(args)(args.recording) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
         shown = exports.rerun_recording(args, recording, truth)

@@ -81,6 +81,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, replay
 
+    arguments.check_beside(folder, {"--mcap": args.mcap, "--cloud": args.cloud})
     config = arguments.config(args)
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     with arguments.opener(args)(source) as recording:

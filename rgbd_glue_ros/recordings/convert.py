@@ -61,7 +61,11 @@ def convert(
     try:
         _convert(source, new.path, compressed, topics)
     except OSError as error:
-        raise not_written(target, error) from error
+        problem = not_written(target, error)
+        if not new.path.exists():
+            raise problem from error
+        remedy = f"{problem.remedy}; it holds what was written before: remove it first"
+        raise InputError(problem.where, problem.cause, remedy) from error
     except KeyboardInterrupt:
         what = f"the frames written so far are in {target}" if new.path.exists() else "no frame yet"
         logger.warning("interrupted; %s", what)
