@@ -1,4 +1,4 @@
-"""What ends in order: files and threads are closed, and a computation is not cut in two."""
+"""Ending in order: what holds something open is closed, and computations are not interrupted."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ C = TypeVar("C", bound="Closing")
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, a kill, and the end of the terminal."""
 
-SAME_WISH_S = 1.0
-"""Signals so soon after one another are one wish: a launch system and a shell may both tell."""
+SAME_REQUEST_S = 1.0
+"""Signals within this time are one request: a launch system and a shell may both send one."""
 
 
 class Closing(ABC):
@@ -37,83 +37,84 @@ class Closing(ABC):
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Puts off what Python does about ``END_SIGNALS`` to the end of the ``with``.
+    """Defers the handling of ``END_SIGNALS`` to the end of the ``with``; also a decorator.
 
-    A KeyboardInterrupt is raised wherever the main thread is. In the middle of compiled code or of
-    a library's C++ it ends in a SystemError or a crash, and in the middle of a frame it leaves half
-    of it. To be put around computations, and not around what waits: that is to end at once. A
-    signal that comes more than ``SAME_WISH_S`` after the one before interrupts at once, as what is
-    computed may be stuck; so does one that comes while a KeyboardInterrupt is dealt with.
+    A handler raises KeyboardInterrupt wherever the main thread happens to be. Inside compiled code
+    or a library's C++ that ends in a SystemError or a crash, and inside the processing of a frame
+    it leaves half of its results. So this goes around computations; not around waiting, which is
+    to end at once.
 
-    Handlers are as before in the end. Other threads are never interrupted, and nothing is done
-    there. May be nested, and be used as a decorator.
+    A signal that comes more than ``SAME_REQUEST_S`` after the one before it is handled at once,
+    since the computation may be stuck. So is one that comes while a KeyboardInterrupt is being
+    handled. In the end the handlers are what they were. May be nested; does nothing in other
+    threads, which no signal interrupts.
     """
-    is_told = isinstance(sys.exc_info()[1], KeyboardInterrupt)
-    if is_told or _PutOff.current is not None or not _is_main_thread():
+    is_interrupted = isinstance(sys.exc_info()[1], KeyboardInterrupt)
+    if is_interrupted or _DeferredSignals.current is not None or not _is_main_thread():
         yield
         return
-    put_off = _PutOff()
+    deferred = _DeferredSignals()
     try:
-        put_off.begin()
+        deferred.begin()
         yield
     finally:
-        put_off.end()
+        deferred.end()
 
 
-def interrupt_if_told() -> None:
-    """Does now what ``uninterrupted`` puts off, if there is anything: where it takes too long."""
-    put_off = _PutOff.current
-    if put_off is not None and _is_main_thread():
-        put_off.deliver()
+def check_signals() -> None:
+    """Handles a deferred signal now: for places where a long computation can be left."""
+    deferred = _DeferredSignals.current
+    if deferred is not None and _is_main_thread():
+        deferred.handle()
 
 
 def _is_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
 
 
-class _PutOff:
-    """Stands in for the handlers of ``END_SIGNALS``, and calls them later.
+class _DeferredSignals:
+    """Replaces the handlers of ``END_SIGNALS`` for a while, and calls them later.
 
-    A handler may raise between any two steps here. Where it keeps ``end`` from giving another one
-    its place back, the stand-in that is left does what that one does.
+    A handler may raise between any two steps of ``begin`` and ``end``. If that keeps ``end`` from
+    restoring another handler, its replacement passes signals on to it.
     """
 
-    current: ClassVar[_PutOff | None] = None
+    current: ClassVar[_DeferredSignals | None] = None
 
     def __init__(self) -> None:
         self._handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
-        self._noted: int | None = None
+        self._pending: int | None = None
         self._last_s = -float("inf")
-        self._is_over = False
+        self._has_ended = False
 
     def begin(self) -> None:
-        """Takes the places of handlers in Python; others end the process, or do nothing."""
+        """Replaces the handlers that are Python functions; others interrupt nothing."""
         for number in END_SIGNALS:
             handler = signal.getsignal(number)
             if callable(handler):
                 self._handlers[number] = handler
                 signal.signal(number, self)
-        _PutOff.current = self
+        _DeferredSignals.current = self
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Notes the first signal, and those soon after one another."""
+        """Keeps the first signal, and those of the same request, for later."""
         last_s, self._last_s = self._last_s, time.monotonic()
-        is_same_wish = self._noted is None or self._last_s - last_s <= SAME_WISH_S
-        if is_same_wish and not self._is_over:
-            self._noted = number
+        is_same_request = self._pending is None or self._last_s - last_s <= SAME_REQUEST_S
+        if is_same_request and not self._has_ended:
+            self._pending = number
             return
-        self._noted = None
+        self._pending = None
         self._handlers[number](number, frame)
 
     def end(self) -> None:
-        """Gives the handlers their places back, and lets one do what was put off."""
-        self._is_over, _PutOff.current = True, None
+        """Restores the handlers, and handles what came meanwhile."""
+        self._has_ended, _DeferredSignals.current = True, None
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
-        self.deliver()
+        self.handle()
 
-    def deliver(self) -> None:
-        """Has the handler do what was put off, if there is anything."""
-        noted, self._noted = self._noted, None
-        if noted is not None:
-            self._handlers[noted](noted, None)
+    def handle(self) -> None:
+        """Calls the handler of a signal that was deferred, if there is one."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            self._handlers[pending](pending, None)

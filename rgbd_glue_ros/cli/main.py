@@ -95,7 +95,7 @@ def _drop_output() -> None:
 
 def _failed(error: Exception, *, debug: bool) -> int:
     if isinstance(error.__cause__, KeyboardInterrupt):
-        return INTERRUPTED  # it met a library's own code, which calls that a SystemError
+        return INTERRUPTED  # inside a library's own code it became a SystemError
     text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"
     return _fail(error, text, FAILED, debug=debug)
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
-from rgbd_glue_ros.closing import END_SIGNALS, SAME_WISH_S
+from rgbd_glue_ros.closing import END_SIGNALS, SAME_REQUEST_S
 
 
 class EndSignals:
@@ -54,7 +54,7 @@ class InterruptOnce:
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
         """Raises KeyboardInterrupt unless another signal has just done so."""
         last_s, self._last_s = self._last_s, time.monotonic()
-        if self._last_s - last_s > SAME_WISH_S:
+        if self._last_s - last_s > SAME_REQUEST_S:
             raise KeyboardInterrupt
 
 

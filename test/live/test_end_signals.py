@@ -14,7 +14,7 @@ from subprocess import PIPE
 import pytest
 from rigs.paths import ROOT
 
-from rgbd_glue_ros.closing import END_SIGNALS, SAME_WISH_S, uninterrupted
+from rgbd_glue_ros.closing import END_SIGNALS, SAME_REQUEST_S, uninterrupted
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.live.end_signals import EndSignals, InterruptOnce
 
@@ -89,16 +89,16 @@ def test_a_signal_that_comes_later_interrupts_what_is_done_about_the_first(
     monkeypatch.setattr(time, "monotonic", lambda: now_s)
     with pytest.raises(KeyboardInterrupt):
         interrupt(signal.SIGINT, None)
-    now_s += SAME_WISH_S / 2
+    now_s += SAME_REQUEST_S / 2
     interrupt(signal.SIGTERM, None)
-    now_s += SAME_WISH_S * 1.1
+    now_s += SAME_REQUEST_S * 1.1
     with pytest.raises(KeyboardInterrupt):
         interrupt(signal.SIGINT, None)
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
 @pytest.mark.parametrize("number", END_SIGNALS)
-def test_a_signal_within_a_computation_is_put_off_to_its_end(number: signal.Signals) -> None:
+def test_a_signal_within_a_computation_is_deferred_to_its_end(number: signal.Signals) -> None:
     interrupt = InterruptOnce()
     done = []
     with pytest.raises(KeyboardInterrupt), uninterrupted():  # noqa: PT012
@@ -120,7 +120,7 @@ def test_a_computation_that_fails_after_a_signal_ends_as_interrupted() -> None:
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
-def test_a_second_wish_interrupts_a_computation_that_may_be_stuck(
+def test_a_second_request_interrupts_a_computation_that_may_be_stuck(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     InterruptOnce()
@@ -128,13 +128,13 @@ def test_a_second_wish_interrupts_a_computation_that_may_be_stuck(
     monkeypatch.setattr(time, "monotonic", lambda: now_s)
     with uninterrupted():
         signal.raise_signal(signal.SIGINT)
-        now_s += SAME_WISH_S * 1.1
+        now_s += SAME_REQUEST_S * 1.1
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
-def test_results_written_for_an_interrupt_are_interrupted_by_the_next_wish(
+def test_results_written_for_an_interrupt_are_interrupted_by_the_next_request(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     InterruptOnce()
@@ -145,7 +145,7 @@ def test_results_written_for_an_interrupt_are_interrupted_by_the_next_wish(
     except KeyboardInterrupt:
         with uninterrupted():
             signal.raise_signal(signal.SIGINT)
-            now_s += SAME_WISH_S * 1.1
+            now_s += SAME_REQUEST_S * 1.1
             with pytest.raises(KeyboardInterrupt):
                 signal.raise_signal(signal.SIGINT)
 
@@ -182,7 +182,7 @@ def test_a_process_that_is_to_outlive_its_terminal_goes_on_ignoring_its_end(
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
-def test_what_is_put_off_interrupts_between_two_functions_that_are_compiled() -> None:
+def test_a_deferred_signal_interrupts_between_two_functions_that_are_compiled() -> None:
     InterruptOnce()
 
     @compiled

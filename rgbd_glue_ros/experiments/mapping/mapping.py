@@ -179,7 +179,7 @@ def map_recording(
             odometry=odometry,
             command=command,
         )
-        # GTSAM is not to be interrupted, and the map is not long in coming
+        # an interrupt inside of GTSAM is a crash, and the rest takes seconds
         end.enter_context(uninterrupted())
         whole, run = run, run.longest_part
         mapper, clouds = sink.longest(whole)
