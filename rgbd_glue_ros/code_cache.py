@@ -22,6 +22,8 @@ from numba.core.caching import (
     _CacheLocator,
 )
 
+from rgbd_glue_ros.closing import check_signals
+
 logger = logging.getLogger(__name__)
 
 
@@ -44,6 +46,7 @@ class CodeCache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The machine code for a signature; None if there is none that is intact."""
+        check_signals()  # compiling everything takes a minute
         target_context.refresh()
         code = self._code_in(self._cache_file, sig, target_context)
         return code or self._code_in(self._installed, sig, target_context)

@@ -36,6 +36,12 @@ settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
 
+@pytest.fixture(autouse=True)
+def _ctrl_c_interrupts() -> None:
+    """Puts right what a test leaves that has run the program in this process."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.fixture
 def ros_domain() -> Iterator[int]:
     """A ROS domain for one test alone."""

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from rgbd_glue_ros.cli import given_parameters
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.user_paths import expanded
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
-    from rgbd_glue_ros.parameters import Config, InputConfig, Parameter
+    from rgbd_glue_ros.parameters import InputConfig, Parameter
     from rgbd_glue_ros.recordings import Recording
 
 RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder of a data set"
@@ -63,6 +64,24 @@ def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str 
         default=default,
         help=f"folder for the results (default: {said or default})",
     )
+
+
+def check_beside(folder: Path, further: Mapping[str, Path | None]) -> None:
+    """Looks before a run whether what goes elsewhere can be there beside the folder of results.
+
+    Args:
+        folder: of the results, which is made if it is not there.
+        further: by option, where else something is to be written; None where it is not asked for.
+
+    Raises:
+        InputError: one is the folder, or a folder around it.
+    """
+    results = folder.resolve()
+    for option, path in further.items():
+        if path is not None and path.resolve() in (results, *results.parents):
+            raise InputError(
+                f"{option} {path}", f"is where the results go (-o {folder})", "give another place"
+            )
 
 
 def add_ground_truth(parser: argparse.ArgumentParser) -> None:
@@ -253,7 +272,7 @@ def opener(
         open_recording,
         topics=topics,
         calibration=read_calibration(args.calibration) if args.calibration else None,
-        inputs=inputs or inputs_of(args),
+        inputs=inputs or given_parameters.inputs_of(args),
         depth_calibration=(
             read_calibration(args.depth_calibration) if args.depth_calibration else None
         ),
@@ -267,73 +286,6 @@ def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:
 
     codec = COMPRESSED if args.compressed else RAW
     return PlayedRecording(recording, codec, args.start, args.duration)
-
-
-def config(args: argparse.Namespace) -> Config:
-    """The preset with the method's parameters in ``--set``.
-
-    Raises:
-        InputError: there is no such preset or parameter, or a value is not allowed.
-    """
-    from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, load_yaml, with_values
-
-    of_inputs, of_method = _assigned(args)
-    with_values(InputConfig(), of_inputs)
-    file = _preset_file(args)
-    preset = load_yaml(file, Config()) if file else load_preset(args.preset)
-    return with_values(preset, of_method)
-
-
-def inputs_of(args: argparse.Namespace) -> InputConfig:
-    """The parameters of the inputs in ``--set`` and the options.
-
-    Raises:
-        InputError: a parameter is not known, or a value not allowed.
-    """
-    from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
-
-    of_inputs, of_method = _assigned(args)
-    with_values(Config(), of_method)
-    if args.depth_scale is not None:
-        of_inputs["depth_scale"] = args.depth_scale
-    file = _preset_file(args)
-    return with_values(load_yaml(file, InputConfig()) if file else InputConfig(), of_inputs)
-
-
-def _preset_file(args: argparse.Namespace) -> Path | None:
-    """The file given as ``--preset``; None if it is a name, or the command has no preset."""
-    preset = Path(vars(args).get("preset", ""))
-    return preset if preset.suffix in (".yaml", ".yml") else None
-
-
-def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:
-    """The parameters in ``--set``, separated into those of the inputs and of the method."""
-    from rgbd_glue_ros.parameters import (
-        Config,
-        InputConfig,
-        NodeConfig,
-        by_current_names,
-        parse_assignment,
-        unknown_parameter,
-        values,
-    )
-
-    # some commands read recordings and have no parameters
-    given = by_current_names(dict(map(parse_assignment, vars(args).get("set", ()))))
-    own = values(InputConfig())
-    declared = {**own, **values(Config())}
-    for name in given:
-        if name in declared:
-            continue
-        if name in values(NodeConfig()):
-            raise InputError(
-                name,
-                "is a parameter of the node only",
-                f"give it to the node: --ros-args -p {name}:=VALUE",
-            )
-        raise unknown_parameter(name, declared)
-    of_inputs = {name: value for name, value in given.items() if name in own}
-    return of_inputs, {name: value for name, value in given.items() if name not in own}
 
 
 def command(args: argparse.Namespace) -> str:

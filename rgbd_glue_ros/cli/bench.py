@@ -7,7 +7,7 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli import arguments, given_parameters
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.bench.part import Part
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.recordings import recordings
 
     plan = Plan(
-        arguments.config(args),
+        given_parameters.config(args),
         args.peer or ODOMETRIES,
         args.limit,
         args.patience,

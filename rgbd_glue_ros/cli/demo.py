@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli import arguments, given_parameters
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import Played
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> str:
         return _play(args, PlayedBag.load(bundled_bag()), given, InputConfig())  # byte for byte
     # parameters about the recording's messages are applied on reading: depth is then in metres
     of_messages = {name: given.pop(name) for name in OF_MESSAGES if name in given}
-    inputs = with_values(arguments.inputs_of(args), of_messages)
+    inputs = with_values(given_parameters.inputs_of(args), of_messages)
     with arguments.opener(args, inputs)(args.recording or bundled_bag()) as recording:
         return _play(args, arguments.played(args, recording), given, inputs)
 

@@ -60,8 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = f"{error.filename or 'a file'}: {error.strerror or error}; give another path"
         return _fail(error, text, BAD_INPUT, debug=args.debug)
     except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
-        text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"
-        return _fail(error, text, FAILED, debug=args.debug)
+        return _failed(error, debug=args.debug)
     return OK
 
 
@@ -92,6 +91,13 @@ def _log() -> logging.Handler:
 def _drop_output() -> None:
     """Prevents Python from flushing at exit to a closed output, as in ``| head``."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _failed(error: Exception, *, debug: bool) -> int:
+    if isinstance(error.__cause__, KeyboardInterrupt):
+        return INTERRUPTED  # inside a library's own code it became a SystemError
+    text = f"failure inside: {type(error).__name__}: {error}; --debug shows where"
+    return _fail(error, text, FAILED, debug=debug)
 
 
 def _fail(error: Exception, text: str, code: int, *, debug: bool) -> int:

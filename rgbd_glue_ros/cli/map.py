@@ -7,7 +7,7 @@ import logging
 from contextlib import ExitStack
 from pathlib import Path
 
-from rgbd_glue_ros.cli import arguments, exports
+from rgbd_glue_ros.cli import arguments, exports, given_parameters
 from rgbd_glue_ros.cli.replay import summary
 
 logger = logging.getLogger(__name__)
@@ -45,10 +45,11 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
     from rgbd_glue_ros.slam.map_file import read_map
 
-    config = arguments.config(args)
+    config = given_parameters.config(args)
     before = read_map(args.map) if args.map else None
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
+    arguments.check_beside(folder, {"--save-map": args.save_map})
     with ExitStack() as left, arguments.opener(args)(args.recording) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
         shown = exports.rerun_recording(args, recording, truth)
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> str:
                 command=arguments.command(args),
                 before=before,
                 save_map=args.save_map,
-                inputs=arguments.inputs_of(args),
+                inputs=given_parameters.inputs_of(args),
                 shown=shown,
             )
     figures = mapped.figures

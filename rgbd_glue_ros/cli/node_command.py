@@ -39,7 +39,7 @@ def add_node_arguments(parser: argparse.ArgumentParser, example: str) -> None:
 
 
 def run_node(args: argparse.Namespace, module: str) -> str:
-    """Runs a node until SIGINT or SIGTERM.
+    """Runs a node until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         args: of the command.

@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> str:
-    """Runs the node until SIGINT or SIGTERM."""
+    """Runs the node until SIGINT, SIGTERM or SIGHUP."""
     return run_node(args, "rgbd_glue_ros.node.node")
 
 

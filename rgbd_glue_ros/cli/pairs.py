@@ -7,7 +7,7 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli import arguments, given_parameters
 from rgbd_glue_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> str:
 def _experiment(args: argparse.Namespace, table: PaperTable | None) -> Experiment:
     from rgbd_glue_ros.experiments.pairs.experiment import Experiment
 
-    config = arguments.config(args)
+    config = given_parameters.config(args)
     others: dict[str, Estimator] = {peer: peer for peer in _peers(args.peers)}
     gaps = args.gap or [20]
     if table:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli import arguments, given_parameters
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> str:
     """The configuration as YAML or as a table, or the description of some parameters."""
     from rgbd_glue_ros.parameters import NodeConfig, explain, to_markdown, to_yaml
 
-    config = arguments.config(args)
+    config = given_parameters.config(args)
     if args.name:
         return explain(args.name, config)
     shown = NodeConfig() if args.node else config

@@ -8,7 +8,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from rgbd_glue_ros.cli import arguments, exports
+from rgbd_glue_ros.cli import arguments, exports, given_parameters
 from rgbd_glue_ros.errors import InputError
 
 logger = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
         raise InputError("--ground-truth", "is of one recording", "give one SRC")
     if args.mcap or args.cloud or args.rerun:
         raise InputError("--mcap, --cloud, --rerun", "are of one recording", "give one SRC")
-    config = arguments.config(args)
+    config = given_parameters.config(args)
     with (
         pool(args.workers, args.scheduler) as workers,
         bar(" recordings", len(sources)) as shown,
@@ -68,7 +68,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             folder,
             pool=workers,
             limit=args.limit,
-            inputs=arguments.inputs_of(args),
+            inputs=given_parameters.inputs_of(args),
             on_planned=expect,
             on_replayed=step,
         )
@@ -81,7 +81,8 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, replay
 
-    config = arguments.config(args)
+    arguments.check_beside(folder, {"--mcap": args.mcap, "--cloud": args.cloud})
+    config = given_parameters.config(args)
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     with arguments.opener(args)(source) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
@@ -97,13 +98,33 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     sinks=exports.sinks(args, recording, truth),
                     cloud=args.cloud,
                     command=arguments.command(args),
-                    inputs=arguments.inputs_of(args),
+                    inputs=given_parameters.inputs_of(args),
                 )
         except KeyboardInterrupt:
             logger.warning("interrupted; the results so far are in %s", folder)
             raise
     figures = json.loads((folder / METRICS).read_text(encoding="utf-8"))
     return f"{summary(figures)}report   {folder / REPORT}\n"
+
+
+def _input(figures: dict[str, Any]) -> str:
+    """A line about what was wrong with the frames, if anything was."""
+    from rgbd_glue_ros.cli.progress import counted
+
+    restarts, duplicates = figures["restarts"], figures["duplicates"]
+    said = [
+        f"{counted(restarts, 'restart')} as time went back" if restarts else "",
+        f"{counted(duplicates, 'duplicate')} left out" if duplicates else "",
+        *(
+            f"{counted(count, f'{kind} image')} unpaired"
+            for kind, count in (figures["unpaired"] or {}).items()
+            if count
+        ),
+    ]
+    text = ", ".join(filter(None, said))
+    if not text:
+        return ""
+    return f"input    {text}; longest gap {figures['longest_gap_s']:.2f} s\n"
 
 
 def summary(figures: dict[str, Any]) -> str:
@@ -116,7 +137,7 @@ def summary(figures: dict[str, Any]) -> str:
     frames += ", of which {tracked} tracked and {lost} lost; "
     speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
     keyframes = counted(figures["keyframes"], "keyframe")
-    text = f"frames   {frames.format(**figures)}{keyframes}\n"
+    text = f"frames   {frames.format(**figures)}{keyframes}\n{_input(figures)}"
     text += f"path     {figures['path_m']:.2f} m\n"
     text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
     if "ape" not in figures:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import resource
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from statistics import median
 from typing import Any
 
@@ -15,6 +16,7 @@ from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, path_length
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.types import (
+    NANOSECONDS,
     Float64,
     ImuCalibration,
     OdometryEstimate,
@@ -87,6 +89,11 @@ class Run:
         up: which way is up in the frame of the trajectory, a unit vector [3]; None without an IMU.
         imu: what was finally learnt about the IMU; None if there was none.
         command: the command line of the run; "" if it was started by a program.
+        restarts: rows of ``frames`` before which time went back. The odometry restarted there: what
+            follows is in another odom frame and pose graph.
+        duplicates: frames skipped because their stamp repeats an earlier one.
+        unpaired: images without a partner, which are in no frame, by kind; empty if the recording
+            does not count them.
     """
 
     sequence: str
@@ -100,10 +107,37 @@ class Run:
     up: Float64 | None = None
     imu: ImuCalibration | None = None
     command: str = ""
+    restarts: tuple[int, ...] = ()
+    duplicates: int = 0
+    unpaired: Mapping[str, int] = field(default_factory=dict)
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
         """Records ``estimate``."""
         self.frames.append(FrameRecord.of(estimate, latency_ms))
+
+    def start_anew(self) -> None:
+        """Begins another part, as time went back."""
+        self.restarts = (*self.restarts, len(self.frames))
+
+    @property
+    def parts(self) -> list[Run]:
+        """The run cut where time went back; itself where it did not."""
+        cuts = [0, *self.restarts, len(self.frames)]
+        return [
+            replace(self, frames=self.frames[start:stop], restarts=())
+            for start, stop in pairwise(cuts)
+        ]
+
+    @property
+    def longest_row(self) -> int:
+        """Which of the parts has most poses, the first of these."""
+        poses = [len(part.trajectory) for part in self.parts]
+        return poses.index(max(poses))
+
+    @property
+    def longest_part(self) -> Run:
+        """That with most poses: errors, pose graph and map can be of one part alone."""
+        return self.parts[self.longest_row]
 
     @property
     def trajectory(self) -> Trajectory:
@@ -112,7 +146,7 @@ class Run:
 
     @property
     def pose_graph(self) -> PoseGraph:
-        """The keyframes, and the measurements between them."""
+        """The keyframes of a part, and the measurements between them."""
         keyframes = [frame for frame in self.frames if frame.is_keyframe]
         edges = tuple(edge for frame in self.frames for edge in frame.edges)
         return PoseGraph(_trajectory(keyframes), edges)
@@ -131,19 +165,23 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
 
     Args:
         run: with at least one frame.
-        evaluation: of its trajectory; None without ground truth.
+        evaluation: of the trajectory of its longest part; None without ground truth.
     """
     states = [frame.state for frame in run.frames]
     latencies = [frame.latency_ms for frame in run.frames]
     p50, p95, p99 = np.percentile(latencies, [50, 95, 99])
-    graph = run.pose_graph
+    parts, graph = run.parts, run.longest_part.pose_graph
     content: dict[str, Any] = {
         "sequence": run.sequence,
         "played": len(run.frames) + len(run.unanswered_ns),
         "frames": len(run.frames),
         "tracked": states.count(TrackingState.TRACKING),
         "lost": states.count(TrackingState.LOST),
-        "keyframes": len(graph.keyframes),
+        "keyframes": sum(frame.is_keyframe for frame in run.frames),
+        "restarts": len(run.restarts),
+        "duplicates": run.duplicates,
+        "unpaired": dict(run.unpaired) or None,
+        "longest_gap_s": max(map(_longest_gap_s, parts)),
         "fps": len(run.frames) / run.wall_s,
         "latency_ms": {
             "p50": float(p50),
@@ -154,7 +192,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
         "stages_ms": stage_medians(frame.stages_ms for frame in run.frames),
         # ru_maxrss is in kilobytes on Linux
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "path_m": path_length(run.trajectory.poses),
+        "path_m": sum(path_length(part.trajectory.poses) for part in parts),
     }
     if run.up is not None:
         content["up"] = run.up.tolist()
@@ -167,6 +205,12 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
         errors = edge_errors(graph, run.ground_truth)
         content["edges"] = {origin.name.lower(): asdict(e) for origin, e in errors.items()}
     return content
+
+
+def _longest_gap_s(part: Run) -> float:
+    """The longest time between two frames; 0 where there are no two."""
+    stamps_ns = np.array([frame.stamp_ns for frame in part.frames], np.int64)
+    return float(np.diff(stamps_ns).max(initial=0)) / NANOSECONDS
 
 
 def stage_medians(frames: Iterable[Mapping[str, float]]) -> dict[str, float]:

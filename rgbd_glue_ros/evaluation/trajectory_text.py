@@ -163,7 +163,8 @@ def _without_duplicates(
     for stamp, pose in zip(stamps, poses, strict=True):
         first.setdefault(stamp, pose)
     count = len(stamps) - len(first)
-    if count > len(first):
+    # stamps that lost digits stay in order; those of a bag in a loop do not
+    if count > len(first) and stamps == sorted(stamps):
         raise InputError(
             path,
             f"its {len(stamps)} poses have only {len(first)} different stamps",

@@ -13,7 +13,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
-from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.errors import InputError
 
 # Errors of file systems without locks, such as some network ones
@@ -155,6 +155,7 @@ class NewFolder:
         # from a killed run
         shutil.rmtree(self.path, ignore_errors=True)
 
+    @uninterrupted()
     def close(self, *, is_of_use: bool = True) -> None:
         """Gives it its name; removes it if it is of no use.
 

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM, however many come and however fast."""
+"""SIGINT, SIGTERM and SIGHUP, however many come and however fast."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-# Signals within this time are one request: a launch system and a shell may both send one.
-SAME_REQUEST_S = 1.0
+from rgbd_glue_ros.closing import END_SIGNALS, SAME_REQUEST_S
 
 
 class EndSignals:
-    """Keeps SIGINT and SIGTERM, from its creation on, for the thread that waits for them.
+    """Keeps ``END_SIGNALS``, from its creation on, for the thread that waits for them.
 
     A handler that sets an event would not do: a second signal interrupts it while it holds the
     event's lock, and waits for that lock for ever. Here the interpreter writes the signal's number
@@ -43,12 +41,13 @@ class EndSignals:
 class InterruptOnce:
     """A handler that interrupts the main thread, but not what that does in order to end.
 
-    Else a second signal would interrupt the writing of the results, or the end of the processes
-    that were started. A signal that comes ``SAME_REQUEST_S`` later is a new request.
+    Otherwise a second signal would interrupt the writing of the results, or the end of the
+    processes that were started. A signal that comes ``SAME_REQUEST_S`` later is a new request.
+    Computations postpone it (``uninterrupted``); what waits, loads or reads ends at once.
     """
 
     def __init__(self) -> None:
-        """Takes SIGINT and SIGTERM over. To be called from the main thread."""
+        """Takes ``END_SIGNALS`` over. To be called from the main thread."""
         self._last_s = -float("inf")
         _handle_by(self)
 
@@ -60,10 +59,14 @@ class InterruptOnce:
 
 
 def _handle_by(handler: Callable[[int, FrameType | None], None]) -> None:
-    """Gives both signals a handler, until the interpreter ends: then they change nothing more."""
+    """Gives the signals a handler, until the interpreter ends: then they change nothing more.
+
+    A process that is to outlive its terminal goes on ignoring its end, as under nohup.
+    """
     atexit.register(_ignore)
     for number in END_SIGNALS:
-        signal.signal(number, handler)
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 def _ignore() -> None:

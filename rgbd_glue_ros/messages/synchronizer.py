@@ -84,6 +84,7 @@ class ChannelCounts:
         missing: messages that never came, by gaps in the stamps.
         backward_jumps: times that the stamps went back by more than ``BACKWARD_JUMP_NS``.
         strays: dropped because of a stamp far from those before and after.
+        unfinished: of colour and depth, those that still waited at ``flush``.
     """
 
     received: int = 0
@@ -94,6 +95,12 @@ class ChannelCounts:
     missing: int = 0
     backward_jumps: int = 0
     strays: int = 0
+    unfinished: int = 0
+
+    @property
+    def left_out(self) -> int:
+        """How many are in no match for want of a partner, or for their stamp; not duplicates."""
+        return self.unmatched + self.overflowed + self.late + self.strays + self.unfinished
 
 
 @dataclass(frozen=True)
@@ -265,7 +272,14 @@ class Synchronizer(Generic[Item]):
         for queue in self._queues.values():
             queue.flush()
         self._pair(is_last=True)
-        return self._complete(is_last=True)
+        matches = self._complete(is_last=True)
+        for channel in _PARTNERS:
+            queue = self._queues[channel]
+            # alone, or as a pair without a camera info
+            queue.counts.unfinished += len(queue.waiting) + len(self._pairs)
+            queue.waiting.clear()
+        self._pairs.clear()
+        return matches
 
     def _pair(self, *, is_last: bool) -> None:
         """Moves colour and depth images that belong together from their queues to the pairs.

@@ -296,7 +296,7 @@ def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
 
 
 def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
-    """Runs the node until SIGINT or SIGTERM; arguments and exit code as of the odometry node."""
+    """Runs the node until it is told to end; arguments and exit code as of the odometry node."""
     return run_node(NODE_NAME, lambda _: MappingNode(), args, end_signals)
 
 

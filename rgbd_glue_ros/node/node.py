@@ -329,7 +329,7 @@ class OdometryNode(BaseNode):
 
 
 def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
-    """Runs the node until SIGINT or SIGTERM.
+    """Runs the node until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         args: ROS arguments; None takes the process's.

@@ -134,7 +134,7 @@ def run_node(
     args: list[str] | None,
     end_signals: EndSignals | None = None,
 ) -> int:
-    """Runs a node until SIGINT or SIGTERM, or until it cannot go on.
+    """Runs a node until SIGINT, SIGTERM or SIGHUP, or until it cannot go on.
 
     Args:
         name: of the node, for what goes wrong before there is one.

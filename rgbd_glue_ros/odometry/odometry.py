@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import sceptical
 from rgbd_glue_ros.odometry.background import BackgroundThread
@@ -47,8 +47,8 @@ class Odometry(Closing):
     """Turns RGB-D frames into poses T_odom_camera.
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: call it
-    from one thread. It has its own background thread, which ``close`` or the end of a ``with``
-    ends. By default it uses the preset ``live``, and creates the ``Glue`` of its configuration.
+    from one thread; its own ends with ``close`` or a ``with``. By default it has the preset
+    ``live`` and creates its ``Glue``. Ctrl-C interrupts it when a frame is done.
     """
 
     def __init__(self, config: Config | None = None, glue: Glue | None = None) -> None:
@@ -99,11 +99,7 @@ class Odometry(Closing):
         return self._progress.state
 
     def process(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
-        """``track`` and ``update_map`` in one, for callers that do not need the pose early.
-
-        Returns:
-            The estimate of ``track``, completed by ``update_map`` and ``new_edges``.
-        """
+        """``track``, completed by ``update_map`` and ``new_edges``."""
         estimate = self.track(frame, T_guess_camera)
         became_keyframe, ms = timed(self.update_map)
         return replace(
@@ -113,6 +109,7 @@ class Odometry(Closing):
             stages_ms={**estimate.stages_ms, "keyframe": ms},
         )
 
+    @uninterrupted()
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
         """Registers a frame and returns its estimate.
 
@@ -154,6 +151,7 @@ class Odometry(Closing):
             self._progress = self._progress.with_estimate(estimate, T_guess_camera)
         return replace(estimate, stages_ms={"preparation": preparation_ms, **estimate.stages_ms})
 
+    @uninterrupted()
     def update_map(self) -> bool:
         """Makes a keyframe of the frame tracked last, if it is due.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.geometry.depth import metres_of_16_bits
 from rgbd_glue_ros.geometry.reduction import reduced
@@ -33,8 +34,9 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
     # these frames move too little for parts of the robot to be looked for
     frame = _frame(0)
     view = view_of(frame, config.camera)
-    OwnParts().after_view(view, np.eye(4)).after_view(view, np.eye(4))
-    reduced(frame, _WIDTH // 2)
+    with uninterrupted():
+        OwnParts().after_view(view, np.eye(4)).after_view(view, np.eye(4))
+        reduced(frame, _WIDTH // 2)
 
 
 def _frame(i: int) -> RgbdFrame:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import NewFolder, not_written
 from rgbd_glue_ros.recordings import Recording
@@ -60,7 +61,11 @@ def convert(
     try:
         _convert(source, new.path, compressed, topics)
     except OSError as error:
-        raise not_written(target, error) from error
+        problem = not_written(target, error)
+        if not new.path.exists():
+            raise problem from error
+        remedy = f"{problem.remedy}; it holds what was written before: remove it first"
+        raise InputError(problem.where, problem.cause, remedy) from error
     except KeyboardInterrupt:
         what = f"the frames written so far are in {target}" if new.path.exists() else "no frame yet"
         logger.warning("interrupted; %s", what)
@@ -98,7 +103,8 @@ def write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWri
     if truth is not None:
         streams.append(_poses(truth, bag))
     for _, write in heapq.merge(*streams, key=itemgetter(0)):
-        write()
+        with uninterrupted():  # a bag holds no half of a message
+            write()
 
 
 def _poses(truth: Trajectory, bag: BagWriter) -> Iterator[_Write]:

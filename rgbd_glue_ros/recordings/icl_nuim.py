@@ -36,16 +36,17 @@ def open_icl_nuim(folder: Path, calibration: CameraIntrinsics | None = None) -> 
     Raises:
         InputError: a list cannot be read, or names nothing.
     """
-    pairs = read_association(folder / ASSOCIATIONS)
+    found = read_association(folder / ASSOCIATIONS)
     numbered = read_tum(next(iter(sorted(folder.glob(TRUTH)))))
     stamps = [stamp_ns(round(number / NANOSECONDS)) for number in numbered.stamps_ns]
     truth = Trajectory(np.array(stamps, np.int64), mirrored(numbered.poses))
     return ImageSequence(
         folder.resolve().name,
-        pairs,
+        found.pairs,
         _DEPTH,
         calibration or CAMERA,
         truth,
+        left_out=found.left_out,
     )
 
 

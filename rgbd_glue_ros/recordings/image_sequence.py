@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from rgbd_glue_ros.messages.camera_info import of_image_size, pinhole
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.recordings.faults import Faults
+from rgbd_glue_ros.recordings.left_out import FrameGaps, LeftOut, warn_of_left_out
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -107,6 +108,25 @@ class ImagePair:
 
 
 @dataclass(frozen=True)
+class ImagePairs:
+    """The frames of two kinds of images.
+
+    Attributes:
+        pairs: the files of every frame, in order of time.
+        left_out: images that are in none.
+    """
+
+    pairs: tuple[ImagePair, ...]
+    left_out: LeftOut
+
+    @staticmethod
+    def of(pairs: Sequence[ImagePair], images: Mapping[str, int], duplicates: int) -> ImagePairs:
+        """The frames out of so many images of ``COLOR`` and ``DEPTH``, beside duplicates."""
+        unpaired = {kind: count - len(pairs) for kind, count in images.items()}
+        return ImagePairs(tuple(pairs), LeftOut(images, unpaired, duplicates))
+
+
+@dataclass(frozen=True)
 class ImageSequence(Closing):
     """A ``Recording`` of image files.
 
@@ -120,6 +140,7 @@ class ImageSequence(Closing):
         frame_id: the camera's optical frame, "" if not known.
         depth_camera: the one that took the depth images; None if they are registered to colour.
         imu: samples in the axes of the optical frame, None if there are none.
+        left_out: images that are in no frame.
     """
 
     name: str
@@ -131,6 +152,7 @@ class ImageSequence(Closing):
     frame_id: str = ""
     depth_camera: DepthCamera | None = None
     imu: ImuSamples | None = None
+    left_out: LeftOut = field(default_factory=LeftOut)
 
     @property
     def frame_count(self) -> int:
@@ -163,16 +185,16 @@ class ImageSequence(Closing):
             InputError: at the end, if none could be read: images are missing, corrupt, or do not
                 have the camera's size.
         """
-        faults = Faults()
-        is_empty = True
+        faults, gaps = Faults(), FrameGaps()
         for result in mapped_ahead(self._try_read, self.pairs):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
-                is_empty = False
+                gaps.add(result.stamp_ns)
                 yield result
+        warn_of_left_out(self.name, self.left_out, gaps)
         if faults.first is not None:
-            if is_empty:
+            if gaps.is_empty:
                 raise faults.first
             logger.warning("%s: %d frames skipped of %d", self.name, faults.count, len(self.pairs))
 

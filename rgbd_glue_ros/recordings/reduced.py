@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.recordings.recording import imu_of
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
@@ -24,9 +25,13 @@ class ReducedRecording(WrappedRecording):
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         for frame in self.recording:
-            yield reduced(frame, self.max_width)
+            yield self._reduced(frame)
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
         """The frames with these numbers, reduced."""
         for frame in self.recording.select(indices):
-            yield reduced(frame, self.max_width)
+            yield self._reduced(frame)
+
+    @uninterrupted()
+    def _reduced(self, frame: RgbdFrame) -> RgbdFrame:
+        return reduced(frame, self.max_width)

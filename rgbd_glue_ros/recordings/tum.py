@@ -104,16 +104,17 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
     Raises:
         InputError: a list names no image, no images pair up, or the camera is not known.
     """
-    pairs = paired(folder / COLOR_LIST, folder / DEPTH_LIST)
+    found = paired(folder / COLOR_LIST, folder / DEPTH_LIST)
     told = _camera(folder) if calibration is None else Calibration(calibration)
     sequence = ImageSequence(
         folder.resolve().name,
-        pairs,
+        found.pairs,
         _DEPTH,
         told.intrinsics,
-        truth_of(folder, pairs),
+        truth_of(folder, found.pairs),
         frame_id=_RECORDED_BY if "freiburg" in folder.resolve().name.lower() else "",
         imu=_accelerations(folder / ACCELEROMETER),
+        left_out=found.left_out,
     )
     return sequence.with_told_scale(told.depth_scale or scale_in_comments(folder / DEPTH_LIST))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.recordings.left_out import LeftOut, left_out_of
 from rgbd_glue_ros.recordings.recording import Recording
 from rgbd_glue_ros.types import Trajectory
 
@@ -33,6 +34,11 @@ class WrappedRecording(Closing):
     def ground_truth(self) -> Trajectory | None:
         """That of the recording."""
         return self.recording.ground_truth
+
+    @property
+    def left_out(self) -> LeftOut:
+        """That of the recording."""
+        return left_out_of(self.recording)
 
     def close(self) -> None:
         """Closes the recording."""

@@ -138,15 +138,16 @@ class RerunRecording(Closing):
         if estimate.is_keyframe:
             self._add_keyframe(frame, estimate.T_odom_camera)
 
-    def correct(self, trajectory: Trajectory, graph: PoseGraph) -> None:
+    def correct(self, trajectory: Trajectory, graph: PoseGraph, first: int = 0) -> None:
         """Draws the result of loop closure, at the end of the recording.
 
         Args:
             trajectory: T_map_camera of all frames.
             graph: of the keyframes at their optimum, and of the loops.
+            first: how many keyframes were added before those of ``graph``.
         """
         self._poses = dict(zip(trajectory.stamps_ns.tolist(), trajectory.poses, strict=True))
-        for number, T in enumerate(graph.keyframes.poses):
+        for number, T in enumerate(graph.keyframes.poses, first):
             self._log(_keyframe(number), self._transform(T))
         places = graph.keyframes.poses[:, :3, 3]
         loops = (edge for edge in graph.edges if edge.origin is EdgeOrigin.LOOP)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import shlex
@@ -19,8 +20,9 @@ import yaml
 from rigs.data_sets import write_data_set
 from rigs.paths import ROOT
 
-from rgbd_glue_ros.cli import commands, parser
+from rgbd_glue_ros.cli import commands, params, parser
 from rgbd_glue_ros.cli.main import main
+from rgbd_glue_ros.cli.replay import summary
 from rgbd_glue_ros.errors import MissingExtraError
 from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
 from rgbd_glue_ros.types import Trajectory
@@ -271,6 +273,30 @@ def test_a_converted_data_set_replays_to_the_same_trajectory(tmp_path: Path) -> 
     assert (tmp_path / "b" / "trajectory.txt").read_text().splitlines() == lines
 
 
+def test_the_summary_of_a_replay_says_what_was_wrong_with_its_frames() -> None:
+    figures = {
+        "frames": 60,
+        "played": 60,
+        "tracked": 60,
+        "lost": 0,
+        "keyframes": 6,
+        "path_m": 0.94,
+        "fps": 30.0,
+        "latency_ms": {"p50": 20.0, "p95": 30.0},
+        "longest_gap_s": 0.7,
+        "restarts": 1,
+        "duplicates": 2,
+        "unpaired": {"color": 20, "depth": 0},
+    }
+    _, line, *_ = summary(figures).splitlines()
+    assert line == (
+        "input    1 restart as time went back, 2 duplicates left out, 20 color images unpaired; "
+        "longest gap 0.70 s"
+    )
+    in_order = {**figures, "restarts": 0, "duplicates": 0, "unpaired": None}
+    assert "input" not in summary(in_order)
+
+
 @pytest.mark.slow
 @pytest.mark.every_python
 def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
@@ -297,6 +323,18 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     frames = json.loads((out / "metrics.json").read_text())["frames"]
     assert 4 <= frames <= 9
     assert len(read_tum(out / "trajectory.txt")) == frames
+
+
+def test_an_interrupt_that_a_library_calls_an_error_is_one_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: argparse.Namespace) -> str:
+        # what CPython makes of an exception that is set when a function has returned a result
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr(params, "run", interrupted)
+    assert main(["params"]) == 128 + signal.SIGINT
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from pathlib import Path
 import make_bag
 import numpy as np
 import pytest
+from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import read_graph
@@ -66,3 +67,15 @@ def test_a_recording_too_dark_for_a_keyframe_is_refused(tmp_path: Path) -> None:
         pytest.raises(InputError, match="none of its 3 frames was tracked"),
     ):
         map_recording(recording, blind, tmp_path, limit=3)
+
+
+def test_where_time_goes_back_the_longest_part_is_mapped(tmp_path: Path) -> None:
+    pan = Pan(6, rounds=(20, 4))
+    mapped = map_recording(pan, config(), tmp_path)
+    figures = json.loads((tmp_path / "metrics.json").read_text())
+    assert (figures["frames"], figures["played"], figures["restarts"]) == (20, 30, 2)
+    assert figures["ape"]["rmse_m"] < 0.02
+    assert len(mapped.optimum.graph.keyframes) == figures["keyframes"] > 2
+    for name in ("trajectory", "odometry"):
+        stamps = read_tum(tmp_path / f"{name}.txt").stamps_ns
+        np.testing.assert_array_equal(stamps, pan.ground_truth.stamps_ns)

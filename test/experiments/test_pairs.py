@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -30,7 +31,7 @@ from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, values
 from rgbd_glue_ros.recordings.recording import selected
-from rgbd_glue_ros.types import Correspondences, RgbdFrame, Trajectory, View
+from rgbd_glue_ros.types import Correspondences, RegistrationResult, RgbdFrame, Trajectory, View
 
 FRAMES = 12
 FRAME_NS = 33_333_333
@@ -237,6 +238,21 @@ def test_without_geometric_matches_there_is_no_inlier_ratio() -> None:
     figures = gap_figures([result(nothing, nothing)])
     assert figures["inlier_ratio"]["before"] == {"10": None, "5": None, "2.5": None}
     assert figures["epsilon_squared_m2"] is None
+
+
+def test_an_interrupt_waits_for_the_pair_in_work() -> None:
+    registered = []
+
+    class Interrupted(GlueMethod):
+        def register(self, source: Described, target: Described) -> RegistrationResult:
+            signal.raise_signal(signal.SIGINT)
+            result = super().register(source, target)
+            registered.append(result)
+            return result
+
+    with pytest.raises(KeyboardInterrupt):
+        results_of(Experiment(BLIND, [3]), {GLUE: Interrupted(BLIND)})
+    assert len(registered) == 1
 
 
 def test_seconds_are_those_of_both_frames_features_even_if_one_was_known() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from rgbd_glue_ros.experiments.replay.replay import (
 from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
 from rgbd_glue_ros.types import (
     OdometryEstimate,
+    RgbdFrame,
     Trajectory,
 )
 
@@ -42,6 +44,7 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     assert set(figures) == {
         *("sequence", "played", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
         *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe", "edges"),
+        *("restarts", "duplicates", "unpaired", "longest_gap_s"),
     }
     assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}
     assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
@@ -104,6 +107,71 @@ def test_an_interrupted_replay_keeps_what_was_done(tmp_path: Path) -> None:
     assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
     assert len(read_tum(tmp_path / TRAJECTORY)) == 5
     assert (tmp_path / REPORT).stat().st_size > 1000
+
+
+def test_a_signal_in_the_middle_of_a_frame_waits_for_the_frame(tmp_path: Path) -> None:
+    done: list[OdometryEstimate] = []
+
+    class Interrupts:
+        def add(self, _: RgbdFrame, __: OdometryEstimate) -> None:
+            if len(done) == 4:
+                signal.raise_signal(signal.SIGINT)
+
+        def start_anew(self) -> None: ...
+
+        def close(self) -> None: ...
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(Pan(20), Config(), tmp_path, on_frame=done.append, sinks=[Interrupts()])
+    assert len(done) == 5
+    assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
+
+
+def test_a_signal_while_results_are_written_waits_for_them(tmp_path: Path) -> None:
+    finished = []
+
+    class Interrupts:
+        def add(self, _: RgbdFrame, __: OdometryEstimate) -> None: ...
+
+        def start_anew(self) -> None: ...
+
+        def close(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+            finished.append(self)
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(Pan(3), Config(), tmp_path, sinks=[Interrupts(), Interrupts()])
+    assert len(finished) == 2
+    assert (tmp_path / REPORT).is_file()
+
+
+def test_where_time_goes_back_the_odometry_starts_anew_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = replay(Pan(12, rounds=(20, 14)), Config(), tmp_path)
+    first, longest, last = run.parts
+    assert [len(part.trajectory) for part in run.parts] == [12, 20, 14]
+    np.testing.assert_array_equal(first.trajectory.poses, longest.trajectory.poses[:12])
+    np.testing.assert_array_equal(last.trajectory.poses, longest.trajectory.poses[:14])
+    figures = json.loads((tmp_path / METRICS).read_text())
+    assert (figures["frames"], figures["tracked"], figures["restarts"]) == (46, 46, 2)
+    ways = [part.trajectory.poses[-1, 0, 3] for part in run.parts]
+    assert figures["path_m"] == pytest.approx(sum(ways), rel=0.05)
+    assert figures["ape"]["rmse_m"] < 0.02
+    assert len((tmp_path / TRAJECTORY).read_text().splitlines()) == 1 + 46
+    assert len(read_tum(tmp_path / TRAJECTORY)) == 20
+    graph = read_graph(tmp_path / KEYFRAMES)
+    assert len(graph.keyframes) == sum(frame.is_keyframe for frame in longest.frames)
+    assert len(graph.edges) == len(graph.keyframes) - 1
+    (said,) = [message for message in caplog.messages if "time went back" in message]
+    assert "Of 3 parts" in said
+    assert "20 of 46 frames" in said
+
+
+def test_frames_that_come_twice_are_left_out_and_counted(tmp_path: Path) -> None:
+    replay(Pan(6, copies=2), Config(), tmp_path)
+    figures = json.loads((tmp_path / METRICS).read_text())
+    assert (figures["frames"], figures["duplicates"], figures["restarts"]) == (6, 6, 0)
 
 
 def test_frames_before_a_damaged_one_are_replayed_and_that_is_said(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.messages.images import color_from_message
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.parameters import load_preset
+from rgbd_glue_ros.parameters import Config, load_preset
 
 FRAMES = 40
 
@@ -117,3 +117,21 @@ def test_the_cloud_is_a_wall_at_its_distance_and_the_report_shows_it(
     assert run.map_jpeg.startswith(b"\xff\xd8")
     report = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert base64.b64encode(run.map_jpeg).decode() in report
+
+
+def test_where_time_goes_back_the_bag_has_all_poses_and_the_path_of_the_last_part(
+    tmp_path: Path,
+) -> None:
+    sinks: list[FrameSink] = [BagSink(tmp_path / "bag")]
+    replay(Pan(4, rounds=(6,)), Config(), tmp_path / "out", sinks=sinks)
+    found = messages(tmp_path / "bag")
+    assert len(found["/pose"]) == 10
+    assert len(found["/path"][-1].poses) == 6
+    assert len(found["/diagnostics"]) == 2
+
+
+def test_where_time_goes_back_the_cloud_is_that_of_the_longest_part(tmp_path: Path) -> None:
+    for name, pan in (("alone", Pan(20)), ("among", Pan(4, rounds=(20, 6)))):
+        replay(pan, Config(), tmp_path / name, cloud=tmp_path / f"{name}.ply")
+    clouds = [(tmp_path / f"{name}.ply").read_bytes() for name in ("alone", "among")]
+    assert clouds[0] == clouds[1]

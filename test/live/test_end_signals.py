@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM end a program once and in order, however many of them come."""
+"""Signals end a program once and in order, however many come and whatever it is about."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import itertools
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from subprocess import PIPE
@@ -13,7 +14,9 @@ from subprocess import PIPE
 import pytest
 from rigs.paths import ROOT
 
-from rgbd_glue_ros.live.end_signals import END_SIGNALS, SAME_REQUEST_S, InterruptOnce
+from rgbd_glue_ros.closing import END_SIGNALS, SAME_REQUEST_S, uninterrupted
+from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.live.end_signals import EndSignals, InterruptOnce
 
 PATIENCE_S = 20.0
 ATTEMPTS = 10  # where a signal meets the end is by chance
@@ -21,6 +24,7 @@ ORDERS = [END_SIGNALS, END_SIGNALS[::-1]]
 
 WAITS = """
 import threading
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.live.end_signals import EndSignals
 
 end_signals = EndSignals()
@@ -90,3 +94,103 @@ def test_a_signal_that_comes_later_interrupts_what_is_done_about_the_first(
     now_s += SAME_REQUEST_S * 1.1
     with pytest.raises(KeyboardInterrupt):
         interrupt(signal.SIGINT, None)
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+@pytest.mark.parametrize("number", END_SIGNALS)
+def test_a_signal_within_a_computation_is_deferred_to_its_end(number: signal.Signals) -> None:
+    interrupt = InterruptOnce()
+    done = []
+    with pytest.raises(KeyboardInterrupt), uninterrupted():  # noqa: PT012
+        signal.raise_signal(number)
+        with uninterrupted():
+            signal.raise_signal(number)
+            done.append("inner")
+        done.append("outer")
+    assert done == ["inner", "outer"]
+    assert {signal.getsignal(n) for n in END_SIGNALS} == {interrupt}
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+def test_a_computation_that_fails_after_a_signal_ends_as_interrupted() -> None:
+    InterruptOnce()
+    with pytest.raises(KeyboardInterrupt), uninterrupted():  # noqa: PT012
+        signal.raise_signal(signal.SIGINT)
+        raise ValueError
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+def test_a_second_request_interrupts_a_computation_that_may_be_stuck(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    InterruptOnce()
+    now_s = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    with uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+        now_s += SAME_REQUEST_S * 1.1
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+def test_results_written_for_an_interrupt_are_interrupted_by_the_next_request(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    InterruptOnce()
+    now_s = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        with uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            now_s += SAME_REQUEST_S * 1.1
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+def test_handlers_of_others_and_threads_are_left_alone() -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    before = [signal.getsignal(n) for n in END_SIGNALS]
+    with uninterrupted():
+        assert [signal.getsignal(n) for n in END_SIGNALS[1:]] == before[1:]
+    seen: list[object] = []
+
+    def compute() -> None:
+        with uninterrupted():
+            seen.extend(signal.getsignal(n) for n in END_SIGNALS)
+
+    thread = threading.Thread(target=compute)
+    thread.start()
+    thread.join()
+    assert seen == before
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+@pytest.mark.parametrize("take_over", [InterruptOnce, EndSignals])
+def test_a_process_that_is_to_outlive_its_terminal_goes_on_ignoring_its_end(
+    take_over: type[InterruptOnce | EndSignals],
+) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    take_over()
+    signal.set_wakeup_fd(-1)
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+
+
+@pytest.mark.usefixtures("_handlers_as_before")
+def test_a_deferred_signal_interrupts_between_two_functions_that_are_compiled() -> None:
+    InterruptOnce()
+
+    @compiled
+    def doubled(number: float) -> float:
+        return 2 * number
+
+    with uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            doubled(1.0)
+    assert doubled(1.0) == 2.0

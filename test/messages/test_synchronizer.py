@@ -136,6 +136,20 @@ def test_a_duplicate_is_dropped_and_counted() -> None:
     assert sync.counts[Channel.DEPTH].duplicates == 3
 
 
+def test_every_image_is_in_a_match_a_duplicate_or_left_out() -> None:
+    stamps = [i * PERIOD for i in range(20)]
+    # one depth image comes twice, two are missing, and some come after the last colour image
+    depths = [*stamps[:5], stamps[4], *stamps[7:], 21 * PERIOD, 22 * PERIOD]
+    events = [event for event in triples(stamps) if event[0] is not Channel.DEPTH]
+    events += [(Channel.DEPTH, stamp) for stamp in depths]
+    matches, sync = synchronized(sorted(events, key=lambda event: event[1]))
+    assert len(matches) == 18
+    for channel in (Channel.COLOR, Channel.DEPTH):
+        counts = sync.counts[channel]
+        assert counts.left_out == 2
+        assert counts.received == len(matches) + counts.duplicates + counts.left_out
+
+
 def test_a_reordered_image_still_finds_its_partner_until_time_has_passed_it() -> None:
     events = [
         *triples([0]),

@@ -11,10 +11,10 @@ from pathlib import Path
 import numba
 import pytest
 
+from rgbd_glue_ros.closing import END_SIGNALS
 from rgbd_glue_ros.code_cache import CodeCache
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry.fitting import procrustes
-from rgbd_glue_ros.live.end_signals import END_SIGNALS
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import load_preset
 

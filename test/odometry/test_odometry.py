@@ -5,6 +5,7 @@ The recording is real in all that matters here: noise, holes, blur, and the trut
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
@@ -29,7 +30,10 @@ from rgbd_glue_ros.features.visual import (
     orb_detector,
 )
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.progress import LastPose
+from rgbd_glue_ros.odometry.tracking import Attempt
 from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.types import (
@@ -217,6 +221,27 @@ def test_a_reset_forgets_the_frame_that_the_map_waits_for() -> None:
         odometry.track(frame)
     odometry.reset()
     assert not odometry.update_map()
+
+
+def test_an_interrupt_waits_for_the_frame_in_work_and_the_odometry_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    frames = recorded_frames()[:6]
+    odometry = Odometry(PATIENT)
+    track(frames[:3], odometry=odometry)
+    find_pose = odometry._find_pose
+
+    def find_interrupted(view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
+        signal.raise_signal(signal.SIGINT)
+        return find_pose(view, last, predicted)
+
+    monkeypatch.setattr(odometry, "_find_pose", find_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        odometry.process(frames[3])
+    monkeypatch.undo()
+    after = track(frames[4:], odometry=odometry)
+    for estimate, expected in zip(after, track(frames)[4:], strict=True):
+        np.testing.assert_array_equal(estimate.T_odom_camera, expected.T_odom_camera)
 
 
 def test_the_twist_is_the_velocity_in_the_cameras_frame() -> None:

@@ -33,6 +33,7 @@ from rgbd_glue_ros.messages.fields import header, pose_stamped
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
+from rgbd_glue_ros.recordings.left_out import LeftOut
 
 FRAMES = make_frames(8)
 
@@ -276,6 +277,46 @@ def test_depth_that_may_not_be_registered_is_warned_of_once(
     with BagRecording(write_rosbag2(tmp_path / "bag", messages)) as sequence:
         assert len(list(sequence)) == len(FRAMES)
     assert caplog.text.count("if depth is not registered to colour") == 1
+
+
+@pytest.mark.parametrize(("topic", "kind"), [(DEPTH, "depth"), (COLOR, "color")])
+def test_where_a_stream_pauses_the_images_without_a_partner_are_counted_and_said(
+    topic: str, kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = make_frames(30)
+    pause = {frame.stamp_ns for frame in frames[10:20]}
+    messages = [m for m in recorded(frames) if m.topic != topic or m.stamp_ns not in pause]
+    with BagRecording(write_rosbag2(tmp_path / "bag", messages)) as sequence:
+        assert len(list(sequence)) == 20
+        left_out = sequence.left_out
+    other = {"depth": "color", "color": "depth"}[kind]
+    assert left_out == LeftOut({kind: 20, other: 30}, {kind: 0, other: 10})
+    (said,) = caplog.messages
+    assert f"10 of 30 {other} images have no partner near their stamp" in said
+    # eleven periods, from the last frame before the pause on
+    assert "is 0.37 s, from 1300000000.300 s on" in said
+
+
+def test_images_before_the_first_camera_info_are_counted_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = make_frames(80)
+    messages = [m for m in recorded(frames) if m.topic != INFO or m.stamp_ns == frames[-1].stamp_ns]
+    with BagRecording(write_rosbag2(tmp_path / "bag", messages)) as sequence:
+        found = len(list(sequence))
+        assert 0 < found < 80
+        assert sequence.left_out.unpaired == {"color": 80 - found, "depth": 80 - found}
+    assert f"{80 - found} of 80 color images and {80 - found} of 80 depth images" in caplog.text
+
+
+def test_images_that_come_twice_are_counted_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    twice = [m for frame in FRAMES for m in recorded([frame]) * 2]
+    with BagRecording(write_rosbag2(tmp_path / "bag", twice)) as sequence:
+        assert len(list(sequence)) == len(FRAMES)
+        assert sequence.left_out.duplicates == len(FRAMES)
+    assert f"images that repeat a stamp and were left out: {len(FRAMES)}" in caplog.text
 
 
 def test_a_bag_of_a_looped_recording_gives_all_rounds(

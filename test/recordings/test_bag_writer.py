@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 from rigs.bags import CODECS, PERIOD_NS, START_NS, assert_same_frame, make_frames
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, QosReliability
+from rosbags.rosbag2 import Writer
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
@@ -19,6 +21,7 @@ from rgbd_glue_ros.recordings.bag.writer import (
     BagWriter,
     ImageCodec,
 )
+from rgbd_glue_ros.recordings.convert import write_bag
 
 FRAMES = make_frames(5)
 
@@ -86,6 +89,26 @@ def test_a_bag_is_whole_although_its_writing_was_interrupted(tmp_path: Path) -> 
     with BagRecording(folder) as sequence:
         (frame,) = sequence
     assert_same_frame(frame, FRAMES[0])
+
+
+def test_a_bag_that_is_written_when_a_signal_comes_holds_whole_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[str] = []
+    write_message = Writer.write
+
+    def write_interrupted(writer: Writer, topic: Connection, at_ns: int, data: memoryview) -> None:
+        written.append(topic.topic)
+        if len(written) == 4:
+            signal.raise_signal(signal.SIGINT)
+        write_message(writer, topic, at_ns, data)
+
+    monkeypatch.setattr(Writer, "write", write_interrupted)
+    with pytest.raises(KeyboardInterrupt), BagWriter(tmp_path / "bag", RAW) as bag:
+        write_bag(FRAMES, None, bag)
+    assert len(written) == 6
+    with BagRecording(tmp_path / "bag") as recording:
+        assert [frame.stamp_ns for frame in recording] == [f.stamp_ns for f in FRAMES[:2]]
 
 
 def test_an_existing_folder_is_refused_and_left_alone(tmp_path: Path) -> None:

@@ -144,6 +144,17 @@ def tum_with_faults(folder: Path) -> None:
     text(folder / "K.txt", K)
 
 
+def names_with_blanks(folder: Path) -> None:
+    """With blanks or quotes, in lists of stamps and files."""
+    images(folder, "rgb/an image {s}.png", "depth/{s}.png", 5000)
+    rows = [f"{stamp_s(i)} rgb/an image {stamp_s(i)}.png" for i in range(FRAMES)]
+    text(folder / "rgb.txt", "# timestamp filename", *rows)
+    rows = [f'{stamp_s(i)} "depth/{stamp_s(i)}.png"' for i in range(FRAMES)]
+    text(folder / "depth.txt", "# timestamp filename", *rows)
+    text(folder / "groundtruth.txt", "timestamp tx ty tz qx qy qz qw", *tum_lines())
+    text(folder / "K.txt", K)
+
+
 def association(folder: Path, depth_first: bool) -> None:
     images(folder, "rgb/{s}.png", "depth/{s}.png", 5000)
     rows = []
@@ -289,6 +300,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "OpenLORIS with its sensors": openloris_as_packed,
     "ARKitScenes": arkit_scenes,
     "lists with faults": tum_with_faults,
+    "names with blanks": names_with_blanks,
     "association, colour first": lambda folder: association(folder, False),
     "association, depth first": lambda folder: association(folder, True),
     "association of numbers, in millimetres": numbered_association,

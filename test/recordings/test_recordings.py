@@ -18,6 +18,8 @@ from rgbd_glue_ros.recordings import (
     read_calibration,
     refuse_recording,
 )
+from rgbd_glue_ros.recordings.folder.lists import read_association
+from rgbd_glue_ros.recordings.left_out import LeftOut, left_out_of
 from rgbd_glue_ros.types import CameraIntrinsics, UInt8
 
 CAMERA = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5)
@@ -89,6 +91,48 @@ def test_colour_and_depth_are_paired_one_to_one(tmp_path: Path) -> None:
     (folder / "depth.txt").write_text("1.008 depth/0.png\n2.021 depth/1.png\n")
     frames = list(open_recording(folder, calibration=CAMERA))
     assert [frame.stamp_ns for frame in frames] == [1_010_000_000]
+
+
+def test_lines_that_repeat_a_stamp_are_skipped_counted_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write_tum_folder(tmp_path / "freiburg1", frames=4)
+    for name in ("rgb.txt", "depth.txt"):
+        lines = (folder / name).read_text().splitlines()
+        (folder / name).write_text("".join(f"{line}\n" * 2 for line in lines))
+    with open_recording(folder, calibration=CAMERA) as sequence:
+        assert sequence.frame_count == 4
+        stamps = [frame.stamp_ns for frame in sequence]
+        left_out = left_out_of(sequence)
+    assert stamps == sorted(set(stamps))
+    assert left_out == LeftOut({"color": 4, "depth": 4}, {"color": 0, "depth": 0}, duplicates=4)
+    assert caplog.text.count("images that repeat a stamp and were left out: 4") == 1
+
+
+def test_an_association_that_lists_a_frame_twice_gives_it_once(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "freiburg1", frames=4)
+    rows = [f"{i}.0 rgb/{i}.png {i}.0 depth/{i}.png\n" for i in (0, 1, 1, 2, 3)]
+    (folder / "associations.txt").write_text("".join(rows))
+    found = read_association(folder / "associations.txt")
+    assert [pair.color.name for pair in found.pairs] == ["0.png", "1.png", "2.png", "3.png"]
+    assert found.left_out.duplicates == 1
+
+
+def test_listed_images_without_a_partner_are_counted_and_told_from_a_tenth_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write_tum_folder(tmp_path / "freiburg1", frames=30)
+    lines = (folder / "depth.txt").read_text().splitlines(keepends=True)
+    for missing, is_said in ((2, False), (4, True)):
+        (folder / "depth.txt").write_text("".join(lines[:10] + lines[10 + missing :]))
+        caplog.clear()
+        with open_recording(folder, calibration=CAMERA) as sequence:
+            assert len(list(sequence)) == 30 - missing
+            left_out = left_out_of(sequence)
+        assert left_out.unpaired == {"color": missing, "depth": 0}
+        said = f"{missing} of 30 color images have no partner near their stamp"
+        assert (said in caplog.text) == is_said
+    assert "the longest time without a frame is 0.50 s" in caplog.text
 
 
 @pytest.mark.parametrize(

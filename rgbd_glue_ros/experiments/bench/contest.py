@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.evaluation.run_record import stage_medians
 from rgbd_glue_ros.experiments.bench.figures import errors, honesty, losses, times
 from rgbd_glue_ros.experiments.peers import NoTransformError, Peer
@@ -89,6 +89,7 @@ class _Score:
     wall_ms: list[float] = field(default_factory=list)
     cpu_ms: list[float] = field(default_factory=list)
 
+    @uninterrupted()
     def process(self, frame: RgbdFrame) -> None:
         wall, cpu = perf_counter(), process_time()
         T = self.contestant.process(frame)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
@@ -49,21 +51,35 @@ ODOMETRY, CLOUD = "odometry.txt", "map.ply"
 class MappingSink:
     """Passes the keyframes of an odometry to a mapper, and keeps their clouds.
 
+    Where the odometry starts anew, so does the map; that of the longest part is in ``longest``.
+
     Attributes:
-        clouds: of the keyframes, each in its camera's frame.
+        mapper: of the part in work.
+        clouds: of its keyframes, each in its camera's frame.
         ms: time spent on each keyframe, milliseconds.
     """
 
-    def __init__(self, odometry: Odometry, mapper: Mapper) -> None:
+    def __init__(self, odometry: Odometry, new_mapper: Callable[[], Mapper]) -> None:
         self._odometry = odometry
-        self._mapper = mapper
+        self._new_mapper = new_mapper
+        self.mapper = new_mapper()
         self.clouds: list[ColoredCloud] = []
         self.ms: list[float] = []
+        self._parts = [(self.mapper, self.clouds)]
+
+    def start_anew(self) -> None:
+        """Begins another map."""
+        self.mapper, self.clouds = self._new_mapper(), []
+        self._parts.append((self.mapper, self.clouds))
+
+    def longest(self, run: Run) -> tuple[Mapper, list[ColoredCloud]]:
+        """Mapper and clouds of the longest part of a run."""
+        return self._parts[run.longest_row]
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Adds a frame."""
-        start_row = self._mapper.session_start
-        self._mapper.add_edges(
+        start_row = self.mapper.session_start
+        self.mapper.add_edges(
             tuple(
                 replace(edge, parent=start_row + edge.parent, child=start_row + edge.child)
                 for edge in estimate.edges
@@ -75,7 +91,7 @@ class MappingSink:
         start = perf_counter()
         kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
         kept = replace(kept, number=start_row + kept.number)
-        self._mapper.add(kept, self._odometry.learnt_config())
+        self.mapper.add(kept, self._odometry.learnt_config())
         self.ms.append(1000 * (perf_counter() - start))
         self.clouds.append(cloud_of(frame))
 
@@ -140,12 +156,18 @@ def map_recording(
     load_gtsam()
     # learned features have networks, which are loaded once
     glue = Glue(config)
-    odometry, mapper = Odometry(config, glue), Mapper(config, glue, SearchTree())
-    if before is not None:
-        mapper.restore(before)
-    sink = MappingSink(odometry, mapper)
+    odometry = Odometry(config, glue)
+
+    @uninterrupted()
+    def new_mapper() -> Mapper:
+        mapper = Mapper(config, glue, SearchTree())
+        if before is not None:
+            mapper.restore(before)
+        return mapper
+
+    sink = MappingSink(odometry, new_mapper)
     inputs, further = inputs or InputConfig(), (ODOMETRY, CLOUD)
-    with results_of(sequence.name, config, folder, inputs, further) as results:
+    with results_of(sequence.name, config, folder, inputs, further) as results, ExitStack() as end:
         run = replay_into(
             results,
             sequence,
@@ -157,6 +179,10 @@ def map_recording(
             odometry=odometry,
             command=command,
         )
+        # an interrupt inside of GTSAM is a crash, and the rest takes seconds
+        end.enter_context(uninterrupted())
+        whole, run = run, run.longest_part
+        mapper, clouds = sink.longest(whole)
         write_tum(folder / ODOMETRY, run.trajectory)
         start = perf_counter()
         optimum = mapper.finish()
@@ -164,10 +190,10 @@ def map_recording(
         mapped = _mapped(run, mapper, optimum)
         write_tum(folder / TRAJECTORY, mapped.trajectory)
         if shown is not None:
-            shown.correct(mapped.trajectory, mapped.pose_graph)
+            shown.correct(mapped.trajectory, mapped.pose_graph, _keyframes_before(whole))
         if save_map is not None:
             write_map(save_map, mapper.saved(optimum.graph))
-        cloud = fused(sink.clouds, optimum.graph.keyframes.poses[mapper.session_start :])
+        cloud = fused(clouds, optimum.graph.keyframes.poses[mapper.session_start :])
         write_ply(folder / CLOUD, cloud)
         mapped = replace(mapped, map_jpeg=map_jpeg(cloud, mapped.trajectory.poses))
         figures = write_results(
@@ -178,9 +204,25 @@ def map_recording(
                 "loops": _loops(optimum),
                 "mapping_ms": {"keyframe_p50": float(np.median(sink.ms)), "finish": finish_ms},
                 "map_points": len(cloud),
+                **_of_the_whole(whole),
             },
         )
     return MappedRun(mapped, optimum, cloud, figures)
+
+
+def _of_the_whole(run: Run) -> dict[str, Any]:
+    """Figures of a run of which a part is mapped."""
+    return {
+        "played": len(run.frames),
+        "fps": len(run.frames) / run.wall_s,
+        "restarts": len(run.restarts),
+    }
+
+
+def _keyframes_before(run: Run) -> int:
+    """How many keyframes there are before the longest part of a run."""
+    before = run.parts[: run.longest_row]
+    return sum(len(part.pose_graph.keyframes) for part in before)
 
 
 def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:

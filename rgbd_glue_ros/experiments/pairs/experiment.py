@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments.batch.journal import Journal
 from rgbd_glue_ros.experiments.batch.workers import Pool, Serial
@@ -115,8 +116,9 @@ def _measured(
         finally:
             results = collector.results(plan, names, absent)
             if results.by_method:
-                figures = results.figures(experiment.config, experiment.every)
-                write_report(folder, experiment.config, results, figures)
+                with uninterrupted():
+                    figures = results.figures(experiment.config, experiment.every)
+                    write_report(folder, experiment.config, results, figures)
                 for problem in results.problems:
                     logger.warning("%s", problem)
     if not results.by_method:
@@ -126,8 +128,9 @@ def _measured(
         raise InputError("--gap", f"no two frames with ground truth are {gap} apart", "give less")
     shown = chosen([(path, pair[GLUE]) for path, pair in collector.in_order(plan)])
     method = method_of(experiment.config)
-    pictures = examples(shown, open_source, method, experiment.config.camera)
-    write_report(folder, experiment.config, results, figures, pictures)
+    with uninterrupted():
+        pictures = examples(shown, open_source, method, experiment.config.camera)
+        write_report(folder, experiment.config, results, figures, pictures)
     return figures
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S
@@ -104,14 +105,17 @@ def evaluate_pairs(
         if pose is None:
             yield Unposed(index)
             continue
-        frames[index] = PairFrame(recording.name, index, view_of(image, camera), pose)
+        with uninterrupted():
+            frames[index] = PairFrame(recording.name, index, view_of(image, camera), pose)
         for target in targets.get(index, ()):
             if target in frames:
-                yield {
-                    name: evaluate_pair(method, frames[index], frames[target])
-                    for name, method in methods.items()
-                }
+                yield _evaluated(methods, frames[index], frames[target])
         frames = {i: frame for i, frame in frames.items() if last_use.get(i, 0) > index}
+
+
+@uninterrupted()
+def _evaluated(methods: Mapping[str, PairMethod], source: PairFrame, target: PairFrame) -> Results:
+    return {name: evaluate_pair(method, source, target) for name, method in methods.items()}
 
 
 def _read(

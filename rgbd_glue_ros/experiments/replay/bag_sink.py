@@ -102,6 +102,11 @@ class BagSink:
         if estimate.covariance is not None and estimate.twist is not None:
             self._write(topics.ODOM, frame.stamp_ns, self._odometry(pose, estimate, camera))
 
+    def start_anew(self) -> None:
+        """Begins another path, as the node does."""
+        self._path.clear()
+        self._diagnosed_ns = None
+
     def close(self) -> None:
         """Writes the path, index and metadata; raises InputError if they cannot be written."""
         try:

@@ -8,15 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
-from time import perf_counter
 from types import MappingProxyType
 from typing import Any
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.pose_graph import GraphReader, write_graph
 from rgbd_glue_ros.evaluation.run_record import Run, metrics
 from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
+from rgbd_glue_ros.experiments.replay.frame_loop import FrameLoop
 from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
@@ -24,24 +25,18 @@ from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
 from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
-from rgbd_glue_ros.odometry.depth_diagnosis import (
-    doubt_of_scale,
-    explain_no_pose,
-)
+from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
 from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
+from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.slam.cloud import write_ply
 from rgbd_glue_ros.slam.picture import map_jpeg
 from rgbd_glue_ros.types import (
-    ImuCalibration,
     ImuSamples,
-    ImuUse,
     OdometryEstimate,
-    RgbdFrame,
-    TrackingState,
     Trajectory,
 )
 
@@ -127,32 +122,21 @@ def replay_into(
     pictures, clouds = Thumbnails(), KeyframeClouds()
     takers = (pictures, *(() if cloud is None else (clouds,)), *sinks)
     odometry = odometry or Odometry(config)
-    odometry.add_imu(imu_of(sequence) or ImuSamples.empty())
-    start = perf_counter()
+    imu = imu_of(sequence) or ImuSamples.empty()
     last: OdometryEstimate | None = None
     try:
         with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
+            frames = FrameLoop(run, odometry, imu, trajectory, takers, on_frame)
             for frame in islice(sequence, limit):
-                if not run.frames:
-                    _warn_of_scale(frame, sequence.name)
-                starts = odometry.state is TrackingState.INITIALIZING
-                before = perf_counter()
-                estimate = odometry.process(frame)
-                now = perf_counter()
-                run.add(estimate, 1000 * (now - before))
-                run.wall_s = now - start
-                run.imu = _learnt(odometry)
-                if estimate.T_odom_camera is not None:
-                    run.up = odometry.up(estimate.stamp_ns) if starts else run.up
-                    trajectory.append(estimate.stamp_ns, estimate.T_odom_camera)
-                for taker in takers:
-                    taker.add(frame, estimate)
-                on_frame(estimate)
-                last = estimate
+                frames.take(frame)
+            last = frames.last
     except InputError as error:
         raise _after_frames(error, len(run.frames)) from error
     finally:
-        with ExitStack() as left:
+        with uninterrupted(), ExitStack() as left:
+            left_out = left_out_of(sequence)
+            run.duplicates += left_out.duplicates
+            run.unpaired = left_out.unpaired
             for sink in sinks:
                 left.callback(sink.close)
             if run.frames:
@@ -162,6 +146,7 @@ def replay_into(
     if not run.frames:
         raise InputError(sequence.name, "holds no frames", "give a recording with RGB-D frames")
     _warn_of_imu(odometry)
+    _warn_of_restarts(run)
     if last is not None and len(run.trajectory) == 0:
         why = explain_no_pose(last, config.camera)
         raise InputError(
@@ -183,24 +168,23 @@ def _leave_cloud(left: ExitStack, file: Path | None, clouds: KeyframeClouds, run
     if file is not None:
         seen = clouds.fused()
         left.callback(write_ply, file, seen)
-        run.map_jpeg = map_jpeg(seen, run.trajectory.poses)
+        run.map_jpeg = map_jpeg(seen, run.longest_part.trajectory.poses)
 
 
-def _learnt(odometry: Odometry) -> ImuCalibration | None:
-    imu = odometry.imu_calibration
-    return None if imu.use is ImuUse.NONE else imu
+def _warn_of_restarts(run: Run) -> None:
+    if run.restarts:
+        logger.warning(
+            "%s: time went back (a bag in a loop?), and the odometry started anew, in an odom "
+            "frame of its own. Of %d parts, errors, pose graph and report are of the longest, "
+            "%d of %d frames",
+            *(run.sequence, len(run.parts), len(run.longest_part.frames), len(run.frames)),
+        )
 
 
 def _warn_of_imu(odometry: Odometry) -> None:
     distrust = explain_distrust(odometry.imu_calibration)
     if distrust is not None:
         logger.warning("imu: %s", distrust)
-
-
-def _warn_of_scale(frame: RgbdFrame, name: str) -> None:
-    doubt = doubt_of_scale(frame.depth)
-    if doubt is not None:
-        logger.warning("%s: %s", name, doubt)
 
 
 def _recording_of(folder: Path) -> str | None:
@@ -235,10 +219,13 @@ def results_of(
     return results
 
 
+@uninterrupted()
 def write_results(
     run: Run, folder: Path, measured: Mapping[str, Any] = MappingProxyType({})
 ) -> dict[str, Any]:
     """Writes figures, report and pose graph of a run with at least one frame.
+
+    Where the odometry started anew, report, errors and pose graph are of the longest part.
 
     Args:
         run: the run.
@@ -248,14 +235,16 @@ def write_results(
     Returns:
         The figures written.
     """
-    evaluation = _evaluation(run)
+    # of one time, and in one odom frame
+    part = run.longest_part
+    evaluation = _evaluation(part)
     figures = {**metrics(run, evaluation), **measured}
-    graph = run.pose_graph
+    graph = part.pose_graph
     write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
     write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
     write_whole(folder / METRICS, json_text(figures))
     colophon = Colophon.now(run.command, run.sequence)
-    write_whole(folder / REPORT, render(run, figures, evaluation, colophon))
+    write_whole(folder / REPORT, render(part, figures, evaluation, colophon))
     return figures
 
 

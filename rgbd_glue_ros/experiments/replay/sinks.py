@@ -13,6 +13,9 @@ class FrameSink(Protocol):
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Adds a frame."""
 
+    def start_anew(self) -> None:
+        """Time went back, and the odometry starts anew: the next pose is in another frame."""
+
     def close(self) -> None:
         """Completes the output; called however the replay ends."""
 
@@ -26,6 +29,10 @@ class LeftOpen:
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Adds a frame."""
         self._sink.add(frame, estimate)
+
+    def start_anew(self) -> None:
+        """Starts anew."""
+        self._sink.start_anew()
 
     def close(self) -> None:
         """Does nothing: its owner closes it."""

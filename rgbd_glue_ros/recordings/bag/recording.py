@@ -37,6 +37,13 @@ from rgbd_glue_ros.recordings.bag.topics import (
     find_info,
 )
 from rgbd_glue_ros.recordings.faults import Faults
+from rgbd_glue_ros.recordings.left_out import (
+    COLOR,
+    DEPTH,
+    FrameGaps,
+    LeftOut,
+    warn_of_left_out,
+)
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, ImuSamples, RgbdFrame, Trajectory
@@ -88,6 +95,7 @@ class BagRecording(Closing):
         self._bag = BagFile(path)
         self._inputs = inputs or InputConfig()
         self.skipped = 0
+        self._sync: Synchronizer[Any] = self._new_synchronizer()
         have = self._bag.topics
         try:
             encoding = self._bag.encoding
@@ -168,16 +176,13 @@ class BagRecording(Closing):
         Raises:
             InputError: at the end, if the bag is damaged there or gave no frame at all.
         """
-        is_empty = True
-        faults = Faults()
-        sync: Synchronizer[Any] = Synchronizer(
-            round(self._inputs.max_interval_s * NANOSECONDS), QUEUE_SIZE
-        )
+        faults, gaps = Faults(), FrameGaps()
+        sync = self._sync = self._new_synchronizer()
         for result in mapped_ahead(self._frame, self._watched(self._matches(sync, faults))):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
-                is_empty = False
+                gaps.add(result.stamp_ns)
                 yield result
         self.skipped = faults.count
         if self._bag.damage is not None:
@@ -186,10 +191,27 @@ class BagRecording(Closing):
                 f"{self._bag.damage}; what could be read before that was used",
                 "copy or record it again",
             )
-        if is_empty:
+        if gaps.is_empty:
             raise faults.first or _nothing_paired(self._bag.path, self._topics, sync)
         if faults.count:
             logger.warning("%s: %d messages or frames skipped", self._bag.path, faults.count)
+        warn_of_left_out(self._bag.path, self.left_out, gaps)
+
+    @property
+    def left_out(self) -> LeftOut:
+        """What the last iteration left out, so far."""
+        counts = {
+            kind: self._sync.counts[channel]
+            for kind, channel in ((COLOR, Channel.COLOR), (DEPTH, Channel.DEPTH))
+        }
+        return LeftOut(
+            images={kind: c.received - c.duplicates for kind, c in counts.items()},
+            unpaired={kind: c.left_out for kind, c in counts.items()},
+            duplicates=max(c.duplicates for c in counts.values()),
+        )
+
+    def _new_synchronizer(self) -> Synchronizer[Any]:
+        return Synchronizer(round(self._inputs.max_interval_s * NANOSECONDS), QUEUE_SIZE)
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
         """The frames with these increasing numbers; all before the last of them are read too."""

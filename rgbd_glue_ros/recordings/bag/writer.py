@@ -18,7 +18,7 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.typesys import Stores, get_typestore
 
-from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import (
     CompressedImage,
@@ -219,6 +219,7 @@ class BagWriter(Closing):
         pose = pose_stamped(T_world_camera, header(stamp_ns, WORLD_FRAME))
         self._writer.write(self._pose, stamp_ns, _TYPES.serialize_cdr(pose, _POSE_TYPE))
 
+    @uninterrupted()
     def close(self) -> None:
         """Writes index and metadata."""
         self._writer.close()

@@ -14,7 +14,8 @@ from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S, associate
 from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
 from rgbd_glue_ros.files.reading import inside
 from rgbd_glue_ros.parameters import metres_per_unit
-from rgbd_glue_ros.recordings.image_sequence import ImagePair
+from rgbd_glue_ros.recordings.image_sequence import ImagePair, ImagePairs
+from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
 from rgbd_glue_ros.types import NANOSECONDS, Int64
 
 logger = logging.getLogger(__name__)
@@ -37,10 +38,12 @@ class ListedImages:
     Attributes:
         stamps_ns: of each, int64 [N].
         files: of each.
+        duplicates: how many lines repeat a stamp; the first one counts.
     """
 
     stamps_ns: Int64
     files: tuple[Path, ...]
+    duplicates: int = 0
 
 
 def lists_in(folder: Path) -> tuple[Path, Path] | None:
@@ -66,7 +69,7 @@ def scale_in_comments(depth_list: Path) -> float | None:
         return None
 
 
-def paired(color_list: Path, depth_list: Path) -> tuple[ImagePair, ...]:
+def paired(color_list: Path, depth_list: Path) -> ImagePairs:
     """The frames of two lists, one-to-one by time.
 
     Raises:
@@ -74,17 +77,18 @@ def paired(color_list: Path, depth_list: Path) -> tuple[ImagePair, ...]:
     """
     color, depth = read_list(color_list), read_list(depth_list)
     rows = zip(*associate(color.stamps_ns, depth.stamps_ns), strict=True)
-    pairs = tuple(
+    pairs = [
         ImagePair(int(color.stamps_ns[i]), color.files[i], int(depth.stamps_ns[j]), depth.files[j])
         for i, j in rows
-    )
+    ]
     if not pairs:
         raise InputError(
             color_list.parent,
             f"no colour and depth images are within {MAX_TIME_DIFFERENCE_S} s of each other",
             f"check the stamps in {color_list.name} and {depth_list.name}",
         )
-    return pairs
+    images = {COLOR: len(color.files), DEPTH: len(depth.files)}
+    return ImagePairs.of(pairs, images, max(color.duplicates, depth.duplicates))
 
 
 def read_list(path: Path) -> ListedImages:
@@ -94,17 +98,19 @@ def read_list(path: Path) -> ListedImages:
         InputError: the file cannot be read, or has no such line.
     """
     rows = _rows(path, 2)
-    stamps = stamps_ns([stamp for stamp, _ in rows])
-    return ListedImages(
-        np.array(stamps, np.int64), tuple(inside(path.parent, name) for _, name in rows)
-    )
+    files: dict[int, Path] = {}
+    for stamp, (_, name) in zip(stamps_ns([stamp for stamp, _ in rows]), rows, strict=True):
+        files.setdefault(stamp, inside(path.parent, name))
+    stamps = np.array(list(files), np.int64)
+    return ListedImages(stamps, tuple(files.values()), len(rows) - len(files))
 
 
-def read_association(path: Path) -> tuple[ImagePair, ...]:
-    """The frames in lines of two stamps and files, colour or depth first; others are skipped.
+def read_association(path: Path) -> ImagePairs:
+    """The frames of lines of two stamps and files, colour or depth first; others are skipped.
 
     Depth is identified by its name. Stamps that are whole numbers starting from a small one are
-    numbers of frames, at ``RATE_HZ`` per second.
+    numbers of frames, at ``RATE_HZ`` per second. Of lines with one stamp of colour, the first is
+    taken.
 
     Raises:
         InputError: the file cannot be read, has no such line, or depth cannot be identified.
@@ -125,11 +131,13 @@ def read_association(path: Path) -> tuple[ImagePair, ...]:
         [frame_stamp_ns(int(text)) for text in texts] if is_numbered else stamps_ns(texts)
         for texts in times
     )
-    frames = [
-        ImagePair(c, inside(path.parent, row[color + 1]), d, inside(path.parent, row[depth + 1]))
-        for c, d, row in zip(color_ns, depth_ns, rows, strict=True)
-    ]
-    return tuple(sorted(frames, key=lambda pair: pair.stamp_ns))
+    frames: dict[int, ImagePair] = {}
+    for c, d, row in zip(color_ns, depth_ns, rows, strict=True):
+        of_color, of_depth = (inside(path.parent, row[at + 1]) for at in (color, depth))
+        frames.setdefault(c, ImagePair(c, of_color, d, of_depth))
+    in_order = sorted(frames.values(), key=lambda pair: pair.stamp_ns)
+    images = {COLOR: len(frames), DEPTH: len(frames)}
+    return ImagePairs.of(in_order, images, len(rows) - len(frames))
 
 
 def frame_stamp_ns(number: int) -> int:
@@ -138,7 +146,7 @@ def frame_stamp_ns(number: int) -> int:
 
 
 def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
-    """The first words of every line, as many as columns, if every other one is a number."""
+    """The stamps and files at the start of every line, as many as columns."""
     _, lines = read_lines(path)
     rows = []
     skipped = []
@@ -163,17 +171,34 @@ def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
 
 
 def _stamp_first(line: Line, columns: int) -> tuple[str, ...] | None:
-    words = line.words[:columns]
-    if len(words) < columns:
-        return None
+    """Stamps and files in turn, as many as columns; None where a line does not begin with these."""
+    found: list[str] = []
+    words = list(line.words)
     try:
-        for at in range(0, columns, 2):
-            if not _is_file(words[at + 1]):
-                return None
-            stamps_ns([words[at]])
-    except (ValueError, ArithmeticError):
+        while len(found) < columns:
+            stamps_ns(words[:1])
+            count, name = _first_file(words[1:])
+            found += words[0], name
+            words = words[1 + count :]
+    except (ValueError, ArithmeticError, IndexError):
         return None
-    return words
+    return tuple(found)
+
+
+def _first_file(words: list[str]) -> tuple[int, str]:
+    """The file that words begin with, which may have blanks in its name and stand in quotes.
+
+    Returns:
+        Of how many words it is, and its name.
+
+    Raises:
+        ValueError: they begin with none.
+    """
+    for count in range(1, len(words) + 1):
+        name = " ".join(words[:count]).strip("\"'")
+        if _is_file(name):
+            return count, name
+    raise ValueError("no file")
 
 
 def _is_file(word: str) -> bool:

@@ -24,6 +24,7 @@ from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
     ImagePair,
+    ImagePairs,
     ImageSequence,
     read_image,
 )
@@ -72,7 +73,8 @@ def open_folder(
     Raises:
         InputError: the images, or their camera, are missing, ambiguous or do not fit.
     """
-    pairs, encoding = _frames(folder, color, depth)
+    found, encoding = _frames(folder, color, depth)
+    pairs = found.pairs
     told = _calibration(folder) if calibration is None else Calibration(calibration)
     color_shape, depth_shape = _first_readable(pairs)
     if depth_camera is None:
@@ -87,13 +89,12 @@ def open_folder(
         truth_of(folder, pairs),
         color_shape[::-1],
         depth_camera=depth_camera,
+        left_out=found.left_out,
     )
     return sequence.with_told_scale(told.depth_scale)
 
 
-def _frames(
-    folder: Path, color: str | None, depth: str | None
-) -> tuple[tuple[ImagePair, ...], DepthEncoding]:
+def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePairs, DepthEncoding]:
     if color is None and depth is None:
         both = lists.lists_in(folder)
         if both is not None:

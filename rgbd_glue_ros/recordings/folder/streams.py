@@ -17,7 +17,8 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory import associate
 from rgbd_glue_ros.evaluation.trajectory_text import stamps_ns
 from rgbd_glue_ros.recordings.folder.lists import frame_stamp_ns
-from rgbd_glue_ros.recordings.image_sequence import IMAGE_TYPES, ImagePair
+from rgbd_glue_ros.recordings.image_sequence import IMAGE_TYPES, ImagePair, ImagePairs
+from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
 
 # Names of a folder in a recording with both images; others are separate recordings
 _BOTH = re.compile(r"results?|data|images?|frames|rgbd|cam(era)?_?\d*", re.I)
@@ -137,7 +138,7 @@ def _chosen(folder: Path, streams: list[Stream], what: str, wanted: str | None) 
     raise InputError(folder, cause, f"give one of them (--{what}-topic NAME)")
 
 
-def paired(folder: Path, color: Stream, depth: Stream) -> tuple[ImagePair, ...]:
+def paired(folder: Path, color: Stream, depth: Stream) -> ImagePairs:
     """The frames of two streams: by the numbers in the names, or by time if these are stamps.
 
     Raises:
@@ -161,7 +162,8 @@ def paired(folder: Path, color: Stream, depth: Stream) -> tuple[ImagePair, ...]:
             "give both images of a frame the same number, or list them in associations.txt "
             "(stamp color stamp depth)",
         )
-    return tuple(sorted(pairs, key=lambda pair: pair.stamp_ns))
+    images = {COLOR: len(color_files), DEPTH: len(depth_files)}
+    return ImagePairs.of(sorted(pairs, key=lambda pair: pair.stamp_ns), images, 0)
 
 
 def _by_number(color: Stream, depth: Stream) -> list[ImagePair]:
