@@ -88,8 +88,9 @@ class MappingNode(LoggedNode):
         self._depth_camera = DepthCameraInput(self, self._config, transforms)
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
-        self._worker: QueueWorker[tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge] = QueueWorker(
-            self._process, KEYFRAMES_WAITING
+        # of a keyframe whose images are lost, no frame
+        self._worker: QueueWorker[tuple[NewKeyframe, RgbdFrame | None] | PoseGraphEdge] = (
+            QueueWorker(self._process, KEYFRAMES_WAITING)
         )
         self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
         self._inputs = node_inputs(self, self._config, self._receive)
@@ -170,17 +171,19 @@ class MappingNode(LoggedNode):
         return not self._frames or next(reversed(self._frames)) < item.stamp_ns
 
     def _submit_keyframe(self, keyframe: NewKeyframe) -> None:
-        match = self._frames.get(keyframe.stamp_ns)
+        frame, match = None, self._frames.get(keyframe.stamp_ns)
         if match is None:
             self.get_logger().warning(
                 f"Keyframe {keyframe.number} has no image at its stamp; it is left out"
             )
-            return
-        try:
-            self._worker.submit((keyframe, self._frame(match)))
-        except InputError as fault:
-            if self.is_news(fault.where, fault.cause):
-                self.get_logger().error(str(fault))
+        else:
+            try:
+                frame = self._frame(match)
+            except InputError as fault:
+                if self.is_news(fault.where, fault.cause):
+                    self.get_logger().error(str(fault))
+        # its edge leads from the keyframe before to those that come, with images or without
+        self._worker.submit((keyframe, frame))
 
     def _frame(self, match: Match[Any]) -> RgbdFrame:
         color, depth, info = (i.topic for i in self._inputs)
@@ -190,7 +193,7 @@ class MappingNode(LoggedNode):
 
     # Work, on the worker's thread
 
-    def _process(self, item: tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge) -> None:
+    def _process(self, item: tuple[NewKeyframe, RgbdFrame | None] | PoseGraphEdge) -> None:
         try:
             with self._map_lock:
                 if isinstance(item, PoseGraphEdge):
@@ -207,14 +210,18 @@ class MappingNode(LoggedNode):
             T_child_camera = se3.inverse(extrinsics.T_camera_child)
             self._map.add_edge(moved_edge(edge, T_child_camera))
 
-    def _add(self, keyframe: NewKeyframe, frame: RgbdFrame) -> None:
-        extrinsics = self._extrinsics.of(frame.frame_id)
+    def _add(self, keyframe: NewKeyframe, frame: RgbdFrame | None) -> None:
+        if keyframe.is_anew:
+            self._map.clear()
+        known = self._extrinsics.known
+        extrinsics = known if frame is None else self._extrinsics.of(frame.frame_id)
         if extrinsics is None:
             return
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
-        if keyframe.is_anew:
-            self._map.clear()
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
+        if frame is None:
+            self._map.skip(keyframe.number, edges)
+            return
         before, was_placed = self._map.loops, self._map.is_placed
         keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)
         if self._config.localize_only:

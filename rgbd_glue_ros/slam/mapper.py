@@ -74,6 +74,11 @@ class Mapper:
         """Takes what the odometry measured."""
         self.edges += edges
 
+    def remove_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
+        """Forgets edges that were taken or found, such as those that spoil the optimum."""
+        removed = {id(edge) for edge in edges}
+        self.edges = [edge for edge in self.edges if id(edge) not in removed]
+
     def add(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
         """Takes a keyframe, and looks for places that it looks like.
 
@@ -84,11 +89,24 @@ class Mapper:
         Returns:
             The loops found.
         """
+        # so that it has its number whatever becomes of the search
+        self.keyframes.append(keyframe)
+        return self.find_loops(keyframe, config)
+
+    def find_loops(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
+        """Looks for places that a keyframe looks like, which later ones may look like from now on.
+
+        Args:
+            keyframe: of ``keyframes``; to be looked for once.
+            config: as of ``add``.
+
+        Returns:
+            The loops found, which are among ``edges``.
+        """
         self._config = config
         descriptors = self._descriptors(keyframe)
         alike = self._appearance.like(descriptors)
         self._appearance.add(keyframe.number, descriptors)
-        self.keyframes.append(keyframe)
         loops = self._loops(keyframe, alike)
         self.edges += loops
         return loops

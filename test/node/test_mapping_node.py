@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -80,13 +81,22 @@ class Session:
         taken = [publisher.get_subscription_count() for publisher in publishers]
         return min(taken) > 0 and bool(self._robot.node.count_publishers(MAP_PATH))
 
-    def publish(self, keyframe: Drifted, T_odom_camera: Float64) -> None:
-        """A keyframe with its edges: its images come last."""
+    def publish(
+        self,
+        keyframe: Drifted,
+        T_odom_camera: Float64,
+        *,
+        is_seen: bool = True,
+        later_ns: int = 0,
+    ) -> None:
+        """A keyframe with its edges: its images come last, or are lost."""
         frame = recorded_frames()[keyframe.row]
+        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns)
         self._poses.publish(pose_message(T_odom_camera, frame.stamp_ns))
         for edge in keyframe.edges:
             self._edges.publish(edge_message(edge, frame.stamp_ns))
-        self._robot.publish(frame)
+        if is_seen:
+            self._robot.publish(frame)
 
     def wait_for_path_of(self, count: int) -> None:
         """Waits until the map has so many keyframes."""
@@ -177,6 +187,38 @@ def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
+
+
+@pytest.mark.slow
+def test_keyframes_whose_images_are_lost_cost_no_other_and_no_new_beginning(
+    ros_domain: int,
+) -> None:
+    keyframes, lost = drifted()[:5], (1, 3)
+    with (
+        NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for number, keyframe in enumerate(keyframes):
+            session.publish(keyframe, keyframe.T_odom_camera, is_seen=number not in lost)
+        session.wait_for_path_of(3)
+        node.wait_for_line("Keyframe 3 has no image at its stamp; it is left out", START_S)
+        first = session.paths[-1]
+        # after a reset, with the first keyframe of the new graph lost
+        for number, keyframe in enumerate(keyframes[:4]):
+            seen = number != 0
+            session.publish(keyframe, keyframe.T_odom_camera, is_seen=seen, later_ns=10**10)
+        stamps = [recorded_frames()[k.row].stamp_ns + 10**10 for k in keyframes[1:4]]
+        robot.wait(
+            lambda: [stamp_ns(p.header.stamp) for p in session.paths[-1].poses] == stamps,
+            "the path of the new graph",
+            MAPPED_S,
+        )
+        assert not [line for line in node.lines if "Traceback" in line or "could not" in line]
+    kept = [keyframe for number, keyframe in enumerate(keyframes) if number not in lost]
+    found = np.array([pose_from_message(p, MAP_PATH) for p in first.poses])
+    for T, keyframe in zip(found, kept, strict=True):
+        assert se3.difference(T, keyframe.T_odom_camera) < 0.05
 
 
 @pytest.mark.slow

@@ -105,6 +105,21 @@ def test_who_only_locates_leaves_the_map_as_it_is() -> None:
     assert len(live.saved()) == len(first_session())
 
 
+@pytest.mark.slow
+def test_keyframes_that_no_edge_links_wait_for_a_place_of_the_map_and_are_placed_with_it() -> None:
+    live = LiveMap(config(), first_session())
+    elsewhere = [Keyed(frame, np.eye(4)) for frame in Pan(2)]
+    for number, keyed in enumerate(elsewhere):
+        live.add(number, keyed)
+    assert not live.is_placed
+    seen = replace(keyframes(T_MAP_ODOM)[0], edges=())
+    live.add(len(elsewhere), seen)
+    assert live.T_map_odom is not None
+    assert se3.difference(live.T_map_odom, T_MAP_ODOM) < 0.005
+    assert len(live.saved()) == len(first_session()) + len(elsewhere) + 1
+    assert live.loops >= 1
+
+
 def test_a_place_that_is_not_in_the_map_has_no_pose_in_it() -> None:
     live = LiveMap(config(), first_session())
     for number, frame in enumerate(Pan(3)):
