@@ -14,7 +14,9 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import (
+    RESULTS,
     TRAJECTORY,
     replay_into,
     results_of,
@@ -44,6 +46,9 @@ from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 ODOMETRY, CLOUD = "odometry.txt", "map.ply"
 """The trajectory before loops were closed, and the coloured cloud."""
+
+MAP_RESULTS = (*RESULTS, ODOMETRY, CLOUD)
+"""What is written to the folder."""
 
 
 class MappingSink:
@@ -133,11 +138,12 @@ def map_recording(
         shown: takes all of it for the Rerun viewer, and stays open; None for none.
 
     Raises:
-        InputError: the folder cannot be written, a frame cannot be read, or the recording shows
-            no place of the map before it.
+        InputError: the folder or the map cannot be written, a frame cannot be read, or the
+            recording shows no place of the map before it.
         MissingExtraError: the libraries of the extra slam are not installed.
     """
     load_gtsam()
+    check_places(folder, MAP_RESULTS, {"save_map": save_map})
     # learned features have networks, which are loaded once
     glue = Glue(config)
     odometry, mapper = Odometry(config, glue), Mapper(config, glue, SearchTree())
@@ -165,8 +171,6 @@ def map_recording(
         write_tum(folder / TRAJECTORY, mapped.trajectory)
         if shown is not None:
             shown.correct(mapped.trajectory, mapped.pose_graph)
-        if save_map is not None:
-            write_map(save_map, mapper.saved(optimum.graph))
         cloud = fused(sink.clouds, optimum.graph.keyframes.poses[mapper.session_start :])
         write_ply(folder / CLOUD, cloud)
         mapped = replace(mapped, map_jpeg=map_jpeg(cloud, mapped.trajectory.poses))
@@ -180,6 +184,9 @@ def map_recording(
                 "map_points": len(cloud),
             },
         )
+        # the largest comes last: on a disk that it fills, the others are of one state
+        if save_map is not None:
+            write_map(save_map, mapper.saved(optimum.graph))
     return MappedRun(mapped, optimum, cloud, figures)
 
 
