@@ -50,6 +50,7 @@ class Mapper:
         self._glue = glue
         self._appearance = appearance
         self._orb = orb(config.features)
+        self._before_name = ""
         self.session_start = 0
         self.keyframes: list[MapKeyframe] = []
         self.edges: list[PoseGraphEdge] = []
@@ -68,6 +69,7 @@ class Mapper:
             self._appearance.add(number, self._descriptors(keyframe))
             self.keyframes.append(keyframe)
         self.edges += saved.graph.edges
+        self._before_name = saved.name
         self.session_start = len(self.keyframes)
 
     def add_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
@@ -155,7 +157,9 @@ class Mapper:
         T_map_odom = self.T_map_odom()
         if T_map_odom is None:
             raise InputError(
-                "the map", "shows none of the places of this recording", "leave it out"
+                self._before_name,
+                "shows none of the places of this recording",
+                "give the map of this place, or none",
             )
         stamps = np.array([keyframe.stamp_ns for keyframe in self.keyframes], np.int64)
         poses = np.array([keyframe.T_odom_camera for keyframe in self.keyframes])
