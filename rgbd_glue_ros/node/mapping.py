@@ -200,6 +200,9 @@ class MappingNode(LoggedNode):
                     self._add_edge(item)
                 else:
                     self._add(*item)
+        except InputError as fault:
+            if self.is_news(fault.where, fault.cause):
+                self.get_logger().error(str(fault))
         except Exception as error:
             if self.is_news("a keyframe", repr(error)):
                 logger.exception("A keyframe could not be mapped; going on")

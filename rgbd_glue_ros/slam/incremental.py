@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.slam.optimiser import (
     TRUSTED,
     between_factor,
@@ -59,7 +60,7 @@ class IncrementalOptimiser:
         """The poses T_map_camera [4, 4] of all keyframes, with what was added since.
 
         Raises:
-            RuntimeError: there is no optimum, as where no edge leads to a keyframe. What was added
+            InputError: there is no optimum, as where no edge leads to a keyframe. What was added
                 since the update before is dropped, and the graph is as it was.
         """
         try:
@@ -70,7 +71,11 @@ class IncrementalOptimiser:
         except Exception as error:
             # iSAM2 keeps a part of what it could not solve, and would fail for ever
             self._restore()
-            raise RuntimeError(f"the pose graph has no optimum: {error}") from error
+            # GTSAM says what is wrong, and then at length what it means
+            why = (str(error).strip() or type(error).__name__).splitlines()[0]
+            cause = f"has no optimum with a keyframe or edge that came, which is left out ({why})"
+            remedy = "have this package's odometry publish them"
+            raise InputError("the pose graph", cause, remedy) from error
         finally:
             self._begin()
         self._solved.push_back(factors)

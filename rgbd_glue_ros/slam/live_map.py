@@ -108,8 +108,8 @@ class LiveMap:
             keyed: the keyframe.
 
         Raises:
-            InputError: its images are none that can be compared; its edges are kept.
-            RuntimeError: there is no optimum with it; it is left out.
+            InputError: its images are none that can be compared, and its edges are kept; or there
+                is no optimum with it, and it is left out.
         """
         row = len(self._mapper.keyframes) + len(self._waiting)
         try:
@@ -223,7 +223,7 @@ class LiveMap:
         """Takes an edge that came later, between keyframes that are known or were skipped.
 
         Raises:
-            RuntimeError: there is no optimum with it; it is left out.
+            InputError: there is no optimum with it; it is left out.
         """
         known = self._by_rows(edge)
         if known is not None:
