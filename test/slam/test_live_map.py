@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from contextlib import suppress
 from dataclasses import replace
 from statistics import median
 from time import process_time
@@ -15,10 +16,12 @@ from rigs.pose_graphs import random_graph
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.slam import mapper
 from rgbd_glue_ros.slam.edge_composition import composed
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap
+from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import optimise
 from rgbd_glue_ros.types import EdgeOrigin, PoseGraphEdge
 
@@ -177,3 +180,29 @@ def test_a_keyframe_with_which_there_is_no_optimum_is_left_out_and_the_map_goes_
     np.testing.assert_allclose(saved.graph.keyframes.poses[0], np.eye(4), atol=1e-3)
     assert np.isfinite(saved.graph.keyframes.poses).all()
     assert sorted(live.poses) == sorted(live.stamps_ns()) == [0, 1, 2]
+
+
+def test_loops_with_which_there_is_no_optimum_cost_no_keyframe(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    tried: list[tuple[int, int]] = []
+
+    def useless(parent: MapKeyframe, child: MapKeyframe, *_: object) -> PoseGraphEdge:
+        tried.append((parent.number, child.number))
+        covariance = np.full((6, 6), np.nan)
+        return PoseGraphEdge(*tried[-1], np.eye(4), covariance, EdgeOrigin.LOOP)
+
+    monkeypatch.setattr(mapper, "loop_edge", useless)
+    live = LiveMap(config())
+    for number in range(5):
+        with suppress(InputError):
+            live.add(number, keyed(number))
+    assert {child for _, child in tried} >= {3, 4}
+    assert live.loops == 0
+    saved = live.saved()
+    assert [edge for edge in saved.graph.edges if edge.origin is EdgeOrigin.LOOP] == []
+    expected = np.array([keyed(number).T_odom_camera for number in range(5)])
+    np.testing.assert_allclose(saved.graph.keyframes.poses, expected, atol=1e-3)
+    assert live.T_map_odom is not None
+    np.testing.assert_allclose(live.T_map_odom, np.eye(4), atol=1e-3)
