@@ -1,4 +1,4 @@
-"""What holds something open, and closes it at the end of a ``with``."""
+"""A base class for objects that are closed at the end of a ``with``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Releases what is held."""
+        """Releases all resources."""
 
     def __enter__(self: C) -> C:
         return self

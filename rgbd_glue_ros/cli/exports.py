@@ -1,4 +1,4 @@
-"""What ``replay`` and ``map`` write for other programs to look at."""
+"""Outputs of ``replay`` and ``map`` for other programs."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def add_rerun(parser: argparse.ArgumentParser) -> None:
         "--rerun",
         metavar="FILE.rrd",
         help="write images, scene, matches and plots for the Rerun viewer (extra viz), or show "
-        "them in one that runs: rerun+http://127.0.0.1:9876/proxy",
+        "them in a running one: rerun+http://127.0.0.1:9876/proxy",
     )
 
 
 def rerun_recording(
     args: argparse.Namespace, recording: Recording, truth: Trajectory | None
 ) -> RerunRecording | None:
-    """What ``--rerun`` asks for.
+    """The recording requested by ``--rerun``.
 
     Raises:
         InputError: it cannot be written.
@@ -89,12 +89,12 @@ def check(args: argparse.Namespace, folder: Path, results: Collection[str]) -> N
 def sinks(
     args: argparse.Namespace, recording: Recording, truth: Trajectory | None
 ) -> list[FrameSink]:
-    """What the arguments of ``add_exports`` ask for.
+    """The outputs requested by the arguments of ``add_exports``.
 
     Args:
         args: as parsed.
-        recording: that is replayed.
-        truth: its true trajectory; None takes what it knows.
+        recording: the replayed recording.
+        truth: its true trajectory; None uses the recording's own.
 
     Raises:
         InputError: it cannot be written.

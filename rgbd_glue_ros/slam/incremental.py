@@ -16,16 +16,16 @@ from rgbd_glue_ros.slam.optimiser import (
 )
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
-# Residuals beyond so many standard deviations lose weight (Cauchy): a false loop may be among them.
+# Residuals beyond this many standard deviations lose weight (Cauchy): some loops may be false.
 _ROBUST_SIGMAS = 3.0
 _RELINEARISE_BEYOND = 0.01
 
 
 class IncrementalOptimiser:
-    """Takes keyframes and edges one by one; what has not changed is not solved again."""
+    """Takes keyframes and edges one by one; unchanged parts are not solved again."""
 
     def __init__(self) -> None:
-        """An empty graph.
+        """Creates an empty graph.
 
         Raises:
             MissingExtraError: GTSAM is not installed.
@@ -40,7 +40,7 @@ class IncrementalOptimiser:
         params = self._gtsam.ISAM2Params()
         params.setRelinearizeThreshold(_RELINEARISE_BEYOND)
         params.relinearizeSkip = 1
-        # of long chains Cholesky runs out of digits
+        # for long chains Cholesky runs out of digits
         params.setFactorization("QR")
         return self._gtsam.ISAM2(params)
 
@@ -49,7 +49,7 @@ class IncrementalOptimiser:
         self._new_edges: list[PoseGraphEdge] = []
 
     def add(self, number: int, T_map_camera: Float64) -> None:
-        """Adds a keyframe where it is thought to be; the first stays there."""
+        """Adds a keyframe at its assumed pose; the first is fixed there."""
         self._new_keyframes.append((number, T_map_camera))
 
     def add_edge(self, edge: PoseGraphEdge) -> None:
@@ -57,7 +57,7 @@ class IncrementalOptimiser:
         self._new_edges.append(edge)
 
     def update(self) -> dict[int, Float64]:
-        """The poses T_map_camera [4, 4] of all keyframes, with what was added since.
+        """The poses T_map_camera [4, 4] of all keyframes, including recent additions.
 
         Raises:
             InputError: there is no optimum, as where no edge leads to a keyframe. What was added

@@ -53,23 +53,23 @@ class _New:
 
 
 class LiveMap:
-    """Closes loops as keyframes come.
+    """Closes loops as keyframes arrive.
 
-    With a map made before, keyframes wait until one of them shows a place of it. A keyframe with
+    With an existing map, keyframes wait until one of them shows a place of it. A keyframe with
     which there is no optimum is left out, and the map goes on: every row has a pose.
 
     Attributes:
         poses: T_map_camera [4, 4] of every keyframe, by its row.
-        loops: how many were closed.
-        T_map_odom: float64 [4, 4]; None as long as no place of the map was recognised.
+        loops: number of closed loops.
+        T_map_odom: float64 [4, 4]; None until a place of the map is recognised.
     """
 
     def __init__(self, config: Config, before: SavedMap | None = None) -> None:
-        """A map to begin with.
+        """Creates a map.
 
         Args:
             config: how keyframes are compared.
-            before: a map made before; None begins an empty one.
+            before: an existing map; None starts an empty one.
 
         Raises:
             MissingExtraError: the libraries of the extra slam are not installed.
@@ -80,7 +80,7 @@ class LiveMap:
         self.clear()
 
     def clear(self) -> None:
-        """Begins anew, from the map made before if there is one."""
+        """Starts over, from the existing map if there is one."""
         self._mapper = Mapper(self._config, self._glue, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
@@ -94,14 +94,14 @@ class LiveMap:
 
     @property
     def is_placed(self) -> bool:
-        """Whether it is known where ``odom`` lies in the map."""
+        """Whether the pose of ``odom`` in the map is known."""
         return self.T_map_odom is not None
 
     def add(self, number: int, keyed: Keyed) -> None:
-        """Takes a keyframe with its edges.
+        """Adds a keyframe with its edges.
 
         Edges over keyframes that were skipped are composed. Without an edge to a keyframe that is
-        known, it is assumed where the odometry has it beside the one before.
+        known, one from the keyframe before is assumed, from their odometry poses.
 
         Args:
             number: the odometry's.
@@ -139,10 +139,10 @@ class LiveMap:
             self._skipped.add(number, edges[0])
 
     def locate(self, keyed: Keyed) -> bool:
-        """Looks for a keyframe among those of the map, which stays as it is.
+        """Searches for a keyframe among those of the map, which is not changed.
 
         Returns:
-            Whether it was found; ``T_map_odom`` is that of the keyframe then.
+            Whether it was found; ``T_map_odom`` is then that of the keyframe.
         """
         keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
         loops = self._mapper.recognised(keyframe)
@@ -156,7 +156,7 @@ class LiveMap:
         return {keyframe.number: keyframe.stamp_ns for keyframe in self._mapper.keyframes}
 
     def saved(self) -> SavedMap:
-        """The map as it is now, for a file."""
+        """The current map, for a file."""
         keyframes = self._mapper.keyframes
         stamps = np.array([keyframe.stamp_ns for keyframe in keyframes], np.int64)
         poses = np.array([self.poses[row] for row in range(len(keyframes))]).reshape(-1, 4, 4)
@@ -170,11 +170,11 @@ class LiveMap:
         self.T_map_odom = None
 
     def _add(self, new: Sequence[_New], links: tuple[PoseGraphEdge, ...] = ()) -> None:
-        """Takes keyframes that are linked to one another or to the map.
+        """Adds keyframes that are linked to one another or to the map.
 
         Args:
             new: their rows are the next ones.
-            links: loops of the last of them with the map made before.
+            links: loops of the last of them with the existing map.
         """
         newest = new[-1].keyframe
         T_map_odom = self._T_map_odom(newest, links[0]) if links else self.T_map_odom
@@ -220,7 +220,7 @@ class LiveMap:
         return replace(known, parent=self._rows[known.parent], child=self._rows[known.child])
 
     def add_edge(self, edge: PoseGraphEdge) -> None:
-        """Takes an edge that came later, between keyframes that are known or were skipped.
+        """Adds a later edge between keyframes that are known or were skipped.
 
         Raises:
             InputError: there is no optimum with it; it is left out.

@@ -1,6 +1,6 @@
-"""Maps in files: keyframes with their images, and what was measured between them.
+"""Map files: keyframes with their images, and the measurements between them.
 
-Features are not kept: they are extracted again, by whatever parameters the map is used with.
+Features are not stored: they are extracted again, with the parameters in use.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ _FORMAT = f"{_FORMAT_NAME}1"
 # Unit of depth in a file: an eighth of the noise at the nearest, and 16 m in 16 bits.
 _DEPTH_UNIT_M = 0.00025
 _FARTHEST = 65535
-# A file holds no more keyframes: at 0.3 MB each, 30 GB.
+# Maximum number of keyframes in a file: at 0.3 MB each, 30 GB.
 _MOST_KEYFRAMES = 100_000
 
 
 @dataclass(frozen=True)
 class SavedMap:
-    """A map as a file holds it.
+    """A map as stored in a file.
 
     Attributes:
         graph: T_map_camera of the keyframes, and the edges between them.
@@ -61,10 +61,10 @@ class SavedMap:
 
 
 def write_map(path: Path, saved: SavedMap) -> None:
-    """Writes a map; the file is whole or as it was.
+    """Writes a map atomically.
 
     Raises:
-        InputError: it cannot be written, or a keyframe cannot be kept.
+        InputError: the file cannot be written, or a keyframe cannot be stored.
     """
     edges, views = saved.graph.edges, saved.views
     arrays: dict[str, Any] = {
@@ -92,7 +92,7 @@ def read_map(path: Path) -> SavedMap:
     """Reads a map.
 
     Raises:
-        InputError: the file cannot be read, holds no map, or is of another version.
+        InputError: the file cannot be read, is not a map, or is of another version.
     """
     with open_file(path) as file:
         try:
@@ -104,7 +104,7 @@ def read_map(path: Path) -> SavedMap:
             raise
         except Exception as error:
             raise InputError(
-                path, f"holds no map ({_why(error)})", "give one of --save-map"
+                path, f"holds no valid map ({_why(error)})", "give one of --save-map"
             ) from error
 
 
@@ -115,7 +115,7 @@ def _why(error: Exception) -> str:
 
 
 def _check_stored(archive: zipfile.ZipFile) -> None:
-    """Refuses what would grow when it is read: images are compressed already."""
+    """Refuses entries that would expand on reading: images are already compressed."""
     if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
         raise ValueError("an entry is compressed")
 
@@ -171,7 +171,7 @@ def _images(arrays: Mapping[str, Any], i: int, path: Path) -> tuple[UInt8, Float
         for name in ("grey", "depth")
     )
     if grey.dtype != np.uint8 or units.dtype != np.uint16 or grey.shape != units.shape:
-        raise ValueError(f"images of keyframe {i} that do not fit")
+        raise ValueError(f"images of keyframe {i} that do not match")
     depth = np.where(units > 0, units * np.float32(_DEPTH_UNIT_M), np.float32(np.nan))
     return np.asarray(grey, np.uint8), np.asarray(depth, np.float32)
 
@@ -185,7 +185,7 @@ def _camera(pinhole: Float64, shape: tuple[int, ...], i: int) -> CameraIntrinsic
 
 
 def _contrasts(arrays: Mapping[str, Any], count: int) -> Float64:
-    # maps of earlier versions have none
+    # maps of earlier versions do not have it
     contrasts = numbers(arrays, "contrasts", (count,)) if "contrasts" in arrays else np.ones(count)
     wrong = np.flatnonzero((contrasts <= 0) | (contrasts > 1))
     if len(wrong):

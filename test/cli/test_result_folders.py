@@ -53,7 +53,7 @@ def test_what_is_written_beside_results_takes_no_place_of_theirs(
     Path("link").symlink_to("out")
     Path("out/trajectory.txt").write_text("of an earlier run")
     line = refused([command, "desk", "-o", "out", option, place], capsys)
-    cause = "is a result of this run itself; give another place"
+    cause = "is a result of this run itself; give another path"
     assert line == f"rgbd-glue: {option}: {place} {cause}"
     assert Path("out/trajectory.txt").read_text() == "of an earlier run"
     assert [path.name for path in Path("out").iterdir()] == ["trajectory.txt"]
@@ -66,7 +66,7 @@ def test_what_is_written_beside_results_is_no_folder_of_theirs(
     monkeypatch.chdir(tmp_path)
     write_data_set(tmp_path / "desk", 2)
     line = refused(["replay", "desk", "-o", "out", "--mcap", place], capsys)
-    assert line.startswith(f"rgbd-glue: --mcap: {place} is a folder of the results; give a place")
+    assert line.startswith(f"rgbd-glue: --mcap: {place} is a folder of the results; give a path")
 
 
 def test_two_things_written_beside_results_are_not_the_same_file(
@@ -75,7 +75,7 @@ def test_two_things_written_beside_results_are_not_the_same_file(
     monkeypatch.chdir(tmp_path)
     write_data_set(tmp_path / "desk", 2)
     line = refused(["replay", "desk", "-o", "out", "--cloud", "x", "--mcap", "./x"], capsys)
-    assert line == "rgbd-glue: --mcap: x is that of --cloud, too; give another place"
+    assert line == "rgbd-glue: --mcap: x is that of --cloud, too; give another path"
 
 
 @pytest.mark.parametrize(("command", "option"), [("replay", "--cloud"), ("map", "--save-map")])
@@ -94,7 +94,7 @@ def test_where_no_file_can_be_written_that_is_said_before_the_first_frame(
     write_data_set(tmp_path / "desk", 2)
     line = refused([command, "desk", "-o", "out", option, place], capsys)
     assert line.startswith(f"rgbd-glue: {place}: ")
-    assert line.endswith("; give another place")
+    assert line.endswith("; give another path")
     assert not Path("out").exists()
 
 

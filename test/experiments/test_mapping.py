@@ -78,7 +78,7 @@ def test_a_map_that_cannot_be_written_in_the_end_costs_no_other_result(tmp_path:
 
     with (
         open_recording(make_bag.FOLDER) as recording,
-        pytest.raises(InputError, match="is there, and is no file"),
+        pytest.raises(InputError, match="exists and is not a file"),
     ):
         map_recording(recording, config(), out, limit=30, on_frame=occupy, save_map=room)
     figures = json.loads((out / "metrics.json").read_text())

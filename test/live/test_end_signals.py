@@ -13,7 +13,7 @@ from subprocess import PIPE
 import pytest
 from rigs.paths import ROOT
 
-from rgbd_glue_ros.live.end_signals import END_SIGNALS, SAME_WISH_S, InterruptOnce
+from rgbd_glue_ros.live.end_signals import END_SIGNALS, SAME_REQUEST_S, InterruptOnce
 
 PATIENCE_S = 20.0
 ATTEMPTS = 10  # where a signal meets the end is by chance
@@ -85,8 +85,8 @@ def test_a_signal_that_comes_later_interrupts_what_is_done_about_the_first(
     monkeypatch.setattr(time, "monotonic", lambda: now_s)
     with pytest.raises(KeyboardInterrupt):
         interrupt(signal.SIGINT, None)
-    now_s += SAME_WISH_S / 2
+    now_s += SAME_REQUEST_S / 2
     interrupt(signal.SIGTERM, None)
-    now_s += SAME_WISH_S * 1.1
+    now_s += SAME_REQUEST_S * 1.1
     with pytest.raises(KeyboardInterrupt):
         interrupt(signal.SIGINT, None)

@@ -205,7 +205,7 @@ def test_a_file_that_holds_no_map_is_refused_in_one_line(damage: object, tmp_pat
     write_map(path, first_session())
     assert callable(damage)
     damage(path)
-    with pytest.raises(InputError, match="holds no map") as refused:
+    with pytest.raises(InputError, match="holds no valid map") as refused:
         read_map(path)
     assert "\n" not in str(refused.value)
 
@@ -244,7 +244,7 @@ def test_a_map_from_which_nothing_can_be_computed_is_refused_with_its_file_and_t
     _change(path, name, value, rows)
     with pytest.raises(InputError) as refused:
         read_map(path)
-    assert str(refused.value).startswith(f"{path}: holds no map ({said}")
+    assert str(refused.value).startswith(f"{path}: holds no valid map ({said}")
     assert "\n" not in str(refused.value)
 
 

@@ -1,4 +1,4 @@
-"""A coloured cloud of what the keyframes of a replay saw."""
+"""A coloured cloud from the keyframes of a replay."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame
 
 
 class KeyframeClouds:
-    """What every keyframe saw, and where the odometry put it."""
+    """The cloud of every keyframe, and its pose."""
 
     def __init__(self) -> None:
         self._clouds: list[ColoredCloud] = []
@@ -22,5 +22,5 @@ class KeyframeClouds:
             self._poses.append(estimate.T_odom_camera)
 
     def fused(self) -> ColoredCloud:
-        """All of them as one, in the odom frame."""
+        """All clouds as one, in the odom frame."""
         return fused(self._clouds, np.array(self._poses).reshape(-1, 4, 4))

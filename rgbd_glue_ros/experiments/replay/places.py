@@ -39,17 +39,13 @@ def check_places(
             continue
         place = _real(given)
         if own & {place, *place.parents}:
-            raise InputError(
-                option, f"{given} is a result of this run itself", "give another place"
-            )
+            raise InputError(option, f"{given} is a result of this run itself", "give another path")
         if place in (home, *home.parents):
             raise InputError(
-                option, f"{given} is a folder of the results", "give a place of its own"
+                option, f"{given} is a folder of the results", "give a path of its own"
             )
         if place in taken:
-            raise InputError(
-                option, f"{given} is that of {taken[place]}, too", "give another place"
-            )
+            raise InputError(option, f"{given} is that of {taken[place]}, too", "give another path")
         taken[place] = option
     for given in at_end.values():
         if given is not None:
