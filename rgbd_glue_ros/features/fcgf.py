@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.features.geometric import DescribedPoints, TransformPrior, nearest_matches
+from rgbd_glue_ros.features.geometric import DescribedPoints, nearest_matches
 from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm
 from rgbd_glue_ros.features.sparse_convolution import (
     Grid,
@@ -27,7 +27,7 @@ from rgbd_glue_ros.features.voxels import group_means
 from rgbd_glue_ros.features.weights import load, weights_folder
 from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import Correspondences, View
+from rgbd_glue_ros.types import Correspondences, TransformPrior, View
 
 FILE = "2019-08-19_06-17-41.pth"
 """The checkpoint that its authors trained on 3DMatch, with voxels of 2.5 cm."""

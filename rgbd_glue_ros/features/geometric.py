@@ -14,7 +14,14 @@ from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.geometry.motion_compensation import displaced_points, seconds_after_color
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals, widened_px
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
+from rgbd_glue_ros.types import (
+    CameraIntrinsics,
+    Correspondences,
+    Float32,
+    Float64,
+    TransformPrior,
+    View,
+)
 
 # Neighbourhoods in voxels, as in Open3D's and FCGF's registration examples.
 _NORMAL_RADIUS_VOXELS, _NORMAL_NEIGHBOURS = 2.0, 30
@@ -23,19 +30,6 @@ _FPFH_RADIUS_VOXELS, _FPFH_NEIGHBOURS = 5.0, 100
 _GRID_FPFH_RADIUS_M = 0.12
 _GRID_FPFH_HALF_WINDOW = 3
 _GUIDED_HALF_WINDOW = 4
-
-
-@dataclass(frozen=True)
-class TransformPrior:
-    """A rough transform and how far a correct match may deviate from it.
-
-    Attributes:
-        T_target_source: float64 [4, 4].
-        radius: epsilon, metres.
-    """
-
-    T_target_source: Float64
-    radius: float
 
 
 class GeometricFeature(Protocol):

@@ -11,13 +11,13 @@ from scipy.spatial import cKDTree
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.features import voxels
-from rgbd_glue_ros.features.geometric import DescribedPoints, TransformPrior, nearest_matches
+from rgbd_glue_ros.features.geometric import DescribedPoints, nearest_matches
 from rgbd_glue_ros.features.layers import Tensor, Weights, batch_norm, convolution
 from rgbd_glue_ros.features.torch_library import F, device_of, inference, torch
 from rgbd_glue_ros.features.weights import load
 from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import Correspondences, Float32, Float64, View
+from rgbd_glue_ros.types import Correspondences, Float32, Float64, TransformPrior, View
 
 # The values that the published weights were trained with.
 _SURFACE_VOXEL_M = 0.02

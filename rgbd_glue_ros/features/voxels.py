@@ -6,12 +6,11 @@ Neighbourhoods, normals and histograms are those of Open3D, computed three to fo
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.features.fpfh import BINS, pair_bins
-from rgbd_glue_ros.types import Float32, Float64, Int64
+from rgbd_glue_ros.types import Float32, Float64, Int64, Mask
 
 
 def voxel_means(points: Float64, edge: float) -> Float64:
@@ -75,7 +74,7 @@ def normals(
 @compiled
 def _covariances(
     points: Float64, neighbours: Int64, distances: Float64, radius: float
-) -> tuple[Float64, NDArray[np.bool_]]:
+) -> tuple[Float64, Mask]:
     n = len(points)
     covariances = np.zeros((n, 3, 3))
     alone = np.zeros(n, np.bool_)

@@ -10,9 +10,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from rgbd_glue_ros.types import Float32, UInt8, View
+from rgbd_glue_ros.types import Float32, Mask, UInt8, View
 
 # Edges are detected in a small image: its pixels are means of many, and have less noise.
 _LENGTH_PX = 160
@@ -70,7 +69,7 @@ def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
     return min(1.0, max(edges / well_lit_gradient, least))
 
 
-def _overexposed(image: Float32) -> NDArray[np.bool_]:
+def _overexposed(image: Float32) -> Mask:
     """Which pixels, except those at the border, are on or beside a lamp or a window."""
     bright = np.asarray(image >= _OVEREXPOSED, np.uint8)
     return np.asarray(cv2.dilate(bright, _BESIDE)[1:-1, 1:-1] > 0, np.bool_)

@@ -8,12 +8,11 @@ image was read.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.camera import back_project
 from rgbd_glue_ros.geometry.depth import sample_depth
-from rgbd_glue_ros.types import Float32, Float64, Int64, View
+from rgbd_glue_ros.types import Float32, Float64, Int64, Mask, View
 
 
 def normalised_row_time(rows: Float32 | Float64 | Int64, view: View) -> Float64:
@@ -60,7 +59,7 @@ def seconds_after_color(rows: Int64, view: View) -> Float64:
     return seconds
 
 
-def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, NDArray[np.bool_]]:
+def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, Mask]:
     """Pixels of the colour image as points, where their depth is known.
 
     Args:

@@ -16,10 +16,9 @@ from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem, i
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
-from rgbd_glue_ros.refinement.model import Mask
 from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows, squared_sigmas
 from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types import Float64, Mask
 
 # An alternative adds its share times its squared distance to the covariance of a pose. With this
 # share it is three standard deviations away; with less it is farther, and not searched for.

@@ -19,8 +19,7 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.depth import depth_sigma
 from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces, dense, pixels_of, widened
-from rgbd_glue_ros.refinement.model import Mask
-from rgbd_glue_ros.types import Float32, Float64, UInt8, View
+from rgbd_glue_ros.types import Float32, Float64, Mask, UInt8, View
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.odometry.acceptance import is_conclusive
@@ -31,7 +30,13 @@ from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.stopwatch import timed
-from rgbd_glue_ros.types import Correspondences, Float64, RegistrationResult, RegistrationStatus
+from rgbd_glue_ros.types import (
+    Correspondences,
+    Float64,
+    RegistrationResult,
+    RegistrationStatus,
+    TransformPrior,
+)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
@@ -25,9 +24,8 @@ from rgbd_glue_ros.geometry.motion_compensation import (
 )
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px, widened_px
 from rgbd_glue_ros.refinement.image_pyramid import ImagePyramid
-from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
+from rgbd_glue_ros.types import Float32, Float64, Int64, Mask, UInt8, View
 
-Mask = NDArray[np.bool_]
 P = TypeVar("P", bound="ModelPoints")
 
 LEVELS = 3
@@ -216,7 +214,7 @@ def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
 
 
 @compiled
-def _uncovered(depth: Float32, pixels: Int64, reach: int) -> NDArray[np.bool_]:
+def _uncovered(depth: Float32, pixels: Int64, reach: int) -> Mask:
     """Which pixels, int64 [N, 2] rows and columns, have no nearer surface within ``reach``."""
     height, width = depth.shape
     free = np.zeros(len(pixels), np.bool_)

@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import lift
 from rgbd_glue_ros.geometry.fitting import (
     chi_squared,
@@ -31,6 +30,7 @@ from rgbd_glue_ros.types import (
     Float64,
     RegistrationResult,
     RegistrationStatus,
+    TransformPrior,
     View,
 )
 

@@ -14,7 +14,7 @@ from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import back_project, rectified
 from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigma
-from rgbd_glue_ros.types import Float32, Float64, Int64, RgbdFrame, UInt8
+from rgbd_glue_ros.types import Float32, Float64, Int64, Mask, RgbdFrame, UInt8
 
 VOXEL_M = 0.01
 """Points nearer to each other than this are merged."""
@@ -101,7 +101,7 @@ def write_ply(path: Path, cloud: ColoredCloud) -> None:
     write_whole(path, header.encode("ascii") + rows.tobytes())
 
 
-def _edges(depth: Float32) -> np.typing.NDArray[np.bool_]:
+def _edges(depth: Float32) -> Mask:
     """Where depth [H, W] differs from a neighbour's by more than noise and slope explain."""
     noise = np.vectorize(depth_sigma, otypes=[np.float32])(depth)
     allowed = np.maximum(DEPTH_EDGE_SIGMAS * noise, _SLOPE * depth)

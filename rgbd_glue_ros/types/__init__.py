@@ -6,7 +6,7 @@ Conventions: ``T_a_b`` maps points in frame b to frame a. Camera frames are opti
 
 from __future__ import annotations
 
-from rgbd_glue_ros.types.arrays import NANOSECONDS, Float32, Float64, Int64, UInt8
+from rgbd_glue_ros.types.arrays import NANOSECONDS, Float32, Float64, Int64, Mask, UInt8
 from rgbd_glue_ros.types.camera import CameraIntrinsics, LensModel
 from rgbd_glue_ros.types.frames import RgbdFrame, View
 from rgbd_glue_ros.types.imu import ImuCalibration, ImuSamples, ImuUse
@@ -17,7 +17,12 @@ from rgbd_glue_ros.types.odometry import (
     PoseGraphEdge,
     TrackingState,
 )
-from rgbd_glue_ros.types.registration import Correspondences, RegistrationResult, RegistrationStatus
+from rgbd_glue_ros.types.registration import (
+    Correspondences,
+    RegistrationResult,
+    RegistrationStatus,
+    TransformPrior,
+)
 from rgbd_glue_ros.types.trajectory import Trajectory
 
 __all__ = [
@@ -33,6 +38,7 @@ __all__ = [
     "ImuUse",
     "Int64",
     "LensModel",
+    "Mask",
     "OdometryEstimate",
     "PoseGraphEdge",
     "RegistrationResult",
@@ -40,6 +46,7 @@ __all__ = [
     "RgbdFrame",
     "TrackingState",
     "Trajectory",
+    "TransformPrior",
     "UInt8",
     "View",
 ]

@@ -9,5 +9,6 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 UInt8 = NDArray[np.uint8]
 Int64 = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 NANOSECONDS = 1_000_000_000

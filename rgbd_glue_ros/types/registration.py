@@ -6,9 +6,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rgbd_glue_ros.types.arrays import Float64, Int64
+from rgbd_glue_ros.types.arrays import Float64, Int64, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +27,7 @@ class Correspondences:
     def __len__(self) -> int:
         return len(self.weights)
 
-    def select(self, rows: NDArray[np.bool_] | Int64) -> Correspondences:
+    def select(self, rows: Mask | Int64) -> Correspondences:
         """The matches at ``rows`` (a mask [N] or indices)."""
         return Correspondences(self.source[rows], self.target[rows], self.weights[rows])
 
@@ -48,6 +47,19 @@ class Correspondences:
     def empty() -> Correspondences:
         """No matches."""
         return Correspondences(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+
+
+@dataclass(frozen=True)
+class TransformPrior:
+    """A rough transform and how far a correct match may deviate from it.
+
+    Attributes:
+        T_target_source: float64 [4, 4].
+        radius: epsilon, metres.
+    """
+
+    T_target_source: Float64
+    radius: float
 
 
 class RegistrationStatus(Enum):

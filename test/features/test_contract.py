@@ -14,13 +14,12 @@ from rigs.room import CAMERA, room_view, small_room_view, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import VisualMatches, lift
 from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import Correspondences, Float32, Float64, UInt8, View
+from rgbd_glue_ros.types import Correspondences, Float32, Float64, TransformPrior, UInt8, View
 
 SOMETHING = [name for name in VISUAL if name != "none"]
 SHAPED = [name for name in GEOMETRIC if name != "none"]

@@ -18,7 +18,6 @@ from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
 from rgbd_glue_ros.features.geometric import (
     DescribedPoints,
     GridFpfh,
-    TransformPrior,
     VoxelFpfh,
     nearest_matches,
 )
@@ -28,7 +27,7 @@ from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals
 from rgbd_glue_ros.parameters import GEOMETRIC_FEATURES, VISUAL_FEATURES, FeaturesConfig
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64, TransformPrior, View
 
 CONFIG = FeaturesConfig()
 OPENCV = ["sift", "orb", "brisk"]

@@ -23,7 +23,6 @@ from scipy.stats import chi2
 
 from rgbd_glue_ros.evaluation.registration_errors import rotation_deg, translation_cm
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.features.visual import VisualMatches
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances, fit_covariance, procrustes
@@ -49,6 +48,7 @@ from rgbd_glue_ros.types import (
     Float64,
     RegistrationResult,
     RegistrationStatus,
+    TransformPrior,
     View,
 )
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
-from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, UInt8
+from rgbd_glue_ros.types import NANOSECONDS, Mask, RgbdFrame, UInt8
 
 _SEED = 0
 # Holes are blobs of about this size, like those of shiny, dark and far surfaces.
@@ -110,11 +110,11 @@ def depth_holes(share: float) -> Degradation:
     return Degradation(f"{share:.0%} of depth in holes", apply)
 
 
-def _blobs(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _blobs(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Mask:
     height, width = shape
     coarse = rng.normal(size=(2 + height // _HOLE_PX, 2 + width // _HOLE_PX)).astype(np.float32)
     smooth = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
-    blobs: NDArray[np.bool_] = smooth < np.quantile(smooth, share)
+    blobs: Mask = smooth < np.quantile(smooth, share)
     return blobs
 
 

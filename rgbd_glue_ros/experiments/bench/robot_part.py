@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.experiments.bench.degraded import in_levels
-from rgbd_glue_ros.refinement.model import Mask
-from rgbd_glue_ros.types import RgbdFrame
+from rgbd_glue_ros.types import Mask, RgbdFrame
 
 # As near as a gripper: depth at the lower border, and its increase to the upper.
 _NEAREST_M, _RECEDES_M = 0.35, 0.1
