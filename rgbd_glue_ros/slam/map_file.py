@@ -35,6 +35,14 @@ ENDING = ".rgbdmap"
 
 _FORMAT_NAME = "rgbd_glue_ros map "
 _FORMAT = f"{_FORMAT_NAME}1"
+# Earlier maps have the description of an origin in place of its name.
+_NAMES_OF_ORIGINS = {
+    "the child was tracked from the parent": "tracking",
+    "the camera was lost in between, and hardly moved as far as the covariance says": "assumed",
+    "the child saw again what the parent, an anchor of long ago, had seen": "revisit",
+    "recognised by appearance and verified by registration": "loop",
+    **{origin.value: origin.name for origin in EdgeOrigin},
+}
 # Unit of depth in a file: an eighth of the noise at the nearest, and 16 m in 16 bits.
 _DEPTH_UNIT_M = 0.00025
 _FARTHEST = 65535
@@ -74,7 +82,7 @@ def write_map(path: Path, saved: SavedMap) -> None:
         "edge_ends": np.array([(e.parent, e.child) for e in edges], np.int64).reshape(-1, 2),
         "edge_poses": np.array([e.T_parent_child for e in edges]).reshape(-1, 4, 4),
         "edge_covariances": np.array([e.covariance for e in edges]).reshape(-1, 6, 6),
-        "edge_origins": np.array([e.origin.value for e in edges], np.str_),
+        "edge_origins": np.array([e.origin.name.lower() for e in edges], np.str_),
         "cameras": np.array([v.intrinsics.focal_and_centre for v in views]).reshape(-1, 4),
         "twists": np.array([v.twist for v in views]).reshape(-1, 6),
         "times": np.array([(v.readout_time, v.depth_delay) for v in views]).reshape(-1, 2),
@@ -158,11 +166,18 @@ def _edges(arrays: Mapping[str, Any]) -> tuple[PoseGraphEdge, ...]:
     poses = transforms(arrays, "edge_poses", count)
     errors = covariances(arrays, "edge_covariances", count)
     return tuple(
-        PoseGraphEdge(parent, child, T, covariance, EdgeOrigin(str(origin)))
+        PoseGraphEdge(parent, child, T, covariance, _origin(str(origin)))
         for (parent, child), T, covariance, origin in zip(
             ends.tolist(), poses, errors, origins, strict=True
         )
     )
+
+
+def _origin(text: str) -> EdgeOrigin:
+    name = _NAMES_OF_ORIGINS.get(text, text).upper()
+    if name not in EdgeOrigin.__members__:
+        raise ValueError(f"unknown origin {text} of an edge")
+    return EdgeOrigin[name]
 
 
 def _images(arrays: Mapping[str, Any], i: int, path: Path) -> tuple[UInt8, Float32]:

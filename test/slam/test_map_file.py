@@ -228,7 +228,7 @@ def test_a_file_that_holds_no_map_is_refused_in_one_line(damage: object, tmp_pat
         ("edge_ends", 0, 0, "an edge of keyframe 0 to itself"),
         ("edge_ends", (0, 0), -1, "an edge of a keyframe that is missing"),
         ("edge_ends", slice(None), [0, 1], "no edges lead from keyframe 2 to the first"),
-        ("edge_origins", 0, "hearsay", "'hearsay' is not a valid EdgeOrigin"),
+        ("edge_origins", 0, "hearsay", "unknown origin hearsay of an edge"),
         ("twists", (2, 3), np.nan, "twists: row 2 is not finite"),
         ("times", (2, 1), np.inf, "times: row 2 is not finite"),
         ("cameras", (0, 1), 0.0, "the camera of keyframe 0: CameraIntrinsics.fy is 0.0"),
@@ -267,6 +267,36 @@ def test_a_map_that_was_gone_on_with_a_lost_camera_and_stamps_of_before_is_read(
     read = read_map(path)
     assert len(read) == count
     assert [edge.origin for edge in read.graph.edges] == [EdgeOrigin.ASSUMED] * (count - 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "origin"),
+    [
+        ("the child was tracked from the parent", EdgeOrigin.TRACKING),
+        (
+            "the camera was lost in between, and hardly moved as far as the covariance says",
+            EdgeOrigin.ASSUMED,
+        ),
+        (
+            "the child saw again what the parent, an anchor of long ago, had seen",
+            EdgeOrigin.REVISIT,
+        ),
+        ("recognised by appearance and verified by registration", EdgeOrigin.LOOP),
+        *((origin.value, origin) for origin in EdgeOrigin),
+        *((origin.name.lower(), origin) for origin in EdgeOrigin),
+    ],
+)
+def test_origins_of_edges_are_read_from_earlier_maps_whatever_describes_them_now(
+    text: str, origin: EdgeOrigin, tmp_path: Path
+) -> None:
+    path = tmp_path / "room.rgbdmap"
+    write_map(path, walk())
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["edge_origins"] = np.array([text] * len(arrays["edge_origins"]), np.str_)
+    with path.open("wb") as changed:
+        np.savez(changed, **arrays)
+    assert {edge.origin for edge in read_map(path).graph.edges} == {origin}
 
 
 def test_a_map_of_another_version_is_told_from_what_is_no_map(tmp_path: Path) -> None:
