@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -64,24 +64,6 @@ def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str 
         default=default,
         help=f"folder for the results (default: {said or default})",
     )
-
-
-def check_beside(folder: Path, further: Mapping[str, Path | None]) -> None:
-    """Looks before a run whether what goes elsewhere can be there beside the folder of results.
-
-    Args:
-        folder: of the results, which is made if it is not there.
-        further: by option, where else something is to be written; None where it is not asked for.
-
-    Raises:
-        InputError: one is the folder, or a folder around it.
-    """
-    results = folder.resolve()
-    for option, path in further.items():
-        if path is not None and path.resolve() in (results, *results.parents):
-            raise InputError(
-                f"{option} {path}", f"is where the results go (-o {folder})", "give another place"
-            )
 
 
 def add_ground_truth(parser: argparse.ArgumentParser) -> None:

@@ -6,8 +6,12 @@ import argparse
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.files.user_paths import expanded
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+    from pathlib import Path
+
     from rgbd_glue_ros.experiments.replay.sinks import FrameSink
     from rgbd_glue_ros.recordings import Recording
     from rgbd_glue_ros.types import Trajectory
@@ -53,6 +57,33 @@ def add_exports(parser: argparse.ArgumentParser) -> None:
         help="write a coloured cloud of the keyframes along the trajectory; the report shows it",
     )
     add_rerun(parser)
+
+
+def check(args: argparse.Namespace, folder: Path, results: Collection[str]) -> None:
+    """Refuses places of the options that no result can have, before anything is opened.
+
+    Args:
+        args: as parsed.
+        folder: where the results go.
+        results: names of the files in it that the command writes.
+
+    Raises:
+        InputError: a place is taken, or cannot be written.
+    """
+    from rgbd_glue_ros.experiments.replay.places import check_places
+    from rgbd_glue_ros.viz.rerun_recording import ADDRESS
+
+    is_file = args.rerun and not args.rerun.startswith(ADDRESS)
+    given = vars(args)
+    check_places(
+        folder,
+        results,
+        {"--cloud": given.get("cloud"), "--save-map": given.get("save_map")},
+        {
+            "--mcap": given.get("mcap"),
+            "--rerun": expanded(args.rerun, "--rerun") if is_file else None,
+        },
+    )
 
 
 def sinks(

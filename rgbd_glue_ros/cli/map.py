@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> str:
     """Builds the map and returns the figures."""
     from rgbd_glue_ros.cli.progress import tracking_bar
     from rgbd_glue_ros.evaluation.trajectory import read_tum
-    from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, map_recording
+    from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, MAP_RESULTS, map_recording
     from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
     from rgbd_glue_ros.slam.map_file import read_map
 
@@ -49,9 +49,9 @@ def run(args: argparse.Namespace) -> str:
     before = read_map(args.map) if args.map else None
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
-    arguments.check_beside(folder, {"--save-map": args.save_map})
     with ExitStack() as left, arguments.opener(args)(args.recording) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
+        exports.check(args, folder, MAP_RESULTS)
         shown = exports.rerun_recording(args, recording, truth)
         if shown is not None:
             left.enter_context(shown)

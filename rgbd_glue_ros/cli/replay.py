@@ -79,13 +79,13 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.cli.progress import tracking_bar
     from rgbd_glue_ros.evaluation.trajectory import read_tum
-    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, replay
+    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, replay
 
-    arguments.check_beside(folder, {"--mcap": args.mcap, "--cloud": args.cloud})
     config = given_parameters.config(args)
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     with arguments.opener(args)(source) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
+        exports.check(args, folder, RESULTS)
         try:
             with tracking_bar(total) as show:
                 replay(

@@ -33,12 +33,10 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises:
         InputError: it cannot be written; what was there before is unchanged.
     """
-    aside = path.with_name(f".{path.name}.part")
+    aside = _aside(path)
     data = content.encode() if isinstance(content, str) else content
     try:
-        if path.exists() and not path.is_file():
-            # the file would replace a device or a pipe, if the user is permitted
-            raise InputError(path, "exists and is not a file", "give another path")
+        _check_kind(path)
         # what is there is from a killed run, or a link that leads elsewhere
         aside.unlink(missing_ok=True)
         with aside.open("xb") as file:
@@ -53,6 +51,35 @@ def write_whole(path: Path, content: str | bytes) -> None:
         # if the location itself is at fault, this fails like the rest
         with contextlib.suppress(OSError):
             aside.unlink(missing_ok=True)
+
+
+def check_writable(path: Path) -> None:
+    """Makes the folders of a file that is to be written later, and tries whether it can be.
+
+    What is there stays as it is.
+
+    Raises:
+        InputError: no file can be written there.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _check_kind(path)
+        aside = _aside(path)
+        aside.unlink(missing_ok=True)
+        aside.open("xb").close()
+        aside.unlink()
+    except OSError as error:
+        raise not_written(path, error) from error
+
+
+def _aside(path: Path) -> Path:
+    return path.with_name(f".{path.name}.part")
+
+
+def _check_kind(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        # the file would replace a device or a pipe, if the user is permitted
+        raise InputError(path, "exists and is not a file", "give another path")
 
 
 def json_text(content: Any) -> str:

@@ -55,11 +55,11 @@ CHANGEABLE = ("save_map_file",)
 
 
 @dataclass(frozen=True)
-class _SeenKeyframe:
-    """A keyframe and its messages, which are decoded on the worker's thread."""
+class _Keyframe:
+    """A keyframe and its messages, which are decoded on the worker's thread; None if missing."""
 
     keyframe: NewKeyframe
-    match: Match[Any]
+    match: Match[Any] | None
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class MappingNode(BaseNode):
         self._input = RgbdInput(self, self._config, transforms, self._receive)
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
-        self._worker: QueueWorker[_NewGraph | _SeenKeyframe | PoseGraphEdge] = QueueWorker(
+        self._worker: QueueWorker[_NewGraph | _Keyframe | PoseGraphEdge] = QueueWorker(
             self._process, KEYFRAMES_WAITING
         )
         self._waiting: deque[_NewGraph | NewKeyframe | PoseGraphEdge] = deque()
@@ -162,39 +162,52 @@ class MappingNode(BaseNode):
 
     def _submit_keyframe(self, keyframe: NewKeyframe) -> None:
         match = self._matches.get(keyframe.stamp_ns)
-        if match is not None:
-            self._worker.submit(_SeenKeyframe(keyframe, match))
-            return
-        why = (
-            "images bear no stamp, and each process receives them at a time of its own: have the "
-            "driver stamp them"
-            if self._input.is_by_receipt
-            else "it was lost on the way, or this node's topics are not those of the odometry"
-        )
-        self.warn_once(
-            f"keyframe {keyframe.number}",
-            f"no image has its stamp, so it is left out; {why} (said once)",
-        )
+        if match is None:
+            why = (
+                "images bear no stamp, and each process receives them at a time of its own: have "
+                "the driver stamp them"
+                if self._input.is_by_receipt
+                else "it was lost on the way, or this node's topics are not those of the odometry"
+            )
+            self.warn_once(
+                f"keyframe {keyframe.number}",
+                f"no image has its stamp, so it is left out; {why} (said once)",
+            )
+        # its edge leads from the keyframe before to those that come, with images or without
+        self._worker.submit(_Keyframe(keyframe, match))
 
     # Work, on the worker's thread
 
-    def _process(self, item: _NewGraph | _SeenKeyframe | PoseGraphEdge) -> None:
+    def _process(self, item: _NewGraph | _Keyframe | PoseGraphEdge) -> None:
         try:
             # not while frames are decoded, which may wait for TF
-            frame = self._input.frame(item.match) if isinstance(item, _SeenKeyframe) else None
+            frame = self._frame(item) if isinstance(item, _Keyframe) else None
             with self._map_lock:
                 if isinstance(item, _NewGraph):
                     self._map.clear()
                 elif isinstance(item, PoseGraphEdge):
                     self._add_edge(item)
-                elif frame is not None:
+                else:
                     self._add(item.keyframe, frame)
         except InputError as fault:
-            if self.is_news(fault.where, fault.cause):
-                self.get_logger().error(f"{fault} (said once)")
+            self._report(fault)
         except Exception as error:
             if self.is_news("a keyframe", repr(error)):
                 logger.exception("A keyframe could not be mapped; going on")
+
+    def _frame(self, item: _Keyframe) -> RgbdFrame | None:
+        """The images of a keyframe; None if they are missing or unusable."""
+        if item.match is None:
+            return None
+        try:
+            return self._input.frame(item.match)
+        except InputError as fault:
+            self._report(fault)
+            return None
+
+    def _report(self, fault: InputError) -> None:
+        if self.is_news(fault.where, fault.cause):
+            self.get_logger().error(f"{fault} (said once)")
 
     def _add_edge(self, edge: PoseGraphEdge) -> None:
         extrinsics = self._extrinsics.known
@@ -202,12 +215,16 @@ class MappingNode(BaseNode):
             T_child_camera = se3.inverse(extrinsics.T_camera_child)
             self._map.add_edge(moved_edge(edge, T_child_camera))
 
-    def _add(self, keyframe: NewKeyframe, frame: RgbdFrame) -> None:
-        extrinsics = self._extrinsics.of(frame.frame_id)
+    def _add(self, keyframe: NewKeyframe, frame: RgbdFrame | None) -> None:
+        known = self._extrinsics.known
+        extrinsics = known if frame is None else self._extrinsics.of(frame.frame_id)
         if extrinsics is None:
             return
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
+        if frame is None:
+            self._map.skip(keyframe.number, edges)
+            return
         before, was_placed = self._map.loops, self._map.is_placed
         keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)
         if self._config.localize_only:

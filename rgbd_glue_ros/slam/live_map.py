@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
+from rgbd_glue_ros.slam.edge_composition import SkippedKeyframes, assumed_edge
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
@@ -35,10 +37,26 @@ class Keyed:
     edges: tuple[PoseGraphEdge, ...] = ()
 
 
+@dataclass(frozen=True)
+class _New:
+    """A keyframe that is not in the map yet.
+
+    Attributes:
+        number: the odometry's.
+        keyframe: as the map will keep it; its number is its row.
+        edges: to earlier keyframes, by the odometry's numbers.
+    """
+
+    number: int
+    keyframe: MapKeyframe
+    edges: tuple[PoseGraphEdge, ...]
+
+
 class LiveMap:
     """Closes loops as keyframes arrive.
 
-    With an existing map, keyframes wait until one of them shows a place of it.
+    With an existing map, keyframes wait until one of them shows a place of it. A keyframe with
+    which there is no optimum is left out, and the map goes on: every row has a pose.
 
     Attributes:
         poses: T_map_camera [4, 4] of every keyframe, by its row.
@@ -66,7 +84,8 @@ class LiveMap:
         self._mapper = Mapper(self._config, self._glue, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
-        self._waiting: list[tuple[int, Keyed]] = []
+        self._skipped = SkippedKeyframes()
+        self._waiting: list[_New] = []
         self.poses: dict[int, Float64] = {}
         self.loops = 0
         self.T_map_odom: Float64 | None = np.eye(4)
@@ -81,19 +100,43 @@ class LiveMap:
     def add(self, number: int, keyed: Keyed) -> None:
         """Adds a keyframe with its edges.
 
-        Without an edge to a known keyframe, as for the first one, it is fixed at its odometry pose.
+        Edges over keyframes that were skipped are composed. Without an edge to a keyframe that is
+        known, one from the keyframe before is assumed, from their odometry poses.
 
         Args:
             number: the odometry's.
             keyed: the keyframe.
+
+        Raises:
+            InputError: its images are none that can be compared, and its edges are kept; or there
+                is no optimum with it, and it is left out.
         """
-        if self.T_map_odom is None:
-            self._waiting.append((number, keyed))
-            if self.locate(keyed):
-                waiting, self._waiting = self._waiting, []
-                self._add(waiting)
-        else:
-            self._add([(number, keyed)])
+        row = len(self._mapper.keyframes) + len(self._waiting)
+        try:
+            keyframe = self._keyframe(row, keyed)
+        except Exception:
+            self.skip(number, keyed.edges)
+            raise
+        new = _New(number, keyframe, keyed.edges)
+        if self._before is None or self._rows:
+            self._add([new])
+            return
+        self._waiting.append(new)
+        loops = self._mapper.recognised(keyframe)
+        if loops:
+            waiting, self._waiting = self._waiting, []
+            self._add(waiting, loops)
+
+    def skip(self, number: int, edges: tuple[PoseGraphEdge, ...]) -> None:
+        """Takes what was measured of a keyframe that has no images.
+
+        Args:
+            number: the odometry's.
+            edges: to earlier keyframes, by the odometry's numbers; the first leads from it to
+                those that come.
+        """
+        if edges:
+            self._skipped.add(number, edges[0])
 
     def locate(self, keyed: Keyed) -> bool:
         """Searches for a keyframe among those of the map, which is not changed.
@@ -105,8 +148,7 @@ class LiveMap:
         loops = self._mapper.recognised(keyframe)
         if not loops:
             return False
-        T_map_camera = self.poses[loops[0].parent] @ loops[0].T_parent_child
-        self.T_map_odom = T_map_camera @ se3.inverse(keyed.T_odom_camera)
+        self.T_map_odom = self._T_map_odom(keyframe, loops[0])
         return True
 
     def stamps_ns(self) -> dict[int, int]:
@@ -123,50 +165,107 @@ class LiveMap:
 
     def _restore(self, before: SavedMap) -> None:
         self._mapper.restore(before)
-        for keyframe in self._mapper.keyframes:
-            self._optimiser.add(keyframe.number, keyframe.T_odom_camera)
-        self._update(before.graph.edges)
+        poses = {keyframe.number: keyframe.T_odom_camera for keyframe in self._mapper.keyframes}
+        self._solve(before.graph.edges, poses)
         self.T_map_odom = None
 
-    def _add(self, keyframes: Sequence[tuple[int, Keyed]]) -> None:
-        """Adds keyframes that are linked to one another or to the map."""
-        T_map_odom = self.T_map_odom
+    def _add(self, new: Sequence[_New], links: tuple[PoseGraphEdge, ...] = ()) -> None:
+        """Adds keyframes that are linked to one another or to the map.
+
+        Args:
+            new: their rows are the next ones.
+            links: loops of the last of them with the existing map.
+        """
+        newest = new[-1].keyframe
+        T_map_odom = self._T_map_odom(newest, links[0]) if links else self.T_map_odom
         assert T_map_odom is not None  # noqa: S101 - for the type checker
-        edges: list[PoseGraphEdge] = []
-        for number, keyed in keyframes:
-            row = self._rows[number] = len(self._mapper.keyframes)
-            self._optimiser.add(row, T_map_odom @ keyed.T_odom_camera)
-            known = tuple(
-                replace(edge, parent=self._rows[edge.parent], child=row)
-                for edge in keyed.edges
-                if edge.parent in self._rows
+        try:
+            edges = (*self._edges_by_rows(new), *links)
+            self._solve(
+                edges, {n.keyframe.number: T_map_odom @ n.keyframe.T_odom_camera for n in new}
             )
-            self._mapper.add_edges(known)
-            loops = self._mapper.add(self._keyframe(row, keyed), self._config)
-            self.loops += len(loops)
-            edges += (*known, *loops)
-        self._update(edges)
-        newest = self._mapper.keyframes[-1]
-        near = self._mapper.compare_near(newest, self.poses)
-        if near:
-            self._update(near)
-        self.loops += len(near)
-        self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
+        except Exception:
+            # edges to them would lead to no keyframe, or to the same failure again
+            for n in new:
+                self._rows.pop(n.number, None)
+            raise
+        self._mapper.keyframes += [n.keyframe for n in new]
+        self._mapper.add_edges(edges)
+        self.loops += len(links)
+        try:
+            found = [self._mapper.find_loops(n.keyframe, self._config) for n in new]
+            self._close(tuple(loop for loops in found for loop in loops))
+            self._close(self._mapper.compare_near(newest, self.poses))
+        finally:
+            self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
+
+    def _edges_by_rows(self, new: Sequence[_New]) -> list[PoseGraphEdge]:
+        """What links keyframes that come to those before; with that, their rows are known."""
+        found: list[PoseGraphEdge] = []
+        before = self._mapper.keyframes[self._mapper.session_start :][-1:]
+        for n in new:
+            row = self._rows[n.number] = n.keyframe.number
+            known = [edge for edge in map(self._by_rows, n.edges) if edge is not None]
+            if before and all(edge.child != row for edge in known):
+                known.append(_assumed(before[-1], n.keyframe))
+            found += known
+            before = [n.keyframe]
+        return found
+
+    def _by_rows(self, edge: PoseGraphEdge) -> PoseGraphEdge | None:
+        """An edge between the odometry's numbers as one between rows; None where it has none."""
+        known = self._skipped.bridged(edge, self._rows)
+        if known is None:
+            return None
+        return replace(known, parent=self._rows[known.parent], child=self._rows[known.child])
 
     def add_edge(self, edge: PoseGraphEdge) -> None:
-        """Adds a later edge between known keyframes."""
-        if edge.parent in self._rows and edge.child in self._rows:
-            parent, child = self._rows[edge.parent], self._rows[edge.child]
-            moved = replace(edge, parent=parent, child=child)
-            self._mapper.add_edges((moved,))
-            self._update((moved,))
+        """Adds a later edge between keyframes that are known or were skipped.
 
-    def _update(self, edges: Iterable[PoseGraphEdge]) -> None:
+        Raises:
+            InputError: there is no optimum with it; it is left out.
+        """
+        known = self._by_rows(edge)
+        if known is not None:
+            self._solve((known,))
+            self._mapper.add_edges((known,))
+
+    def _close(self, loops: tuple[PoseGraphEdge, ...]) -> None:
+        """Takes loops that the mapper has found."""
+        if not loops:
+            return
+        try:
+            self._solve(loops)
+        except Exception:
+            self._mapper.remove_edges(loops)
+            raise
+        self.loops += len(loops)
+
+    def _solve(
+        self,
+        edges: Iterable[PoseGraphEdge],
+        keyframes: Mapping[int, Float64] = MappingProxyType({}),
+    ) -> None:
+        """Finds the optimum with further keyframes [4, 4], by their rows, and edges; or fails."""
+        for row, T_map_camera in keyframes.items():
+            self._optimiser.add(row, T_map_camera)
         for edge in edges:
             self._optimiser.add_edge(edge)
         self.poses = self._optimiser.update()
+
+    def _T_map_odom(self, keyframe: MapKeyframe, loop: PoseGraphEdge) -> Float64:
+        """Where a loop with the map has the odom frame of a keyframe, float64 [4, 4]."""
+        T_map_camera = self.poses[loop.parent] @ loop.T_parent_child
+        return np.asarray(T_map_camera @ se3.inverse(keyframe.T_odom_camera), np.float64)
 
     def _keyframe(self, row: int, keyed: Keyed) -> MapKeyframe:
         view = view_of(keyed.frame, self._config.camera)
         T, stamp_ns = keyed.T_odom_camera, keyed.frame.stamp_ns
         return MapKeyframe.seen(row, stamp_ns, T, view, self._glue, self._config)
+
+
+def _assumed(before: MapKeyframe, keyframe: MapKeyframe) -> PoseGraphEdge:
+    """In place of an edge that is not known: where the odometry has both."""
+    T = se3.inverse(before.T_odom_camera) @ keyframe.T_odom_camera
+    elapsed_ns = keyframe.stamp_ns - before.stamp_ns
+    return assumed_edge(before.number, keyframe.number, T, elapsed_ns)

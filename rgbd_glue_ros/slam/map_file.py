@@ -19,18 +19,30 @@ from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.messages.image_codecs import decode, encode_png
+from rgbd_glue_ros.slam.map_check import check_edges, covariances, numbers, transforms
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
     EdgeOrigin,
     Float32,
+    Float64,
     PoseGraphEdge,
     Trajectory,
+    UInt8,
     View,
 )
 
 ENDING = ".rgbdmap"
 
-_FORMAT = "rgbd_glue_ros map 1"
+_FORMAT_NAME = "rgbd_glue_ros map "
+_FORMAT = f"{_FORMAT_NAME}1"
+# Earlier maps have the description of an origin in place of its name.
+_NAMES_OF_ORIGINS = {
+    "the child was tracked from the parent": "tracking",
+    "the camera was lost in between, and hardly moved as far as the covariance says": "assumed",
+    "the child saw again what the parent, an anchor of long ago, had seen": "revisit",
+    "recognised by appearance and verified by registration": "loop",
+    **{origin.value: origin.name for origin in EdgeOrigin},
+}
 # Unit of depth in a file: an eighth of the noise at the nearest, and 16 m in 16 bits.
 _DEPTH_UNIT_M = 0.00025
 _FARTHEST = 65535
@@ -45,10 +57,12 @@ class SavedMap:
     Attributes:
         graph: T_map_camera of the keyframes, and the edges between them.
         views: images of each keyframe.
+        name: what to call it in a message: its file.
     """
 
     graph: PoseGraph
     views: tuple[View, ...]
+    name: str = "the map"
 
     def __len__(self) -> int:
         return len(self.views)
@@ -68,7 +82,7 @@ def write_map(path: Path, saved: SavedMap) -> None:
         "edge_ends": np.array([(e.parent, e.child) for e in edges], np.int64).reshape(-1, 2),
         "edge_poses": np.array([e.T_parent_child for e in edges]).reshape(-1, 4, 4),
         "edge_covariances": np.array([e.covariance for e in edges]).reshape(-1, 6, 6),
-        "edge_origins": np.array([e.origin.value for e in edges], np.str_),
+        "edge_origins": np.array([e.origin.name.lower() for e in edges], np.str_),
         "cameras": np.array([v.intrinsics.focal_and_centre for v in views]).reshape(-1, 4),
         "twists": np.array([v.twist for v in views]).reshape(-1, 6),
         "times": np.array([(v.readout_time, v.depth_delay) for v in views]).reshape(-1, 2),
@@ -86,7 +100,7 @@ def read_map(path: Path) -> SavedMap:
     """Reads a map.
 
     Raises:
-        InputError: the file cannot be read, or is not a map.
+        InputError: the file cannot be read, is not a map, or is of another version.
     """
     with open_file(path) as file:
         try:
@@ -98,8 +112,14 @@ def read_map(path: Path) -> SavedMap:
             raise
         except Exception as error:
             raise InputError(
-                path, f"holds no valid map ({error})", "give one of --save-map"
+                path, f"holds no valid map ({_why(error)})", "give one of --save-map"
             ) from error
+
+
+def _why(error: Exception) -> str:
+    """What is wrong in one line; some errors have no text, and those of a key have quotes."""
+    text = error.args[0] if isinstance(error, KeyError) and error.args else str(error)
+    return str(text) or type(error).__name__
 
 
 def _check_stored(archive: zipfile.ZipFile) -> None:
@@ -109,32 +129,58 @@ def _check_stored(archive: zipfile.ZipFile) -> None:
 
 
 def _map(arrays: Mapping[str, Any], path: Path) -> SavedMap:
-    if str(arrays["format"]) != _FORMAT:
-        raise ValueError(f"the format is {arrays['format']}")
-    stamps, poses = arrays["stamps_ns"], arrays["poses"]
+    _check_format(str(arrays["format"]), path)
+    stamps = arrays["stamps_ns"]
+    if stamps.dtype != np.int64 or stamps.ndim != 1 or not 0 < len(stamps) <= _MOST_KEYFRAMES:
+        raise ValueError(f"stamps_ns are {stamps.dtype} {list(stamps.shape)}")
     count = len(stamps)
-    if not 0 < count <= _MOST_KEYFRAMES:
-        raise ValueError(f"{count} keyframes")
-    if stamps.dtype != np.int64 or poses.shape != (count, 4, 4) or not np.isfinite(poses).all():
-        raise ValueError("invalid poses")
-    ends = arrays["edge_ends"]
-    if ends.size and not (ends.min() >= 0 and ends.max() < count):
-        raise ValueError("an edge of a missing keyframe")
-    edges = tuple(
-        PoseGraphEdge(int(parent), int(child), T, covariance, EdgeOrigin(str(origin)))
+    poses = transforms(arrays, "poses", count)
+    edges = _edges(arrays)
+    check_edges(edges, count)
+    cameras, twists = numbers(arrays, "cameras", (count, 4)), numbers(arrays, "twists", (count, 6))
+    times, contrasts = numbers(arrays, "times", (count, 2)), _contrasts(arrays, count)
+    views = []
+    for i in range(count):
+        grey, depth = _images(arrays, i, path)
+        camera = _camera(cameras[i], grey.shape, i)
+        readout_time, depth_delay = times[i].tolist()
+        contrast = float(contrasts[i])
+        views.append(View(grey, depth, camera, twists[i], readout_time, depth_delay, contrast))
+    return SavedMap(PoseGraph(Trajectory(stamps, poses), edges), tuple(views), str(path))
+
+
+def _check_format(found: str, path: Path) -> None:
+    if found == _FORMAT:
+        return
+    if found.startswith(_FORMAT_NAME):
+        cause = f"is a map of another version of this package ({found}; this one reads {_FORMAT})"
+        raise InputError(path, cause, "make the map anew, or use that version")
+    raise ValueError(f"the format is {found}")
+
+
+def _edges(arrays: Mapping[str, Any]) -> tuple[PoseGraphEdge, ...]:
+    ends, origins = arrays["edge_ends"], arrays["edge_origins"]
+    count = len(origins)
+    if ends.shape != (count, 2) or ends.dtype.kind not in "iu":
+        raise ValueError(f"edge_ends are {ends.dtype} {list(ends.shape)}")
+    poses = transforms(arrays, "edge_poses", count)
+    errors = covariances(arrays, "edge_covariances", count)
+    return tuple(
+        PoseGraphEdge(parent, child, T, covariance, _origin(str(origin)))
         for (parent, child), T, covariance, origin in zip(
-            ends,
-            arrays["edge_poses"],
-            arrays["edge_covariances"],
-            arrays["edge_origins"],
-            strict=True,
+            ends.tolist(), poses, errors, origins, strict=True
         )
     )
-    views = tuple(_view(arrays, i, path) for i in range(count))
-    return SavedMap(PoseGraph(Trajectory(stamps, poses), edges), views)
 
 
-def _view(arrays: Mapping[str, Any], i: int, path: Path) -> View:
+def _origin(text: str) -> EdgeOrigin:
+    name = _NAMES_OF_ORIGINS.get(text, text).upper()
+    if name not in EdgeOrigin.__members__:
+        raise ValueError(f"unknown origin {text} of an edge")
+    return EdgeOrigin[name]
+
+
+def _images(arrays: Mapping[str, Any], i: int, path: Path) -> tuple[UInt8, Float32]:
     grey, units = (
         decode(arrays[f"{name}_{i}"].tobytes(), f"{path}: {name} of keyframe {i}")
         for name in ("grey", "depth")
@@ -142,26 +188,24 @@ def _view(arrays: Mapping[str, Any], i: int, path: Path) -> View:
     if grey.dtype != np.uint8 or units.dtype != np.uint16 or grey.shape != units.shape:
         raise ValueError(f"images of keyframe {i} that do not match")
     depth = np.where(units > 0, units * np.float32(_DEPTH_UNIT_M), np.float32(np.nan))
-    fx, fy, cx, cy = map(float, arrays["cameras"][i])
-    height, width = grey.shape
-    readout_time, depth_delay = map(float, arrays["times"][i])
-    return View(
-        grey,
-        np.asarray(depth, np.float32),
-        CameraIntrinsics(width, height, fx, fy, cx, cy),
-        arrays["twists"][i],
-        readout_time,
-        depth_delay,
-        _contrast(arrays, i),
-    )
+    return np.asarray(grey, np.uint8), np.asarray(depth, np.float32)
 
 
-def _contrast(arrays: Mapping[str, Any], i: int) -> float:
+def _camera(pinhole: Float64, shape: tuple[int, ...], i: int) -> CameraIntrinsics:
+    height, width = shape
+    try:
+        return CameraIntrinsics(width, height, *pinhole.tolist())
+    except InputError as error:
+        raise ValueError(f"the camera of keyframe {i}: {error.where} {error.cause}") from error
+
+
+def _contrasts(arrays: Mapping[str, Any], count: int) -> Float64:
     # maps of earlier versions do not have it
-    contrast = float(arrays["contrasts"][i]) if "contrasts" in arrays else 1.0
-    if not 0 < contrast <= 1:
-        raise ValueError(f"contrast {contrast:g} of keyframe {i}")
-    return contrast
+    contrasts = numbers(arrays, "contrasts", (count,)) if "contrasts" in arrays else np.ones(count)
+    wrong = np.flatnonzero((contrasts <= 0) | (contrasts > 1))
+    if len(wrong):
+        raise ValueError(f"contrast {contrasts[wrong[0]]:g} of keyframe {wrong[0]}")
+    return contrasts
 
 
 def _in_units(depth: Float32) -> np.typing.NDArray[np.uint16]:

@@ -50,6 +50,7 @@ class Mapper:
         self._glue = glue
         self._appearance = appearance
         self._orb = orb(config.features)
+        self._before_name = ""
         self.session_start = 0
         self.keyframes: list[MapKeyframe] = []
         self.edges: list[PoseGraphEdge] = []
@@ -68,11 +69,17 @@ class Mapper:
             self._appearance.add(number, self._descriptors(keyframe))
             self.keyframes.append(keyframe)
         self.edges += saved.graph.edges
+        self._before_name = saved.name
         self.session_start = len(self.keyframes)
 
     def add_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
         """Adds edges measured by the odometry."""
         self.edges += edges
+
+    def remove_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
+        """Forgets edges that were taken or found, such as those that spoil the optimum."""
+        removed = {id(edge) for edge in edges}
+        self.edges = [edge for edge in self.edges if id(edge) not in removed]
 
     def add(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
         """Adds a keyframe, and searches for similar places.
@@ -84,11 +91,24 @@ class Mapper:
         Returns:
             The loops found.
         """
+        # so that it has its number whatever becomes of the search
+        self.keyframes.append(keyframe)
+        return self.find_loops(keyframe, config)
+
+    def find_loops(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
+        """Looks for places that a keyframe looks like, which later ones may look like from now on.
+
+        Args:
+            keyframe: of ``keyframes``; to be looked for once.
+            config: as of ``add``.
+
+        Returns:
+            The loops found, which are among ``edges``.
+        """
         self._config = config
         descriptors = self._descriptors(keyframe)
         alike = self._appearance.like(descriptors)
         self._appearance.add(keyframe.number, descriptors)
-        self.keyframes.append(keyframe)
         loops = self._loops(keyframe, alike)
         self.edges += loops
         return loops
@@ -137,7 +157,9 @@ class Mapper:
         T_map_odom = self.T_map_odom()
         if T_map_odom is None:
             raise InputError(
-                "the map", "shows none of the places of this recording", "leave it out"
+                self._before_name,
+                "shows none of the places of this recording",
+                "give the map of this place, or none",
             )
         stamps = np.array([keyframe.stamp_ns for keyframe in self.keyframes], np.int64)
         poses = np.array([keyframe.T_odom_camera for keyframe in self.keyframes])

@@ -7,7 +7,8 @@ one that contradicts gets the weight 0 and has no effect.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -61,6 +62,23 @@ def load_gtsam(purpose: str = "the optimum of a pose graph") -> Any:
     except ImportError as error:
         raise MissingExtraError("gtsam", "slam", purpose) from error
     return gtsam
+
+
+def unlinked(
+    keyframes: Iterable[int], edges: Iterable[PoseGraphEdge], known: Container[int]
+) -> list[int]:
+    """Those of some keyframes that no chain of edges links to a known one: they have no optimum."""
+    neighbours: defaultdict[int, list[int]] = defaultdict(list)
+    for edge in edges:
+        neighbours[edge.parent].append(edge.child)
+        neighbours[edge.child].append(edge.parent)
+    reached = {end for end in neighbours if end in known}
+    frontier = list(reached)
+    while frontier:
+        found = set(neighbours[frontier.pop()]) - reached
+        reached |= found
+        frontier += found
+    return [k for k in keyframes if k not in reached and k not in known]
 
 
 def between_factor(gtsam: Any, edge: PoseGraphEdge) -> Any:

@@ -11,12 +11,98 @@ from rigs.data_sets import write_data_set
 from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.files.writing import ResultFolder
 
+OWN = [
+    ("replay", "--cloud", "out/trajectory.txt"),
+    ("replay", "--cloud", "out/report.html"),
+    ("replay", "--cloud", "out/metrics.json/cloud.ply"),
+    ("replay", "--cloud", "way/../link/params.yaml"),
+    ("replay", "--rerun", "out/trajectory.txt"),
+    ("replay", "--mcap", "out/keyframes.g2o"),
+    ("map", "--save-map", "out/map.ply"),
+    ("map", "--save-map", "out/odometry.txt"),
+    ("map", "--rerun", "out/report.html"),
+]
+
+
+def missing(command: str) -> bool:
+    return command == "map" and importlib.util.find_spec("gtsam") is None
+
+
+def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line that a command ends with."""
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.mark.parametrize(("command", "option", "place"), OWN)
+def test_what_is_written_beside_results_takes_no_place_of_theirs(
+    command: str,
+    option: str,
+    place: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if missing(command):
+        pytest.skip("GTSAM is not installed")
+    monkeypatch.chdir(tmp_path)
+    write_data_set(tmp_path / "desk", 2)
+    for folder in ("out", "way"):
+        Path(folder).mkdir()
+    Path("link").symlink_to("out")
+    Path("out/trajectory.txt").write_text("of an earlier run")
+    line = refused([command, "desk", "-o", "out", option, place], capsys)
+    cause = "is a result of this run itself; give another path"
+    assert line == f"rgbd-glue: {option}: {place} {cause}"
+    assert Path("out/trajectory.txt").read_text() == "of an earlier run"
+    assert [path.name for path in Path("out").iterdir()] == ["trajectory.txt"]
+
+
+@pytest.mark.parametrize("place", ["out", "."])
+def test_what_is_written_beside_results_is_no_folder_of_theirs(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_data_set(tmp_path / "desk", 2)
+    line = refused(["replay", "desk", "-o", "out", "--mcap", place], capsys)
+    assert line.startswith(f"rgbd-glue: --mcap: {place} is a folder of the results; give a path")
+
+
+def test_two_things_written_beside_results_are_not_the_same_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_data_set(tmp_path / "desk", 2)
+    line = refused(["replay", "desk", "-o", "out", "--cloud", "x", "--mcap", "./x"], capsys)
+    assert line == "rgbd-glue: --mcap: x is that of --cloud, too; give another path"
+
+
+@pytest.mark.parametrize(("command", "option"), [("replay", "--cloud"), ("map", "--save-map")])
+@pytest.mark.parametrize("place", ["desk", "/proc/file", "desk/rgb.txt/file", "x" * 300])
+def test_where_no_file_can_be_written_that_is_said_before_the_first_frame(
+    command: str,
+    option: str,
+    place: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if missing(command):
+        pytest.skip("GTSAM is not installed")
+    monkeypatch.chdir(tmp_path)
+    write_data_set(tmp_path / "desk", 2)
+    line = refused([command, "desk", "-o", "out", option, place], capsys)
+    assert line.startswith(f"rgbd-glue: {place}: ")
+    assert line.endswith("; give another path")
+    assert not Path("out").exists()
+
 
 @pytest.mark.parametrize("command", ["replay", "map", "pairs", "bench", "demo"])
 def test_a_command_refuses_a_folder_that_another_run_writes_to(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if command == "map" and importlib.util.find_spec("gtsam") is None:
+    if missing(command):
         pytest.skip("GTSAM is not installed")
     write_data_set(tmp_path / "desk", 2)
     out = tmp_path / "out"
@@ -47,5 +133,7 @@ def test_what_would_be_where_the_results_go_is_refused_before_any_work(
     )
     assert code == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{option} {tmp_path / place}: is where the results go (-o {out})" in line
+    assert (
+        f"{option}: {tmp_path / place} is a folder of the results; give a path of its own" in line
+    )
     assert not out.parent.exists()

@@ -79,3 +79,37 @@ def test_where_time_goes_back_the_longest_part_is_mapped(tmp_path: Path) -> None
     for name in ("trajectory", "odometry"):
         stamps = read_tum(tmp_path / f"{name}.txt").stamps_ns
         np.testing.assert_array_equal(stamps, pan.ground_truth.stamps_ns)
+
+
+@pytest.mark.slow
+def test_a_map_that_cannot_be_written_in_the_end_costs_no_other_result(tmp_path: Path) -> None:
+    out, room = tmp_path / "out", tmp_path / "new" / "room.rgbdmap"
+
+    def occupy(_: OdometryEstimate) -> None:
+        assert room.parent.is_dir()
+        room.mkdir(exist_ok=True)
+
+    with (
+        open_recording(make_bag.FOLDER) as recording,
+        pytest.raises(InputError, match="exists and is not a file"),
+    ):
+        map_recording(recording, config(), out, limit=30, on_frame=occupy, save_map=room)
+    figures = json.loads((out / "metrics.json").read_text())
+    assert figures["map_points"] > 10_000
+    assert figures["loops"]["found"] >= 0
+    assert (out / "map.ply").stat().st_size > 15 * figures["map_points"]
+    assert "<h2>Map</h2>" in (out / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["map.ply", "trajectory.txt"])
+def test_a_map_in_the_place_of_a_result_is_refused_before_the_first_frame(
+    name: str, tmp_path: Path
+) -> None:
+    seen: list[OdometryEstimate] = []
+    with (
+        open_recording(make_bag.FOLDER) as recording,
+        pytest.raises(InputError, match="is a result of this run itself"),
+    ):
+        map_recording(recording, config(), tmp_path, on_frame=seen.append, save_map=tmp_path / name)
+    assert not seen
+    assert not list(tmp_path.iterdir())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from enum import Enum
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -36,7 +37,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
-from rigs.ros import START_S
+from rigs.ros import START_S, frame_messages
 from rigs.tf import Robot
 
 NODE_NAME = "rgbd_mapping"
@@ -56,6 +57,14 @@ def edge_message(edge: PoseGraphEdge, at_ns: int) -> OdometryMessage:
     covariance = se3.pose_covariance(edge.T_parent_child, edge.covariance)
     message.pose.covariance = covariance.ravel()
     return message
+
+
+class Images(Enum):
+    """What becomes of those of a keyframe."""
+
+    WHOLE = "they come"
+    LOST = "they do not come"
+    USELESS = "nobody can tell what they show"
 
 
 class Session:
@@ -83,15 +92,24 @@ class Session:
         return min(taken) > 0 and bool(self._robot.node.count_publishers(MAP_PATH))
 
     def publish(
-        self, keyframe: Drifted, T_odom_camera: Float64, *, has_images: bool = True
+        self,
+        keyframe: Drifted,
+        T_odom_camera: Float64,
+        *,
+        images: Images = Images.WHOLE,
+        later_ns: int = 0,
     ) -> None:
         """A keyframe with its edges: its images come last."""
         frame = recorded_frames()[keyframe.row]
+        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns)
         self._poses.publish(pose_message(T_odom_camera, frame.stamp_ns))
         for edge in keyframe.edges:
             self._edges.publish(edge_message(edge, frame.stamp_ns))
-        if has_images:
-            self._robot.publish(frame)
+        messages = frame_messages(frame, is_compressed=False)
+        if images is Images.USELESS:
+            messages.color.encoding = "of nobody"
+        if images is not Images.LOST:
+            self._robot.send(messages)
 
     def wait_for_path_of(self, count: int) -> None:
         """Waits until the map has so many keyframes."""
@@ -198,7 +216,7 @@ def test_when_a_bag_begins_anew_nothing_waits_for_images_of_the_time_before(
         for keyframe in keyframes:
             session.publish(keyframe, keyframe.T_odom_camera)
         session.wait_for_path_of(len(keyframes))
-        session.publish(without_images, without_images.T_odom_camera, has_images=False)
+        session.publish(without_images, without_images.T_odom_camera, images=Images.LOST)
         session.save()  # which is answered once the keyframe has been received
         for keyframe in keyframes[:2]:
             session.publish(keyframe, keyframe.T_odom_camera)
@@ -222,7 +240,7 @@ def test_a_new_map_begins_though_the_first_image_of_the_new_graph_is_missing(
         for keyframe in before:
             session.publish(keyframe, keyframe.T_odom_camera)
         session.wait_for_path_of(len(before))
-        session.publish(first, first.T_odom_camera, has_images=False)
+        session.publish(first, first.T_odom_camera, images=Images.LOST)
         for keyframe in after:
             session.publish(keyframe, keyframe.T_odom_camera)
         node.wait_for_line("no image has its stamp, so it is left out", MAPPED_S)
@@ -248,6 +266,40 @@ def test_images_of_keyframes_are_as_small_as_those_of_the_odometry(
         session.wait_for_path_of(len(keyframes))
         session.save()
     assert [view.intrinsics.width for view in read_map(room).views] == [width, width]
+
+
+@pytest.mark.slow
+def test_keyframes_whose_images_are_lost_or_useless_cost_no_other_and_no_new_beginning(
+    ros_domain: int,
+) -> None:
+    keyframes, bad = drifted()[:6], {1: Images.LOST, 3: Images.USELESS, 4: Images.LOST}
+    with (
+        NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for number, keyframe in enumerate(keyframes):
+            images = bad.get(number, Images.WHOLE)
+            session.publish(keyframe, keyframe.T_odom_camera, images=images)
+        session.wait_for_path_of(3)
+        node.wait_for_line("no image has its stamp, so it is left out", START_S)
+        node.wait_for_line("of nobody", START_S)
+        first = session.paths[-1]
+        # after a reset, with the first keyframe of the new graph lost
+        for number, keyframe in enumerate(keyframes[:4]):
+            images = Images.WHOLE if number else Images.LOST
+            session.publish(keyframe, keyframe.T_odom_camera, images=images, later_ns=10**10)
+        stamps = [recorded_frames()[k.row].stamp_ns + 10**10 for k in keyframes[1:4]]
+        robot.wait(
+            lambda: [stamp_ns(p.header.stamp) for p in session.paths[-1].poses] == stamps,
+            "the path of the new graph",
+            MAPPED_S,
+        )
+        assert not [line for line in node.lines if "Traceback" in line or "could not" in line]
+    kept = [keyframe for number, keyframe in enumerate(keyframes) if number not in bad]
+    found = np.array([pose_from_message(p, MAP_PATH) for p in first.poses])
+    for T, keyframe in zip(found, kept, strict=True):
+        assert se3.difference(T, keyframe.T_odom_camera) < 0.05
 
 
 @pytest.mark.slow

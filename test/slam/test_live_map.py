@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from contextlib import suppress
+from dataclasses import replace
 from statistics import median
 from time import process_time
 
@@ -12,11 +14,16 @@ from rigs.bag_frames import recorded_frames
 from rigs.drifted import config, drifted, rmse
 from rigs.pose_graphs import random_graph
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.slam import mapper
+from rgbd_glue_ros.slam.edge_composition import composed
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.map_file import SavedMap
+from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import optimise
-from rgbd_glue_ros.types import PoseGraphEdge
+from rgbd_glue_ros.types import EdgeOrigin, PoseGraphEdge
 
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 
@@ -79,3 +86,123 @@ def test_injected_drift_is_taken_out_while_the_camera_moves() -> None:
     np.testing.assert_allclose(
         live.T_map_odom @ keyframes[-1].T_odom_camera, live.poses[len(keyframes) - 1], atol=1e-9
     )
+
+
+def test_an_update_that_fails_costs_what_was_added_and_nothing_before_or_after() -> None:
+    graph = random_graph(15, 12, 0.1)
+    failing, untouched = IncrementalOptimiser(), IncrementalOptimiser()
+    edges = by_child(graph.edges)
+    for number, T in enumerate(graph.keyframes.poses):
+        for optimiser in (failing, untouched):
+            optimiser.add(number, T)
+            for edge in edges[number]:
+                optimiser.add_edge(edge)
+            poses = optimiser.update()
+        # a keyframe without an edge, an edge without a keyframe, and one that says nothing
+        failing.add(number + 1, T)
+        with pytest.raises(InputError, match="the pose graph: has no optimum") as refused:
+            failing.update()
+        assert "no edge links" in str(refused.value)
+        for parent, covariance in ((99, np.eye(6)), (0, np.full((6, 6), np.nan))):
+            failing.add_edge(PoseGraphEdge(parent, number, T, covariance))
+            with pytest.raises(InputError, match="the pose graph: has no optimum") as refused:
+                failing.update()
+            assert "\n" not in str(refused.value)
+    apart = [se3.difference(failing.update()[i], poses[i]) for i in range(12)]
+    # it linearises anew, and what is nearer than its threshold is not linearised again
+    assert max(apart) < 1e-4
+
+
+def keyed(number: int) -> Keyed:
+    known = drifted()[number]
+    return Keyed(recorded_frames()[known.row], known.T_odom_camera, known.edges)
+
+
+def edges_to(saved: SavedMap, child: int) -> list[PoseGraphEdge]:
+    """What the odometry says of a row."""
+    found = [edge for edge in saved.graph.edges if edge.child == child]
+    return [edge for edge in found if edge.origin is not EdgeOrigin.LOOP]
+
+
+def test_edges_lead_over_keyframes_without_images() -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    chain = [drifted()[number].edges[0] for number in range(1, 4)]
+    assert [edge.parent for edge in chain] == [0, 1, 2]
+    live = LiveMap(config())
+    live.add(0, keyed(0))
+    for number in (1, 2):
+        live.skip(number, drifted()[number].edges)
+    live.add(3, keyed(3))
+    saved = live.saved()
+    assert len(saved) == 2
+    (found,) = edges_to(saved, 1)
+    expected = composed(composed(chain[0], chain[1]), chain[2])
+    assert (found.parent, found.origin) == (0, EdgeOrigin.TRACKING)
+    np.testing.assert_allclose(found.T_parent_child, expected.T_parent_child, atol=1e-12)
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-9)
+
+
+def test_a_keyframe_without_a_known_edge_is_assumed_where_the_odometry_has_it() -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    live = LiveMap(config())
+    for number in (0, 2, 3):
+        live.add(number, keyed(number))
+    saved = live.saved()
+    assert len(saved) == 3
+    (assumed,) = edges_to(saved, 1)
+    assert (assumed.parent, assumed.origin) == (0, EdgeOrigin.ASSUMED)
+    first, second = keyed(0), keyed(2)
+    T = se3.inverse(first.T_odom_camera) @ second.T_odom_camera
+    np.testing.assert_allclose(assumed.T_parent_child, T, atol=1e-12)
+    seconds = (second.frame.stamp_ns - first.frame.stamp_ns) / 1e9
+    # a metre for each second, all ways
+    sigmas = np.sqrt(np.linalg.eigvalsh(assumed.covariance[:3, :3]))
+    np.testing.assert_allclose(sigmas, seconds, rtol=0.05)
+    (measured,) = edges_to(saved, 2)
+    assert (measured.parent, measured.origin) == (1, EdgeOrigin.TRACKING)
+
+
+def test_a_keyframe_with_which_there_is_no_optimum_is_left_out_and_the_map_goes_on() -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    live = LiveMap(config())
+    live.add(0, keyed(0))
+    bad = keyed(1)
+    nothing = tuple(replace(edge, covariance=np.full((6, 6), np.nan)) for edge in bad.edges)
+    with pytest.raises(InputError, match="the pose graph: has no optimum"):
+        live.add(1, replace(bad, edges=nothing))
+    assert len(live.saved()) == 1
+    for number in (2, 3):
+        live.add(number, keyed(number))
+    with pytest.raises(InputError, match="the pose graph: has no optimum"):
+        live.add_edge(PoseGraphEdge(2, 3, np.eye(4), np.full((6, 6), np.nan)))
+    saved = live.saved()
+    assert [len(edges_to(saved, row)) for row in range(3)] == [0, 1, 1]
+    np.testing.assert_allclose(saved.graph.keyframes.poses[0], np.eye(4), atol=1e-3)
+    assert np.isfinite(saved.graph.keyframes.poses).all()
+    assert sorted(live.poses) == sorted(live.stamps_ns()) == [0, 1, 2]
+
+
+def test_loops_with_which_there_is_no_optimum_cost_no_keyframe(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    tried: list[tuple[int, int]] = []
+
+    def useless(parent: MapKeyframe, child: MapKeyframe, *_: object) -> PoseGraphEdge:
+        tried.append((parent.number, child.number))
+        covariance = np.full((6, 6), np.nan)
+        return PoseGraphEdge(*tried[-1], np.eye(4), covariance, EdgeOrigin.LOOP)
+
+    monkeypatch.setattr(mapper, "loop_edge", useless)
+    live = LiveMap(config())
+    for number in range(5):
+        with suppress(InputError):
+            live.add(number, keyed(number))
+    assert {child for _, child in tried} >= {3, 4}
+    assert live.loops == 0
+    saved = live.saved()
+    assert [edge for edge in saved.graph.edges if edge.origin is EdgeOrigin.LOOP] == []
+    expected = np.array([keyed(number).T_odom_camera for number in range(5)])
+    np.testing.assert_allclose(saved.graph.keyframes.poses, expected, atol=1e-3)
+    assert live.T_map_odom is not None
+    np.testing.assert_allclose(live.T_map_odom, np.eye(4), atol=1e-3)

@@ -16,7 +16,9 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import (
+    RESULTS,
     TRAJECTORY,
     replay_into,
     results_of,
@@ -46,6 +48,9 @@ from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 ODOMETRY, CLOUD = "odometry.txt", "map.ply"
 """The trajectory before loops were closed, and the coloured cloud."""
+
+MAP_RESULTS = (*RESULTS, ODOMETRY, CLOUD)
+"""What is written to the folder."""
 
 
 class MappingSink:
@@ -149,11 +154,12 @@ def map_recording(
         shown: receives everything for the Rerun viewer, and stays open; None for none.
 
     Raises:
-        InputError: the folder cannot be written, a frame cannot be read, or the recording shows no
-            place of the existing map.
+        InputError: the folder or the map cannot be written, a frame cannot be read, or the
+            recording shows no place of the existing map.
         MissingExtraError: the libraries of the extra slam are not installed.
     """
     load_gtsam()
+    check_places(folder, MAP_RESULTS, {"save_map": save_map})
     # learned features have networks, which are loaded once
     glue = Glue(config)
     odometry = Odometry(config, glue)
@@ -191,8 +197,6 @@ def map_recording(
         write_tum(folder / TRAJECTORY, mapped.trajectory)
         if shown is not None:
             shown.correct(mapped.trajectory, mapped.pose_graph, _keyframes_before(whole))
-        if save_map is not None:
-            write_map(save_map, mapper.saved(optimum.graph))
         cloud = fused(clouds, optimum.graph.keyframes.poses[mapper.session_start :])
         write_ply(folder / CLOUD, cloud)
         mapped = replace(mapped, map_jpeg=map_jpeg(cloud, mapped.trajectory.poses))
@@ -207,6 +211,9 @@ def map_recording(
                 **_of_the_whole(whole),
             },
         )
+        # the largest comes last: on a disk that it fills, the others are of one state
+        if save_map is not None:
+            write_map(save_map, mapper.saved(optimum.graph))
     return MappedRun(mapped, optimum, cloud, figures)
 
 

@@ -19,6 +19,7 @@ from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.frame_loop import FrameLoop
 from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
+from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
@@ -83,9 +84,10 @@ def replay(
         command: the command line, for quoting in the report.
 
     Raises:
-        InputError: the folder cannot be written, another run is writing to it, a frame cannot be
-            read, or none was tracked.
+        InputError: the folder or the cloud cannot be written, another run is writing to it, a
+            frame cannot be read, or none was tracked.
     """
+    check_places(folder, RESULTS, {"cloud": cloud})
     with results_of(sequence.name, config, folder, inputs or InputConfig()) as results:
         return replay_into(
             results,
