@@ -13,10 +13,10 @@ CAMERA = CameraIntrinsics(width=640, height=480, fx=525.0, fy=525.0, cx=319.5, c
 
 
 def main() -> None:
-    """Prints how far the camera moved, by the images and in truth."""
+    """Prints how far the camera moved, estimated and true."""
     noise = np.random.default_rng(0).integers(0, 256, (480, 640 + SHIFT_PX, 3), np.uint8)
     poster = np.asarray(cv2.GaussianBlur(noise, (0, 0), 3) * 4, np.uint8)
-    depth_mm = np.full((480, 640), DISTANCE_MM, np.uint16)  # as most cameras have it
+    depth_mm = np.full((480, 640), DISTANCE_MM, np.uint16)  # as in most cameras
     depth_m = np.where(depth_mm > 0, depth_mm / 1000, np.nan).astype(np.float32)
 
     first = RgbdFrame(0, np.ascontiguousarray(poster[:, :640]), depth_m, CAMERA)

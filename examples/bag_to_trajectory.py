@@ -18,7 +18,7 @@ def main(source: Path, folder: Path) -> None:
     with open_recording(source) as recording, Odometry(load_preset("live")) as odometry:
         for frame in recording:
             estimate = odometry.process(frame)
-            if estimate.T_odom_camera is not None:  # none is made up where the camera is lost
+            if estimate.T_odom_camera is not None:  # there is none while the camera is lost
                 stamps.append(estimate.stamp_ns)
                 poses.append(estimate.T_odom_camera)
     trajectory = Trajectory(np.array(stamps, np.int64), np.array(poses).reshape(-1, 4, 4))

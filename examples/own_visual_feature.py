@@ -11,7 +11,7 @@ import rgbd_glue_ros as glue
 
 
 class Akaze:
-    """What a frame shows (``extract``), and what two frames have in common (``match``)."""
+    """Extracts features of a frame (``extract``) and matches those of two frames (``match``)."""
 
     def __init__(self, _config: object) -> None:
         self._detector = cv2.AKAZE.create()

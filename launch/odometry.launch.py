@@ -49,7 +49,7 @@ def actions(context: LaunchContext) -> list[Node | ExecuteProcess]:
             package=PACKAGE,
             executable=executable,
             namespace=given("namespace"),
-            # each wins over those before it
+            # each overrides those before it
             parameters=[
                 *([dict(camera.parameters)] if camera else []),
                 *([COMPRESSED] if given("compressed") == "true" else []),
@@ -89,20 +89,20 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "params_file",
             default_value="",
-            description="Parameter file; only arguments win over it.",
+            description="Parameter file, which only arguments override.",
         ),
         DeclareLaunchArgument(
             "compressed",
             **switch,
-            description="Whether images come as compressed and compressedDepth.",
+            description="Whether images are compressed and compressedDepth.",
         ),
         DeclareLaunchArgument(
-            "use_sim_time", **switch, description="Whether time comes from /clock; so with bag."
+            "use_sim_time", **switch, description="Whether time comes from /clock; true with bag."
         ),
         DeclareLaunchArgument(
             "mapping",
             **switch,
-            description="Whether to start mapping beside it: loops closed, map -> odom on TF.",
+            description="Whether to also start mapping: closes loops, map -> odom on TF.",
         ),
         DeclareLaunchArgument("bag", default_value="", description="Bag to play, with its clock."),
         DeclareLaunchArgument("rviz", **switch, description="Whether to start RViz."),

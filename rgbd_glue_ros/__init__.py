@@ -1,6 +1,6 @@
-"""Live RGB-D odometry by RGBD-Glue: visual correspondences guide geometric ones.
+"""Live RGB-D odometry with RGBD-Glue: visual correspondences guide geometric ones.
 
-What programs need is here, and loaded when it is first used. What is not here may change.
+The public interface is here, and loaded when first used. Anything else may change.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ _PLACES = {
         "View",
     ),
 }
-"""The modules that the public names come from."""
+"""The modules of the public names."""
 
 __all__ = [
     "Ape",
@@ -133,7 +133,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, from its module."""
+    """Loads a public name from its module."""
     for module, names in _PLACES.items():
         if name in names:
             return getattr(import_module(f"{__name__}.{module}"), name)

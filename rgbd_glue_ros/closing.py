@@ -26,7 +26,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Releases what is held."""
+        """Releases all resources."""
 
     def __enter__(self: C) -> C:
         return self

@@ -1,8 +1,7 @@
-"""Where machine code is kept on disk, whatever has become of the disk.
+"""A cache of machine code on disk that tolerates damaged files and read-only folders.
 
-numba's own cache takes a file that a power cut left empty for the end of the function, refuses to
-compile where it finds no folder to write to, and does not see that a function whose code another
-one holds has changed.
+numba's own cache misreads a file that a power cut left empty, refuses to compile if it finds no
+writable folder, and does not notice changes in a function that is inlined into another one.
 """
 
 from __future__ import annotations
@@ -29,10 +28,10 @@ logger = logging.getLogger(__name__)
 
 
 class CodeCache(FunctionCache):  # type: ignore[misc]
-    """Machine code of a function on disk; what cannot be read or written is compiled anew.
+    """Machine code of a function on disk; what cannot be read or written is recompiled.
 
-    Code is looked for where numba keeps it (``NUMBA_CACHE_DIR``, beside the source, in the user's
-    cache), and beside the source in any case: an installation may bring what nobody may add to.
+    Code is searched for where numba keeps it (``NUMBA_CACHE_DIR``, beside the source, in the user's
+    cache), and always beside the source: a read-only installation may include it.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -46,7 +45,7 @@ class CodeCache(FunctionCache):  # type: ignore[misc]
         return _SealedFiles(str(folder), self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code for a signature; None where there is none that is whole."""
+        """The machine code for a signature; None if there is none that is intact."""
         check_signals()  # compiling everything takes a minute
         target_context.refresh()
         code = self._code_in(self._cache_file, sig, target_context)
@@ -57,32 +56,32 @@ class CodeCache(FunctionCache):  # type: ignore[misc]
             data = files.load(self._index_key(sig, target_context.codegen()))
             return None if data is None else self._impl.rebuild(target_context, data)
         except OSError:
-            return None  # there is nothing that could be read
+            return None  # there is nothing to read
         except Exception as error:  # noqa: BLE001 - what a damaged file makes of reading it
-            _say_once(f"Compiled code in {files.folder} is damaged ({error!r}): compiling anew")
+            _say_once(f"Compiled code in {files.folder} is damaged ({error!r}): recompiling")
             files.discard()
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keeps machine code, if the disk takes it."""
+        """Saves machine code, if the disk allows it."""
         try:
             self._save_overload(sig, data)
         except OSError as error:
             _say_once(
-                f"Compiled code cannot be kept ({error.strerror}), so that each start takes a "
-                "minute: set NUMBA_CACHE_DIR to a folder that can be written to"
+                f"Compiled code cannot be cached ({error.strerror}), so each start takes a minute: "
+                "set NUMBA_CACHE_DIR to a writable folder"
             )
 
 
 class _ReadOnly(_CacheLocator):  # type: ignore[misc]
-    """Beside the source, where code can be found and, as others were tried before, none be kept."""
+    """The folder beside the source, for reading only: writable folders were tried before."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], _source: str) -> _ReadOnly:
-        """That of a function."""
+        """The locator of a function."""
         return cls(function)
 
     def get_cache_path(self) -> str:
@@ -90,16 +89,16 @@ class _ReadOnly(_CacheLocator):  # type: ignore[misc]
         return str(_beside(self._function))
 
     def get_source_stamp(self) -> str:
-        """What changes with the source."""
+        """A stamp that changes with the source."""
         return digest_of_sources(Path(__file__).parent)
 
     def get_disambiguator(self) -> str:
-        """What tells functions of one name apart: the line, as numba's other locators have it."""
+        """Distinguishes functions of the same name: by line, as in numba's other locators."""
         return str(self._function.__code__.co_firstlineno)
 
 
 class _ResultsAnywhere(CompileResultCacheImpl):  # type: ignore[misc]
-    """How a compiled function is kept, also where no folder can be written to."""
+    """How a compiled function is saved, even if no folder is writable."""
 
     _locator_classes: ClassVar[list[Any]] = [
         *CompileResultCacheImpl._locator_classes,  # noqa: SLF001 - numba has no other way to them
@@ -108,24 +107,24 @@ class _ResultsAnywhere(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class _SealedFiles(IndexDataCacheFile):  # type: ignore[misc]
-    """The files of one function, whose contents say whether they are whole."""
+    """The files of one function, whose contents show whether they are intact."""
 
     @property
     def folder(self) -> str:
-        """Where they are."""
+        """The folder of the files."""
         return str(self._cache_path)
 
     def _dump(self, obj: object) -> bytes:
         return pickle.dumps(_Sealed(super()._dump(obj)))
 
     def discard(self) -> None:
-        """Forgets what was kept, so that it can be replaced."""
-        with contextlib.suppress(OSError):  # what stays is found damaged again the next time
+        """Discards what was saved, so that it can be replaced."""
+        with contextlib.suppress(OSError):  # what remains is found damaged again the next time
             Path(self._index_path).unlink(missing_ok=True)
 
 
 class _Sealed:
-    """Bytes that are read back as what was pickled in them, if they are still the same."""
+    """Pickled bytes with a digest, which are unpickled only if they are unchanged."""
 
     def __init__(self, content: bytes) -> None:
         self._content = content
@@ -142,7 +141,7 @@ def _unsealed(content: bytes, digest: bytes) -> object:
 
 @cache
 def digest_of_sources(package: Path) -> str:
-    """Digest of all sources that are compiled: they put one another into their code."""
+    """Digest of all compiled sources, since they are inlined into one another."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
@@ -157,5 +156,5 @@ def _say_once(text: str) -> None:
 
 
 def _beside(function: Callable[..., Any]) -> Path:
-    """Where an installation keeps the machine code of a function."""
+    """The folder in which an installation keeps the machine code of a function."""
     return Path(function.__code__.co_filename).parent / "__pycache__"

@@ -1,4 +1,4 @@
-"""How the inner loops become machine code."""
+"""Compilation of the inner loops to machine code."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """The function as machine code, which takes and gives plain arrays and numbers.
+    """The function as machine code, which takes and returns plain arrays and numbers.
 
-    It is compiled when it is first called and kept on disk, lets other Python threads run, and
-    divides by zero as IEEE 754 has it, without a check. Sums are taken in the order written: left
-    to the compiler, their last digits differ between code just compiled and code from disk.
+    It is compiled when first called and cached on disk, lets other Python threads run, and divides
+    by zero as in IEEE 754, without a check. Sums keep their written order: otherwise their last
+    digits would differ between newly compiled code and code from disk.
     """
     dispatcher: Any = njit(nogil=True, error_model="numpy")(function)
     if hasattr(dispatcher, "enable_caching"):  # else NUMBA_DISABLE_JIT is set
@@ -26,5 +26,5 @@ def compiled(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """A part of compiled functions that is put into each of them: what is done at every point."""
+    """A function that is inlined into compiled ones: what is done at every point."""
     return cast(F, njit(inline="always", error_model="numpy")(function))

@@ -9,14 +9,14 @@ from importlib import metadata
 from rgbd_glue_ros.printable import printable
 
 BAD_INPUT = 2
-"""The exit code of a command, and of the node, that was given what it cannot use."""
+"""The exit code of a command, or of the node, for unusable input."""
 
-# A damaged or hostile message may hold texts of megabytes, and its words are quoted.
+# A damaged or hostile message may contain texts of megabytes, which are quoted in errors.
 _LONGEST = 1000
 
 
 def _readable(text: str) -> str:
-    """The text in one line that a terminal shows, without its middle if it is long."""
+    """The text in one printable line, without its middle if it is long."""
     line = printable(" ".join(text.splitlines()))
     half = _LONGEST // 2
     return line if len(line) <= _LONGEST else f"{line[:half]} ... {line[-half:]}"
@@ -38,19 +38,19 @@ class InputError(ValueError):
         super().__init__(f"{self.where}: {self.cause}; {self.remedy}")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
-        # else another process would make it of its message alone, and fail
+        # otherwise another process would unpickle it from its message alone, and fail
         return type(self), (self.where, self.cause, self.remedy)
 
 
 def without_numbers(text: str) -> str:
-    """The text with # for each number: faults that differ in numbers alone are of one kind."""
+    """The text with # for each number: faults that differ only in numbers are of one kind."""
     return re.sub(r"\d[\d.]*(e[+-]\d+)?", "#", text)
 
 
 def install_command(extra: str) -> str:
-    """What brings an extra, wherever the package came from: a checkout, a wheel or an index.
+    """The command that installs an extra, whether the package came from a checkout, wheel or index.
 
-    It names the extra's libraries, since ``package[extra]`` would be looked for in an index.
+    It names the extra's libraries, since ``package[extra]`` would be searched for in an index.
     """
     clause = f'extra == "{extra}"'
     required = [
@@ -71,7 +71,7 @@ def _requirements() -> list[str]:
 
 
 class MissingExtraError(ImportError):
-    """An optional library is not installed; names the extra that brings it."""
+    """An optional library is not installed; names the extra that installs it."""
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
         super().__init__(

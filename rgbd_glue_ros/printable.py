@@ -1,4 +1,4 @@
-"""Text of whatever origin, made fit to be seen: what steers a terminal is written out."""
+"""Makes text of any origin printable: terminal control sequences are escaped."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ ExceptionInfo = (
 def printable(text: str, kept: str = "") -> str:
     r"""The text with every character that is not printable as its escape, such as ``\x1b``.
 
-    Names of files, frames and topics may hold what clears a screen, sets a title or turns the
-    direction of a line, and bytes that are no text.
+    Names of files, frames and topics may contain sequences that clear a screen, set a title or
+    reverse a line, and bytes that are not text.
 
     Args:
-        text: of any characters.
+        text: any text.
         kept: characters that stay as they are.
     """
     if text.isprintable():
@@ -29,7 +29,7 @@ def printable(text: str, kept: str = "") -> str:
 
 
 class PrintableFormatter(logging.Formatter):
-    """A message of a log is one line that is printable; a traceback has lines of its own below."""
+    """Formats a log message as one printable line; a traceback follows on its own lines."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: D102 - see the base class
         return printable(super().formatMessage(record))

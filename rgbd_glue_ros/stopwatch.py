@@ -1,4 +1,4 @@
-"""How long things take on the wall clock."""
+"""Measures wall time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ R = TypeVar("R")
 
 
 def timed(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> tuple[R, float]:
-    """What a function returns, and the milliseconds it took."""
+    """The result of a function, and the milliseconds it took."""
     start = perf_counter()
     result = function(*args, **kwargs)
     return result, (perf_counter() - start) * 1e3
@@ -29,7 +29,7 @@ class Stopwatch:
         self._last = perf_counter()
 
     def lap(self, name: str) -> None:
-        """Ends the lap of that name; the next one begins."""
+        """Ends the lap of that name and starts the next."""
         now = perf_counter()
         self.laps_ms[name] = (now - self._last) * 1e3
         self._last = now

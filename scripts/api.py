@@ -16,10 +16,10 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "api.md"
 _HEAD = """\
 # The library
 
-What `from rgbd_glue_ros import ...` has; the rest of the package may change. `T_a_b` maps points in
-frame b to frame a; metres, radians and seconds; stamps in whole nanoseconds. `Float64`, `Float32`,
-`Int64` and `UInt8` are NumPy arrays of that type. Written by `python scripts/api.py` from the
-docstrings; `examples/` shows them at work.
+What `from rgbd_glue_ros import ...` provides; the rest of the package may change. `T_a_b` maps
+points in frame b to frame a; metres, radians and seconds; stamps in whole nanoseconds. `Float64`,
+`Float32`, `Int64` and `UInt8` are NumPy arrays of that type. Written by `python scripts/api.py`
+from the docstrings; `examples/` shows how to use them.
 """
 _WIDTH = 90
 _KINDS = (

@@ -1,10 +1,10 @@
-"""Arguments that several commands have, and what they stand for."""
+"""Arguments that several commands share, and their meaning."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -23,7 +23,7 @@ RECORDING = "a bag (rosbag2 folder, .mcap, .db3, .bag), a .sens file or a folder
 def path(text: str) -> Path:
     """A path; ``~`` is the home folder, which shells leave as it is in ``-o=~/out``."""
     if not text:
-        # of a variable that is not set; as a path it would be the working folder
+        # from a variable that is not set; as a path it would be the working folder
         raise argparse.ArgumentTypeError("is empty, give a path")
     try:
         return expanded(text, "")
@@ -31,56 +31,38 @@ def path(text: str) -> Path:
         raise argparse.ArgumentTypeError(error.cause) from error
 
 
-# More of frames, gaps or processes there are not
+# There are never more frames, gaps or processes
 _DIGITS = 9
 
 
 def positive(text: str) -> int:
-    """A whole number above zero, of nine digits at most."""
+    """A positive whole number with at most nine digits."""
     if not text.isdecimal() or len(text) > _DIGITS or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 999999999")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 999999999")
     return int(text)
 
 
 def positive_number(text: str) -> float:
-    """A finite number above zero."""
+    """A finite positive number."""
     try:
         number = float(text)
     except ValueError:
         number = 0.0
     if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is no number above zero")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number greater than zero")
     return number
 
 
 def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str = "") -> None:
-    """``-o``; of a default that depends on other arguments (None), ``said`` is what it is."""
+    """``-o``; if the default depends on other arguments (None), ``said`` describes it."""
     parser.add_argument(
         "-o",
         "--output",
         metavar="DIR",
         type=path,
         default=default,
-        help=f"where the results go (default: {said or default})",
+        help=f"folder for the results (default: {said or default})",
     )
-
-
-def check_beside(folder: Path, further: Mapping[str, Path | None]) -> None:
-    """Looks before a run whether what goes elsewhere can be there beside the folder of results.
-
-    Args:
-        folder: of the results, which is made if it is not there.
-        further: by option, where else something is to be written; None where it is not asked for.
-
-    Raises:
-        InputError: one is the folder, or a folder around it.
-    """
-    results = folder.resolve()
-    for option, path in further.items():
-        if path is not None and path.resolve() in (results, *results.parents):
-            raise InputError(
-                f"{option} {path}", f"is where the results go (-o {folder})", "give another place"
-            )
 
 
 def add_ground_truth(parser: argparse.ArgumentParser) -> None:
@@ -89,8 +71,8 @@ def add_ground_truth(parser: argparse.ArgumentParser) -> None:
         "--ground-truth",
         metavar="FILE",
         type=path,
-        help="true trajectory in place of the recording's: lines of a stamp and a pose, as of TUM "
-        "or EuRoC",
+        help="ground-truth trajectory instead of the recording's: lines of a stamp and a pose, as "
+        "in TUM or EuRoC",
     )
 
 
@@ -108,13 +90,17 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
 def add_recordings(parser: argparse.ArgumentParser, least: Literal["+", "*"] = "+") -> None:
     """Any number of SRC, and how they are read."""
     parser.add_argument(
-        "recordings", metavar="SRC", type=path, nargs=least, help=f"{RECORDING}, or one of many"
+        "recordings",
+        metavar="SRC",
+        type=path,
+        nargs=least,
+        help=f"{RECORDING}, or a folder of many",
     )
     parser.add_argument(
         "--only",
         metavar="SPLIT",
-        help="of many recordings those of an official split (3dmatch-test, 7-scenes-test, "
-        "scannet-v2-test), or those named in a file, one a line",
+        help="of many recordings, only those of an official split (3dmatch-test, 7-scenes-test, "
+        "scannet-v2-test), or those named in a file, one per line",
     )
     add_topics(parser)
 
@@ -132,28 +118,28 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{kind}-topic",
             metavar="TOPIC",
-            help=f"topic of a bag's {what} in place of the one found by type and name",
+            help=f"topic of a bag's {what}, instead of the one found by type and name",
         )
     parser.add_argument(
         "--calibration",
         metavar="FILE",
         type=path,
-        help="camera of the colour images in place of the recording's: a file of ROS, OpenCV, "
+        help="camera of the colour images, instead of the recording's: a file of ROS, OpenCV, "
         "ORB-SLAM, Kalibr or Open3D, or a 3x3 matrix",
     )
     parser.add_argument(
         "--depth-calibration",
         metavar="FILE",
         type=path,
-        help="camera of the depth images, where they are not registered to colour: the same kinds "
-        "of files; where it is, is told by --set depth_camera_pose='x y z roll pitch yaw'",
+        help="camera of the depth images, if they are not registered to colour: the same kinds of "
+        "files; its pose is given by --set depth_camera_pose='x y z roll pitch yaw'",
     )
     parser.add_argument(
         "--depth-scale",
         metavar="M",
         type=positive_number,
-        help="metres of one unit of the depth images, as 0.001 for millimetres, or units of a "
-        "metre, as TUM's 5000; the same as --set depth_scale=M",
+        help="metres per unit of the depth images, for example 0.001 for millimetres, or units "
+        "per metre, for example TUM's 5000; the same as --set depth_scale=M",
     )
 
 
@@ -169,7 +155,7 @@ def add_set(parser: argparse.ArgumentParser) -> None:
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """What of a recording is played, how fast, and as which messages."""
+    """The part of a recording to play, its speed, and the kind of messages."""
     parser.add_argument(
         "--rate",
         type=positive_number,
@@ -177,7 +163,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         help="speed of the recording (default: %(default)s)",
     )
     parser.add_argument(
-        "--start", metavar="S", type=positive_number, default=0.0, help="leave out its first S s"
+        "--start", metavar="S", type=positive_number, default=0.0, help="skip its first S s"
     )
     parser.add_argument("--duration", metavar="S", type=positive_number, help="stop after S s")
     images = parser.add_mutually_exclusive_group()
@@ -186,7 +172,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         dest="compressed",
         action="store_false",
         default=False,
-        help="publish images as they are, which loses nothing (default)",
+        help="publish images as they are, without loss (default)",
     )
     images.add_argument(
         "--compressed", action="store_true", help="publish JPEG and compressedDepth"
@@ -194,28 +180,27 @@ def add_part(parser: argparse.ArgumentParser) -> None:
 
 
 def add_camera(parser: argparse.ArgumentParser, what: str) -> None:
-    """``--camera``; ``what`` is what is taken of it."""
+    """``--camera``; ``what`` describes what it sets."""
     parser.add_argument(
         "--camera",
         metavar="PRESET",
-        help=f"{what}: a name in config/cameras, as realsense_d400, or a file like those",
+        help=f"{what}: a name in config/cameras, such as realsense_d400, or a similar file",
     ).completer = camera_presets  # type: ignore[attr-defined]
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Where many recordings are worked on."""
+    """Where many recordings are processed."""
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--workers",
         metavar="N",
         type=positive,
-        help="work in N processes on this machine (needs the extra scale)",
+        help="run in N processes on this machine (needs the extra scale)",
     )
     where.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="work on a Dask cluster, such as tcp://host:8786; its workers have to see the same "
-        "files",
+        help="run on a Dask cluster, such as tcp://host:8786; its workers must see the same files",
     )
 
 
@@ -224,13 +209,15 @@ def add_config(parser: argparse.ArgumentParser, preset: str = "live") -> None:
     parser.add_argument(
         "--preset",
         default=preset,
-        help="preset to start from: live or paper (default: %(default)s)",
+        metavar="PRESET",
+        help="preset to start from: live, paper, or a YAML file of parameters, such as the "
+        "params.yaml of an earlier run (default: %(default)s)",
     ).completer = _presets  # type: ignore[attr-defined]
     add_set(parser)
 
 
 def sources(args: argparse.Namespace) -> list[Path]:
-    """The recordings at and below every SRC that ``--only`` leaves.
+    """The recordings at and below every SRC that pass ``--only``.
 
     Raises:
         InputError: there are none.
@@ -240,11 +227,17 @@ def sources(args: argparse.Namespace) -> list[Path]:
     return recordings(args.recordings, split(args.only) if args.only else None)
 
 
-def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
-    """Opens recordings as the arguments say, in this process or another.
+def opener(
+    args: argparse.Namespace, inputs: InputConfig | None = None
+) -> Callable[[Path], Recording]:
+    """Opens recordings according to the arguments, in this process or another.
+
+    Args:
+        args: of the command.
+        inputs: how images are read; None for ``--set`` and the options.
 
     Raises:
-        InputError: the calibration cannot be read, or a parameter is not known or allowed.
+        InputError: the calibration cannot be read, or a parameter is unknown or not allowed.
     """
     from rgbd_glue_ros.recordings import Topics, open_recording, read_calibration
 
@@ -260,7 +253,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
         open_recording,
         topics=topics,
         calibration=read_calibration(args.calibration) if args.calibration else None,
-        inputs=inputs(args),
+        inputs=inputs or inputs_of(args),
         depth_calibration=(
             read_calibration(args.depth_calibration) if args.depth_calibration else None
         ),
@@ -268,7 +261,7 @@ def opener(args: argparse.Namespace) -> Callable[[Path], Recording]:
 
 
 def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:
-    """The part of a recording that is to be played."""
+    """The part of a recording to play."""
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
     from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW
 
@@ -277,35 +270,44 @@ def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:
 
 
 def config(args: argparse.Namespace) -> Config:
-    """The preset with what ``--set`` changes of the method.
+    """The preset with the method's parameters in ``--set``.
 
     Raises:
         InputError: there is no such preset or parameter, or a value is not allowed.
     """
-    from rgbd_glue_ros.parameters import InputConfig, load_preset, with_values
+    from rgbd_glue_ros.parameters import Config, InputConfig, load_preset, load_yaml, with_values
 
     of_inputs, of_method = _assigned(args)
     with_values(InputConfig(), of_inputs)
-    return with_values(load_preset(args.preset), of_method)
+    file = _preset_file(args)
+    preset = load_yaml(file, Config()) if file else load_preset(args.preset)
+    return with_values(preset, of_method)
 
 
-def inputs(args: argparse.Namespace) -> InputConfig:
-    """What ``--set`` and the options change of how images are read.
+def inputs_of(args: argparse.Namespace) -> InputConfig:
+    """The parameters of the inputs in ``--set`` and the options.
 
     Raises:
         InputError: a parameter is not known, or a value not allowed.
     """
-    from rgbd_glue_ros.parameters import Config, InputConfig, with_values
+    from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
 
     of_inputs, of_method = _assigned(args)
     with_values(Config(), of_method)
     if args.depth_scale is not None:
         of_inputs["depth_scale"] = args.depth_scale
-    return with_values(InputConfig(), of_inputs)
+    file = _preset_file(args)
+    return with_values(load_yaml(file, InputConfig()) if file else InputConfig(), of_inputs)
+
+
+def _preset_file(args: argparse.Namespace) -> Path | None:
+    """The file given as ``--preset``; None if it is a name, or the command has no preset."""
+    preset = Path(vars(args).get("preset", ""))
+    return preset if preset.suffix in (".yaml", ".yml") else None
 
 
 def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, object]]:
-    """What ``--set`` gives, apart: parameters of the inputs, and those of the method."""
+    """The parameters in ``--set``, separated into those of the inputs and of the method."""
     from rgbd_glue_ros.parameters import (
         Config,
         InputConfig,
@@ -325,7 +327,9 @@ def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, ob
             continue
         if name in values(NodeConfig()):
             raise InputError(
-                name, "is the node's alone", f"give it to the node: --ros-args -p {name}:=VALUE"
+                name,
+                "is a parameter of the node only",
+                f"give it to the node: --ros-args -p {name}:=VALUE",
             )
         raise unknown_parameter(name, declared)
     of_inputs = {name: value for name, value in given.items() if name in own}
@@ -333,14 +337,14 @@ def _assigned(args: argparse.Namespace) -> tuple[dict[str, object], dict[str, ob
 
 
 def command(args: argparse.Namespace) -> str:
-    """The line that was typed, to be quoted."""
+    """The command line as typed, for quoting."""
     from rgbd_glue_ros.cli.parser import PROGRAM
 
     return shlex.join([PROGRAM, *args.words])
 
 
 def node_command(args: argparse.Namespace) -> str:
-    """Starts a node, with no ROS but that of Python packages, that hears what is played."""
+    """The command that starts a node for what is played, also without a ROS installation."""
     words = ["odometry", *(["--camera", args.camera] if args.camera else [])]
     if args.compressed:
         words += ["--ros-args", "-p", "image_transport:=compressed"]
@@ -349,12 +353,12 @@ def node_command(args: argparse.Namespace) -> str:
 
 
 def parameter_names(prefix: str = "", **_: object) -> list[str]:
-    """The names of all parameters that begin with ``prefix``, for the shell to complete."""
+    """The names of all parameters that begin with ``prefix``, for shell completion."""
     return [p.name for p in _parameters() if p.name.startswith(prefix)]
 
 
 def assignments(prefix: str, **_: object) -> list[str]:
-    """``NAME=``, and after it the values that a parameter can have, where these can be listed."""
+    """``NAME=``, and then the values of a parameter, if they can be listed."""
     given = prefix.partition("=")[0]
     if "=" not in prefix:
         return [f"{name}=" for name in parameter_names(prefix)]
@@ -374,7 +378,7 @@ def _parameters() -> Iterator[Parameter]:
 
 
 def camera_presets(**_: object) -> list[str]:
-    """The names of the presets of cameras, for the shell to complete."""
+    """The names of camera presets, for shell completion."""
     from rgbd_glue_ros.live.camera_presets import camera_names
 
     return camera_names()

@@ -1,4 +1,4 @@
-"""``rgbd-glue bench``: speed and error beside others."""
+"""``rgbd-glue bench``: speed and error compared with others."""
 
 from __future__ import annotations
 
@@ -33,30 +33,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--peer",
         metavar="NAME",
         action="append",
-        help="peer to measure beside ours (default: those for odometry); may be repeated",
+        help="peer to compare with (default: those for odometry); may be repeated",
     )
     parser.add_argument(
         "--patience",
         metavar="S",
         type=arguments.positive_number,
         default=120.0,
-        help="seconds for each peer and recording; what it got done by then counts "
+        help="seconds for each peer and recording; only what it completes by then counts "
         "(default: %(default)g)",
     )
     parser.add_argument(
         "--robustness",
         action="store_true",
-        help="also with frames missing, dark, blind or patchy, or with somebody in them",
+        help="also with frames missing, dark, blank or patchy, or with a passer-by",
     )
     parser.add_argument(
-        "--live", action="store_true", help="also played to the node over DDS, at its own rate"
+        "--live",
+        action="store_true",
+        help="also play to the node over DDS, at the recording's rate",
     )
     parser.add_argument(
         "--memory",
         metavar="N",
         type=arguments.positive,
         default=0,
-        help="also watch the memory over N frames of the first recording, over and over",
+        help="also measure memory over N frames of the first recording, repeated",
     )
 
 
@@ -98,7 +100,7 @@ def run(args: argparse.Namespace) -> str:
         except KeyboardInterrupt:
             shown.close()
             is_measured = args.output.is_dir() and any(args.output.iterdir())
-            what = f"what was measured is in {args.output}" if is_measured else "nothing measured"
+            what = f"the results so far are in {args.output}" if is_measured else "nothing measured"
             logger.warning("interrupted; %s", what)
             raise
     tables = args.output / TABLES

@@ -1,4 +1,4 @@
-"""The commands there are: a line here and a module of the same name, with two functions."""
+"""The commands: a line here and a module of the same name, with two functions."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Protocol, cast
 
 
 class CommandModule(Protocol):
-    """What the module of a command has."""
+    """The interface of a command's module."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declares the command's arguments."""
 
     def run(self, args: argparse.Namespace) -> str:
-        """Does it and returns what to print.
+        """Executes the command and returns what to print.
 
         Raises:
-            InputError: the user can mend it.
+            InputError: the user can fix the problem.
             MissingExtraError: a library is not installed.
         """
 
@@ -30,7 +30,7 @@ class Command:
     Attributes:
         name: on the command line, and of the module in this folder.
         summary: one line for the help.
-        is_ros_node: whether it takes the arguments of ROS too; ``args.ros`` are those.
+        is_ros_node: whether it also takes ROS arguments, in ``args.ros``.
     """
 
     name: str
@@ -39,22 +39,22 @@ class Command:
 
     @property
     def module(self) -> CommandModule:
-        """Its module, which is loaded when it is first needed."""
+        """Its module, loaded on first use."""
         return cast(CommandModule, import_module(f"{__package__}.{self.name}"))
 
 
 COMMANDS = (
     Command("demo", "play the bundled bag, or a recording, to the node over DDS"),
     Command("odometry", "run the ROS node", is_ros_node=True),
-    Command("mapping", "run the ROS node that closes the loops of the odometry", is_ros_node=True),
-    Command("play", "publish a recording as the topics of a camera"),
+    Command("mapping", "run the ROS node that closes loops of the odometry", is_ros_node=True),
+    Command("play", "publish a recording on the topics of a camera"),
     Command("replay", "run the odometry over a recording"),
-    Command("map", "close the loops of a recording and make a map of it"),
-    Command("evaluate", "compare a trajectory with the truth"),
-    Command("convert", "turn a data set into a rosbag2, or a bag into a TUM RGB-D folder"),
+    Command("map", "close the loops of a recording and build a map"),
+    Command("evaluate", "compare a trajectory with ground truth"),
+    Command("convert", "convert a data set to a rosbag2, or a bag to a TUM RGB-D folder"),
     Command("pairs", "register pairs of frames as in the paper's experiments"),
     Command("fetch", "download public data sets"),
-    Command("weights", "list, bring and check the weights of learned features"),
-    Command("bench", "measure speed and error beside others, in one run"),
+    Command("weights", "list, fetch and check the weights of learned features"),
+    Command("bench", "measure speed and error and compare with others, in one run"),
     Command("params", "print parameters with unit, range and meaning"),
 )

@@ -22,18 +22,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compressed",
         action="store_true",
-        help="write JPEG and compressedDepth to a bag in place of raw images, which lose nothing",
+        help="write JPEG and compressedDepth to a bag instead of lossless raw images",
     )
     parser.add_argument(
         "--topics-like",
         metavar="PRESET",
-        help="call a bag's topics as the driver of a camera does: a name in config/cameras, as "
+        help="name a bag's topics as a camera's driver does: a name in config/cameras, such as "
         "oak_d (default: realsense_d400)",
     ).completer = arguments.camera_presets  # type: ignore[attr-defined]
 
 
 def run(args: argparse.Namespace) -> str:
-    """Converts and returns where the result is, what is in it and what to do with it."""
+    """Converts and returns where the result is, its content and how to use it."""
     from rgbd_glue_ros.recordings.bag.recording import BagRecording
     from rgbd_glue_ros.recordings.convert import convert
 
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> str:
         if is_bag and args.topics_like:
             raise InputError(
                 "--topics-like",
-                f"{args.recording} is a bag, which is converted to a folder of images",
+                f"{args.recording} is a bag, which becomes a folder of images",
                 "leave it out",
             )
         convert(recording, args.target, args.compressed, topics)
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> str:
 
 
 def _topics(args: argparse.Namespace) -> WrittenTopics:
-    """What the topics of a bag are to be called."""
+    """The names for the topics of a bag."""
     from rgbd_glue_ros.live.camera_presets import load_camera
     from rgbd_glue_ros.recordings.bag.writer import AS_REALSENSE, WrittenTopics
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,9 +11,10 @@ from rgbd_glue_ros.cli import arguments
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import Played
+    from rgbd_glue_ros.parameters import InputConfig
 
 
-# A node that keeps up drops fewer of the frames than this leaves.
+# A node that keeps up processes at least this fraction of the frames.
 _FEW = 0.9
 
 
@@ -28,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_topics(parser)
     arguments.add_output(parser, Path("out/demo"))
     arguments.add_part(parser)
-    # not as of other commands, where it may change how a recording is read
+    # unlike in other commands, where it may change how a recording is read
     parser.add_argument(
         "--set",
         dest="parameters",
@@ -40,35 +42,53 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> str:
-    """Plays a recording to the node and returns the figures of what the node answered."""
+    """Plays a recording to the node and returns the figures of its output."""
     from rgbd_glue_ros.experiments.demo.demo import bundled_bag
     from rgbd_glue_ros.experiments.demo.played import PlayedBag
+    from rgbd_glue_ros.parameters import (
+        OF_MESSAGES,
+        InputConfig,
+        by_current_names,
+        parse_assignment,
+        with_values,
+    )
 
-    is_whole = not (args.start or args.duration or args.compressed)
+    given = by_current_names(dict(map(parse_assignment, args.parameters)))
+    is_whole = not (args.start or args.duration or args.compressed or args.depth_scale)
     if args.recording is None and is_whole:
-        return _play(args, PlayedBag.load(bundled_bag()))  # byte for byte
-    with arguments.opener(args)(args.recording or bundled_bag()) as recording:
-        return _play(args, arguments.played(args, recording))
+        return _play(args, PlayedBag.load(bundled_bag()), given, InputConfig())  # byte for byte
+    # parameters about the recording's messages are applied on reading: depth is then in metres
+    of_messages = {name: given.pop(name) for name in OF_MESSAGES if name in given}
+    inputs = with_values(arguments.inputs_of(args), of_messages)
+    with arguments.opener(args, inputs)(args.recording or bundled_bag()) as recording:
+        return _play(args, arguments.played(args, recording), given, inputs)
 
 
-def _play(args: argparse.Namespace, recording: Played) -> str:
+def _play(
+    args: argparse.Namespace,
+    recording: Played,
+    parameters: Mapping[str, object],
+    inputs: InputConfig,
+) -> str:
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.cli.replay import summary
     from rgbd_glue_ros.experiments.demo.demo import Progress, demo
     from rgbd_glue_ros.experiments.replay.replay import REPORT
-    from rgbd_glue_ros.parameters import parse_assignment
 
-    with bar(" frames", desc="waiting for the node") as shown:
+    waiting = "waiting for the node (compiling once)"
+    with bar(" frames", desc=waiting) as shown:
 
         def show(progress: Progress) -> None:
+            if progress.played == 0:
+                shown.refresh()  # the time goes on
+                return
             shown.total = progress.frames
             shown.set_description("playing", refresh=False)
             shown.set_postfix_str(f"{progress.poses} poses", refresh=False)
             shown.update(progress.played - shown.n)
 
         command = arguments.command(args)
-        given = dict(map(parse_assignment, args.parameters))
-        result = demo(recording, args.output, args.rate, show, command, given)
+        result = demo(recording, args.output, args.rate, show, command, parameters, inputs)
     said = f"node     {result.summary}\n" if result.summary else ""
     played = result.figures["played"]
     if result.figures["frames"] < _FEW * played:

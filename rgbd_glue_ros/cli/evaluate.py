@@ -19,10 +19,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "estimate",
         metavar="EST",
         type=path,
-        help="trajectory: lines of a stamp and a pose, as of TUM (x y z qx qy qz qw), EuRoC (CSV, "
-        "nanoseconds, qw first), with a line of names in any order, or a stamp and a matrix",
+        help="trajectory: lines of a stamp and a pose, as in TUM (x y z qx qy qz qw), EuRoC (CSV, "
+        "nanoseconds, qw first), in any order with a line of names, or a stamp and a matrix",
     )
-    parser.add_argument("reference", metavar="REF", type=path, help="true trajectory, the same")
+    parser.add_argument(
+        "reference", metavar="REF", type=path, help="ground-truth trajectory, in the same formats"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 

@@ -1,11 +1,14 @@
-"""What ``replay`` and ``map`` write for other programs to look at."""
+"""Outputs of ``replay`` and ``map`` for other programs."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.errors import InputError
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.replay.sinks import FrameSink
@@ -20,14 +23,14 @@ def add_rerun(parser: argparse.ArgumentParser) -> None:
         "--rerun",
         metavar="FILE.rrd",
         help="write images, scene, matches and plots for the Rerun viewer (extra viz), or show "
-        "them in one that runs: rerun+http://127.0.0.1:9876/proxy",
+        "them in a running one: rerun+http://127.0.0.1:9876/proxy",
     )
 
 
 def rerun_recording(
     args: argparse.Namespace, recording: Recording, truth: Trajectory | None
 ) -> RerunRecording | None:
-    """What ``--rerun`` asks for.
+    """The recording requested by ``--rerun``.
 
     Raises:
         InputError: it cannot be written.
@@ -55,15 +58,33 @@ def add_exports(parser: argparse.ArgumentParser) -> None:
     add_rerun(parser)
 
 
+def check_beside(folder: Path, further: Mapping[str, Path | None]) -> None:
+    """Looks before a run whether what goes elsewhere can be there beside the folder of results.
+
+    Args:
+        folder: of the results, which is made if it is not there.
+        further: by option, where else something is to be written; None where it is not asked for.
+
+    Raises:
+        InputError: one is the folder, or a folder around it.
+    """
+    results = folder.resolve()
+    for option, path in further.items():
+        if path is not None and path.resolve() in (results, *results.parents):
+            raise InputError(
+                f"{option} {path}", f"is where the results go (-o {folder})", "give another place"
+            )
+
+
 def sinks(
     args: argparse.Namespace, recording: Recording, truth: Trajectory | None
 ) -> list[FrameSink]:
-    """What the arguments of ``add_exports`` ask for.
+    """The outputs requested by the arguments of ``add_exports``.
 
     Args:
         args: as parsed.
-        recording: that is replayed.
-        truth: its true trajectory; None takes what it knows.
+        recording: the replayed recording.
+        truth: its true trajectory; None uses the recording's own.
 
     Raises:
         InputError: it cannot be written.

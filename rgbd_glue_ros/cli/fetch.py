@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "names",
         metavar="NAME",
         nargs="*",
-        help="data set, such as tum/fr1_desk; without any, all that can be fetched are listed",
+        help="data set, such as tum/fr1_desk; without one, all available are listed",
     )
     parser.add_argument(
         "-o",
@@ -31,17 +31,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         type=path,
         default=Path("data"),
-        help="where its folder goes (default: %(default)s)",
+        help="parent of its folder (default: %(default)s)",
     )
     parser.add_argument(
         "--sha256",
         metavar="HEX",
-        help="checksum that the archive must have; for one NAME",
+        help="required checksum of the archive; for one NAME",
     )
 
 
 def run(args: argparse.Namespace) -> str:
-    """Downloads and returns where the data sets are, or lists those there are."""
+    """Downloads and returns where the data sets are, or lists those available."""
     from rgbd_glue_ros.recordings.fetch import CATALOGUE, find
 
     if not args.names:
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> str:
     try:
         return "".join(_fetched(source, args.output) for source in sources)
     except KeyboardInterrupt:
-        logger.warning("interrupted; run this again, it goes on from there")
+        logger.warning("interrupted; run this again to resume")
         raise
 
 

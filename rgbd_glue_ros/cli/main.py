@@ -18,10 +18,10 @@ from rgbd_glue_ros.printable import PrintableFormatter, printable
 logger = logging.getLogger(__name__)
 
 OK, FAILED = 0, 1
-# what a shell sees of a program that ended by SIGINT or SIGPIPE
+# exit codes of a program ended by SIGINT or SIGPIPE
 INTERRUPTED, BROKEN_PIPE = 128 + 2, 128 + 13
-# Of a damaged image or video the libraries that read it have much to say, beside our one line.
-# OpenCV reads these when it is loaded.
+# About a damaged image or video the libraries print much more than our one line. OpenCV reads these
+# variables when it is loaded.
 _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
@@ -39,12 +39,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for variable, value in _QUIET.items():
         os.environ.setdefault(variable, value)
     args = parse(sys.argv[1:] if arguments is None else arguments)
-    # a terminal of few characters gets escapes for the others
+    # characters that the terminal lacks are escaped
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     logging.basicConfig(handlers=[_log()])
-    # what Ctrl-C leaves in order (results written, the demonstration's node ended), a kill does too
+    # a kill is handled as cleanly as Ctrl-C (results written, the demonstration's node ended)
     InterruptOnce()
     try:
         _print(args.command.module.run(args))
@@ -56,8 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _drop_output()
         return BROKEN_PIPE
     except OSError as error:
-        # a full disk, a folder without access: nothing that this program does could be better
-        text = f"{error.filename or 'a file'}: {error.strerror or error}; give another place"
+        # a full disk, a folder without access: not a fault of this program
+        text = f"{error.filename or 'a file'}: {error.strerror or error}; give another path"
         return _fail(error, text, BAD_INPUT, debug=args.debug)
     except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
         return _failed(error, debug=args.debug)
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _open_closed_streams() -> None:
-    """Puts the null device in place of streams that the process was started without."""
+    """Substitutes the null device for streams that the process was started without."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
@@ -89,7 +89,7 @@ def _log() -> logging.Handler:
 
 
 def _drop_output() -> None:
-    """Keeps Python from flushing at exit into what cannot be written, as in ``| head``."""
+    """Prevents Python from flushing at exit to a closed output, as in ``| head``."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

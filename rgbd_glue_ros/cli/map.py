@@ -27,18 +27,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--map",
         metavar="FILE",
         type=arguments.path,
-        help="map to go on with, as --save-map wrote it; poses are in its frame then",
+        help="map to continue, written by --save-map; poses are then in its frame",
     )
     parser.add_argument(
         "--save-map",
         metavar="FILE",
         type=arguments.path,
-        help="file to write the map to, for --map and the map_file of the mapping node",
+        help="file for the map, which --map and map_file of the mapping node read",
     )
 
 
 def run(args: argparse.Namespace) -> str:
-    """Makes the map and returns the figures."""
+    """Builds the map and returns the figures."""
     from rgbd_glue_ros.cli.progress import tracking_bar
     from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, map_recording
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> str:
     before = read_map(args.map) if args.map else None
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
-    arguments.check_beside(folder, {"--save-map": args.save_map})
+    exports.check_beside(folder, {"--save-map": args.save_map})
     with ExitStack() as left, arguments.opener(args)(args.recording) as recording:
         total = min(recording.frame_count, args.limit or recording.frame_count)
         shown = exports.rerun_recording(args, recording, truth)
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> str:
                 command=arguments.command(args),
                 before=before,
                 save_map=args.save_map,
-                inputs=arguments.inputs(args),
+                inputs=arguments.inputs_of(args),
                 shown=shown,
             )
     figures = mapped.figures

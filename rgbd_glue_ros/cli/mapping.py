@@ -11,7 +11,7 @@ _EXAMPLE = "mapping --camera realsense_d400 --ros-args -p map_file:=room.rgbdmap
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Those of a node."""
+    """The arguments of a node."""
     add_node_arguments(parser, _EXAMPLE)
 
 

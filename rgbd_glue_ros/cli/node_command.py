@@ -1,4 +1,4 @@
-"""What the commands that run a node have in common: its arguments, and those of ROS."""
+"""The common part of commands that run a node: its arguments, and those of ROS."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.live.camera_presets import Camera
 
 _EPILOG = """\
-ROS arguments, as of every node, follow --ros-args:
+ROS arguments, as for every node, follow --ros-args:
   -r rgb/image:=/camera/color    take a topic (rgb/image, depth/image, rgb/camera_info)
   -p frame_id:=base_link         set a parameter (`rgbd-glue params`, `rgbd-glue params --node`)
   --params-file FILE             set those in a file
@@ -26,7 +26,7 @@ ROS arguments, as of every node, follow --ros-args:
 
 
 def add_node_arguments(parser: argparse.ArgumentParser, example: str) -> None:
-    """A camera; the arguments of ROS are none of ours.
+    """A camera; ROS arguments are handled elsewhere.
 
     Args:
         parser: of the command.
@@ -35,7 +35,7 @@ def add_node_arguments(parser: argparse.ArgumentParser, example: str) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.usage = "%(prog)s [-h] [--debug] [--camera PRESET] [--ros-args ...]"
     parser.epilog = f"{_EPILOG}  {example}\n"
-    arguments.add_camera(parser, "topics and parameters, over which ROS arguments win, of a camera")
+    arguments.add_camera(parser, "topics and parameters of a camera, which ROS arguments override")
 
 
 def run_node(args: argparse.Namespace, module: str) -> str:
@@ -55,14 +55,14 @@ def run_node(args: argparse.Namespace, module: str) -> str:
         from rgbd_glue_ros.live.camera_presets import load_camera
 
         ros = _with_camera(load_camera(args.camera), ros)
-    # ROS from PyPI does not set it, and rclpy finds no resources without
+    # ROS from PyPI does not set it, and without it rclpy finds no resources
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     try:
         node = import_module(module)
     except ImportError as error:
         library = (error.name or "rclpy").split(".", maxsplit=1)[0]
         raise MissingExtraError(library, "ros", "the node") from error
-    # the node has a log of its own
+    # the node has its own log
     logging.getLogger().handlers.clear()
     code = node.main(["--ros-args", *ros], end_signals)
     if code:
@@ -71,7 +71,7 @@ def run_node(args: argparse.Namespace, module: str) -> str:
 
 
 def _with_camera(camera: Camera, ros: list[str]) -> list[str]:
-    """ROS arguments with a camera's: of parameters the last one counts, of remappings the first."""
+    """ROS arguments with a camera's: the last of several parameters counts, the first remapping."""
     from rgbd_glue_ros.live.camera_presets import remappings
 
     set_first, mapped_last = [], []

@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Recordings, parameters, output, and which pairs by which methods."""
+    """Recordings, parameters, output, pairs and methods."""
     arguments.add_recordings(parser, least="*")
     parser.add_argument(
         "--data",
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--peers",
         metavar="NAMES",
         default="",
-        help="methods of others to measure on the same pairs, with commas between, or all",
+        help="other methods to measure on the same pairs, separated by commas, or all",
     )
     arguments.add_output(parser, Path("out/pairs"))
     arguments.add_workers(parser)
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> str:
             progress.total, progress.initial = total, done
             progress.update(done)
             if done:
-                logger.warning("going on after %s that an earlier run left", counted(done, "pair"))
+                logger.warning("continuing after %s of an earlier run", counted(done, "pair"))
 
         def step(_: object) -> None:
             progress.update()
@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> str:
             progress.close()
             if progress.n:
                 logger.warning(
-                    "interrupted; what was done is in %s, and the same command goes on",
+                    "interrupted; the results so far are in %s, and the same command continues",
                     args.output,
                 )
             raise
@@ -134,7 +134,7 @@ def _peers(text: str) -> list[str]:
     for name in names:
         if name not in PEERS:
             raise InputError(
-                f"--peers {name}", "no such peer", f"take all, or some of {', '.join(PEERS)}"
+                f"--peers {name}", "no such peer", f"use all, or some of {', '.join(PEERS)}"
             )
     return names
 

@@ -13,17 +13,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "name",
         metavar="NAME",
         nargs="?",
-        help="parameter or section to explain, such as glue.k or glue; also one of the node's",
+        help="parameter or section to explain, such as glue.k or glue; also of the node",
     ).completer = arguments.parameter_names  # type: ignore[attr-defined]
     arguments.add_config(parser)
     parser.add_argument(
-        "--node", action="store_true", help="print the parameters that the ROS node alone has"
+        "--node", action="store_true", help="print the parameters that only the ROS node has"
     )
     parser.add_argument("--markdown", action="store_true", help="print a table, not YAML")
 
 
 def run(args: argparse.Namespace) -> str:
-    """The configuration as YAML or as a table, or what is known of some parameters."""
+    """The configuration as YAML or as a table, or the description of some parameters."""
     from rgbd_glue_ros.parameters import NodeConfig, explain, to_markdown, to_yaml
 
     config = arguments.config(args)

@@ -1,4 +1,4 @@
-"""Reads the words of the command line: what is wrong with them is said in one line."""
+"""Parses the command line; errors are reported in one line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROS_PARAMETER = re.compile(r"\w[\w.]*:=")
 
 
 class Parser(argparse.ArgumentParser):
-    """Names what an unknown word was perhaps meant to be; argparse prints the usage instead."""
+    """Suggests a correction for an unknown word; argparse prints the usage instead."""
 
     def error(self, message: str) -> NoReturn:
         """Ends the process with one line."""
@@ -28,7 +28,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{text}\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As argparse does it, but an unknown word is an error of the command that it is given to.
+        """As in argparse, but an unknown word is an error of the command that it is given to.
 
         argparse would report it from the program's own parser, which does not know the options.
         """
@@ -39,32 +39,32 @@ class Parser(argparse.ArgumentParser):
 
     @property
     def options(self) -> list[str]:
-        """The options that it knows."""
+        """The known options."""
         return [*self._option_string_actions]
 
     def refuse(self, word: str) -> NoReturn:
-        """Ends the process with what is wrong with an unknown word."""
+        """Ends the process with an explanation of an unknown word."""
         if _ROS_PARAMETER.match(word):
             self.error(
-                f"{word}: a parameter of the node is given by --ros-args -p {word}, of other "
-                f"commands by --set {word.replace(':=', '=')}"
+                f"{word}: give a parameter to the node with --ros-args -p {word}, to other "
+                f"commands with --set {word.replace(':=', '=')}"
             )
         if not word.startswith("-"):
-            self.error(f"{word}: an argument too many")
+            self.error(f"{word}: unexpected argument")
         option = word.partition("=")[0]
         self.error(f"{option}: no such option{did_you_mean(option, self.options)}")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """The known word that is most like ``word``, as a question; "" if none is."""
+    """The known word most similar to ``word``, as a question; "" if there is none."""
     near = difflib.get_close_matches(word, [*known], n=1)
     return f", did you mean {near[0]}?" if near else ""
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """The arguments; ``command`` is the command, and ``words`` the words.
+    """The parsed arguments; ``command`` is the command, and ``words`` the words.
 
-    Ends the process where they make no sense, and where help or the version is asked for.
+    Ends the process if they are invalid, or if help or the version is requested.
     """
     parser = _program()
     known = {command.name: command for command in COMMANDS}
@@ -82,7 +82,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The words of a program and those of ROS, which lie between ``--ros-args`` and ``--``."""
+    """The words of a program and those of ROS, which are between ``--ros-args`` and ``--``."""
     own: list[str] = []
     ros: list[str] = []
     is_for_ros = False
@@ -97,9 +97,9 @@ def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def complete() -> None:
-    """Answers the shell and ends the process, where it asks for the completion of a line.
+    """Answers a completion request of the shell and ends the process.
 
-    argcomplete is optional: a shell only asks when its user has installed it and set it up.
+    argcomplete is optional: a shell only asks if its user has installed and set it up.
     """
     if "_ARGCOMPLETE" not in os.environ:
         return
@@ -114,16 +114,16 @@ def complete() -> None:
 
 def _program() -> Parser:
     parser = Parser(
-        PROGRAM, description="RGB-D odometry by RGBD-Glue: replay, evaluate, convert, measure."
+        PROGRAM, description="RGB-D odometry with RGBD-Glue: replay, evaluate, convert, measure."
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     return parser
 
 
 def _add_commands(parser: Parser, chosen: str | None, *, all_arguments: bool = False) -> None:
-    """Adds the commands, and the arguments of the chosen one alone: the others need no loading."""
+    """Adds the commands, and the arguments of the chosen one only: the others are not loaded."""
     common = Parser(add_help=False)
-    common.add_argument("--debug", action="store_true", help="show where an error arose")
+    common.add_argument("--debug", action="store_true", help="show where an error occurred")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         child = commands.add_parser(

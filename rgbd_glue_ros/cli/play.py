@@ -1,4 +1,4 @@
-"""``rgbd-glue play``: any recording as the topics of a camera."""
+"""``rgbd-glue play``: any recording on the topics of a camera."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_recording(parser)
     arguments.add_set(parser)
     arguments.add_part(parser)
-    arguments.add_camera(parser, "publish the topics of a camera, for `odometry --camera` of it")
+    arguments.add_camera(parser, "publish a camera's topics, for `odometry --camera`")
     parser.add_argument(
-        "--loop", action="store_true", help="begin again at its end, with stamps that go on"
+        "--loop", action="store_true", help="start over at its end, with increasing stamps"
     )
     parser.add_argument("--qos", choices=QOS, default=QOS[0], help="(default: %(default)s)")
 
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> str:
         ):
             shown.write(f"publishing {', '.join(camera.topics.values())}")
             shown.write(f"in another terminal: {arguments.node_command(args)}")
-            shown.write("waiting a few seconds for those who listen")
+            shown.write("waiting a few seconds for subscribers")
             shown.write(_said(camera.wait_for_listeners()))
             while True:
                 shown.reset()
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> str:
 
 def _said(listeners: Listeners) -> str:
     if not listeners.nodes:
-        return "nobody listens; playing all the same"
-    heard = f"heard by {', '.join(listeners.nodes)}"
-    unheard = f"; nobody listens to {', '.join(listeners.unheard)}" if listeners.unheard else ""
+        return "no subscriber; playing anyway"
+    heard = f"received by {', '.join(listeners.nodes)}"
+    unheard = f"; no subscriber of {', '.join(listeners.unheard)}" if listeners.unheard else ""
     return heard + unheard

@@ -1,4 +1,4 @@
-"""Progress bars, which only those see who watch a terminal, and counts in words."""
+"""Progress bars, shown only on a terminal, and counts in words."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _COLUMNS, _ROWS = 80, 24
 
 def bar(unit: str, total: int | None = None, **options: Any) -> tqdm[Any]:
     """A bar that counts in ``unit``, as in " frames"; ``options`` are tqdm's."""
-    # None: no bar where nobody watches. Some terminals, as of containers, have a size of 0 by 0.
+    # None: no bar without a terminal. Some terminals, as in containers, have a size of 0 by 0.
     size = {"dynamic_ncols": True} if _columns() else {"ncols": _COLUMNS, "nrows": _ROWS}
     return _Bar(total=total, unit=unit, disable=None, **size, **options)
 
 
 def _columns() -> int:
-    """Of the terminal; 0 where it does not say, or there is none."""
+    """Width of the terminal; 0 if it is unknown, or there is none."""
     try:
         return os.get_terminal_size(sys.stderr.fileno()).columns
     except (OSError, ValueError):
@@ -34,7 +34,7 @@ def _columns() -> int:
 
 
 class _Bar(tqdm):  # type: ignore[type-arg]
-    """Names of recordings in its texts are fit for a terminal."""
+    """A bar in whose texts names of recordings are printable."""
 
     def set_description(self, desc: str | None = None, refresh: bool | None = True) -> None:
         """As tqdm's."""
@@ -47,9 +47,9 @@ class _Bar(tqdm):  # type: ignore[type-arg]
 
 @contextmanager
 def tracking_bar(frames: int) -> Iterator[Callable[[OdometryEstimate], None]]:
-    """A bar of so many frames; what it gives is called with the estimate of each."""
+    """A bar for a number of frames; its result is called with the estimate of each."""
     with bar(" frames", frames) as shown:
-        # where nothing is compiled yet, the first frame is half a minute away
+        # if nothing is compiled yet, the first frame takes half a minute
         shown.set_postfix_str("warming up")
 
         def show(estimate: OdometryEstimate) -> None:

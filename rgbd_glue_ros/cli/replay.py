@@ -55,7 +55,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             shown.update(done)
             if done:
                 said = counted(done, "recording")
-                logger.warning("going on after %s that an earlier run left", said)
+                logger.warning("continuing after %s of an earlier run", said)
 
         def step(name: str) -> None:
             shown.set_postfix_str(name, refresh=False)
@@ -68,7 +68,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             folder,
             pool=workers,
             limit=args.limit,
-            inputs=arguments.inputs(args),
+            inputs=arguments.inputs_of(args),
             on_planned=expect,
             on_replayed=step,
         )
@@ -81,7 +81,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, replay
 
-    arguments.check_beside(folder, {"--mcap": args.mcap, "--cloud": args.cloud})
+    exports.check_beside(folder, {"--mcap": args.mcap, "--cloud": args.cloud})
     config = arguments.config(args)
     truth = read_tum(args.ground_truth) if args.ground_truth else None
     with arguments.opener(args)(source) as recording:
@@ -98,10 +98,10 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     sinks=exports.sinks(args, recording, truth),
                     cloud=args.cloud,
                     command=arguments.command(args),
-                    inputs=arguments.inputs(args),
+                    inputs=arguments.inputs_of(args),
                 )
         except KeyboardInterrupt:
-            logger.warning("interrupted; what was done is in %s", folder)
+            logger.warning("interrupted; the results so far are in %s", folder)
             raise
     figures = json.loads((folder / METRICS).read_text(encoding="utf-8"))
     return f"{summary(figures)}report   {folder / REPORT}\n"

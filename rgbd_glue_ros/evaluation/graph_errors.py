@@ -1,4 +1,4 @@
-"""How honest the covariances of a pose graph are, against the truth."""
+"""Consistency of the covariances of a pose graph with ground truth."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
 
 @dataclass(frozen=True)
 class EdgeErrors:
-    """Of the edges of one origin.
+    """Errors of the edges of one origin.
 
     Attributes:
         count: of the edges whose true transform is known.
         chi2_per_dof: mean squared Mahalanobis distance to the truth, by its six degrees of
-            freedom; 1 where covariances are honest, greater where they promise too much.
-        median_chi2_per_dof: the median by that of chi² with six degrees of freedom; 1 as well.
+            freedom; 1 if covariances are consistent, larger if they are too small.
+        median_chi2_per_dof: the median divided by that of chi² with six degrees of freedom; also
+            ideally 1.
     """
 
     count: int
@@ -38,7 +39,7 @@ def edge_errors(graph: PoseGraph, reference: Trajectory) -> dict[EdgeOrigin, Edg
     """The errors of the edges of each origin.
 
     Args:
-        graph: whose edges.
+        graph: the pose graph.
         reference: true poses; between two of them the truth is interpolated.
     """
     truth = interpolated(reference, graph.keyframes.stamps_ns)

@@ -1,6 +1,6 @@
-"""Pose graphs in and out of files, in the conventions of g2o and of GTSAM.
+"""Reads and writes pose graphs, in the conventions of g2o and of GTSAM.
 
-Both programs read ``EDGE_SE3:QUAT``, and take its information matrix for something else. g2o's
+Both programs read ``EDGE_SE3:QUAT``, but interpret its information matrix differently. g2o's
 residual is the translation and the vector part of the quaternion, half the rotation vector.
 GTSAM's is the translation and the rotation vector itself. So there is a file for each.
 """
@@ -29,7 +29,7 @@ from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
 
 @dataclass(frozen=True)
 class PoseGraph:
-    """Keyframes and what was measured between them.
+    """Keyframes and the measurements between them.
 
     Attributes:
         keyframes: T_odom_camera of every keyframe.
@@ -41,7 +41,7 @@ class PoseGraph:
 
 
 class GraphReader(Enum):
-    """Who is to read a file; the value scales a rotation vector to its residual."""
+    """The program that will read a file; the value scales a rotation vector to its residual."""
 
     G2O = 0.5
     GTSAM = 1.0
@@ -60,10 +60,9 @@ _UPPER = np.triu_indices(6)
 
 
 def write_graph(path: Path, graph: PoseGraph, reader: GraphReader = GraphReader.G2O) -> None:
-    """Writes a pose graph; vertex ids are rows, comments say the stamps and whence the edges are.
+    """Writes a pose graph; vertex ids are rows, comments give stamps and origins of edges.
 
-    The information matrix is that of the reader's residual, perturbed on the right as both have
-    it.
+    The information matrix is that of the reader's residual, perturbed on the right as in both.
 
     Raises:
         InputError: the file cannot be written.
@@ -118,7 +117,7 @@ def read_graph(path: Path) -> PoseGraph:
     if sorted(poses) != list(range(len(poses))) or stamps.keys() != poses.keys():
         raise InputError(path, "its vertices are not 0, 1, 2… with stamps", "export it again")
     if not all(0 <= end < len(poses) for edge in edges for end in (edge.parent, edge.child)):
-        raise InputError(path, "an edge names a vertex that is not there", "export it again")
+        raise InputError(path, "an edge names a missing vertex", "export it again")
     keyframes = Trajectory(
         np.array([stamps[i] for i in range(len(poses))], np.int64),
         np.array([poses[i] for i in range(len(poses))]).reshape(-1, 4, 4),

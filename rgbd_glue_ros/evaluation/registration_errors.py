@@ -1,4 +1,4 @@
-"""How far a registration is from the truth, as UR&R and BYOC measure it.
+"""Errors of a registration against ground truth, as measured by UR&R and BYOC.
 
 UR&R (El Banani, Gao and Johnson, CVPR 2021) and BYOC (El Banani and Johnson, ICCV 2021) define the
 figures that the paper reports: errors of rotation, translation and chamfer distance of every pair,
@@ -23,7 +23,7 @@ THRESHOLDS: dict[str, tuple[float, float, float]] = {
     "translation_cm": (5, 10, 25),
     "chamfer_mm": (1, 5, 10),
 }
-"""What counts as accurate, for each of the errors by its name in ``RegistrationErrors``."""
+"""Thresholds of accuracy, for each of the errors by its name in ``RegistrationErrors``."""
 
 # UR&R evaluates on images cropped to a centred square and reduced to this many pixels a side.
 _CHAMFER_SIDE = 128
@@ -37,7 +37,7 @@ class RegistrationErrors:
         rotation_deg: as ``rotation_deg`` gives it.
         translation_cm: as ``translation_cm`` gives it.
         chamfer_mm: ``chamfer`` times 1000, which the publications call millimetres.
-        failed: whether there was no transform; the errors are those of the identity then.
+        failed: whether there was no transform; the errors are then those of the identity.
     """
 
     rotation_deg: float
@@ -49,7 +49,7 @@ class RegistrationErrors:
 def registration_errors(
     estimate: Float64 | None, truth: Float64, source: View, target: View
 ) -> RegistrationErrors:
-    """The errors of an estimated T_target_source; None, where there is none, has the identity's.
+    """The errors of an estimated T_target_source; if it is None, those of the identity.
 
     Args:
         estimate: T_target_source, float64 [4, 4].
@@ -84,14 +84,14 @@ def chamfer(estimate: Float64, truth: Float64, source: Float64, target: Float64)
     squared distance to the nearest point of the other is taken; the result is the mean over the
     points of the one plus the mean over the points of the other.
 
-    The source's points are the same in both scenes, so that the result is bounded by how far the
-    target's points are from them, and a small value says less than small errors of the transform.
+    The source's points are the same in both scenes, so the result is bounded by the distance of the
+    target's points from them, and a small value means less than small errors of the transform.
 
     Args:
         estimate: T_target_source, float64 [4, 4].
         truth: T_target_source, float64 [4, 4].
         source: float64 [N, 3], metres.
-        target: float64 [M, 3], metres; without any point nothing can differ.
+        target: float64 [M, 3], metres; without points nothing can differ.
     """
     if not len(target):
         return 0.0
@@ -106,8 +106,8 @@ def chamfer(estimate: Float64, truth: Float64, source: Float64, target: Float64)
 def chamfer_points(view: View) -> Float64:
     """The points [N, 3] that UR&R measures the chamfer distance on, optical frame, metres.
 
-    Those of 128 x 128 pixels spread evenly over the centred square of the depth image, without
-    interpolation. Unknown depth is left out, where UR&R keeps a point at the camera for it.
+    The points of 128 x 128 pixels spread evenly over the centred square of the depth image, without
+    interpolation. Unknown depth is skipped, whereas UR&R keeps a point at the camera for it.
     """
     height, width = view.depth.shape
     side = min(height, width)
@@ -122,11 +122,11 @@ def chamfer_points(view: View) -> Float64:
 def error_statistics(errors: Sequence[RegistrationErrors]) -> dict[str, dict[str, Any]]:
     """Accuracy in percent at every threshold, mean and median of each error, by its name.
 
-    A failed registration is never accurate; mean and median take it as the identity, since the
-    methods of the publications always give a transform and leave no pair out.
+    A failed registration is never accurate; mean and median treat it as the identity, since the
+    methods of the publications always give a transform and skip no pair.
 
     Args:
-        errors: of one pair at least.
+        errors: of at least one pair.
     """
     failed = np.array([e.failed for e in errors])
     statistics = {}

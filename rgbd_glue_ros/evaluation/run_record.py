@@ -1,4 +1,4 @@
-"""What a run over a recording gave, frame by frame, and its figures (``metrics.json``)."""
+"""The results of a run over a recording, frame by frame, and its figures (``metrics.json``)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rgbd_glue_ros.types import (
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """What is kept of one frame.
+    """The record of one frame.
 
     Attributes:
         stamp_ns: stamp of the frame.
@@ -36,12 +36,12 @@ class FrameRecord:
         T_odom_camera: float64 [4, 4], None without a pose.
         latency_ms: wall time until the pose was known.
         is_keyframe: whether it became a keyframe.
-        edges: measured between keyframes since the frame before.
-        visual_inliers: |C_vis^in|, None where nothing was registered.
-        credible: |C_geo^in|, None where nothing was registered.
+        edges: measured between keyframes since the previous frame.
+        visual_inliers: |C_vis^in|, None if nothing was registered.
+        credible: |C_geo^in|, None if nothing was registered.
         stages_ms: wall time of each stage.
         sigmas: float64 [6], standard deviations of the pose (x y z rx ry rz; m, rad) in the odom
-            frame; None where no covariance is known.
+            frame; None if no covariance is known.
     """
 
     stamp_ns: int
@@ -57,7 +57,7 @@ class FrameRecord:
 
     @staticmethod
     def of(estimate: OdometryEstimate, latency_ms: float) -> FrameRecord:
-        """What is kept of an estimate: numbers, and no correspondences."""
+        """The record of an estimate: numbers, without correspondences."""
         result, covariance = estimate.registration, estimate.covariance
         return FrameRecord(
             stamp_ns=estimate.stamp_ns,
@@ -75,7 +75,7 @@ class FrameRecord:
 
 @dataclass
 class Run:
-    """A run in the making.
+    """A run in progress.
 
     Attributes:
         sequence: name of the recording.
@@ -86,14 +86,14 @@ class Run:
         unanswered_ns: stamps of frames that were played to a node and came back without a pose.
         thumbnails: small JPEGs of some frames, by stamp.
         map_jpeg: picture of the map; empty without one.
-        up: which way is up in the frame of the trajectory, a unit vector [3]; None if no IMU told.
-        imu: what was learnt of it in the end; None if there was none.
-        command: that asked for the run, to be quoted; "" where a program did.
-        restarts: rows of ``frames`` before which time went back. The odometry started anew there:
-            what follows is in an odom frame and of a pose graph of its own.
-        duplicates: frames left out for a stamp of one before.
-        unpaired: images that were in no frame for want of a partner, by their kind; empty where
-            the recording does not count them.
+        up: which way is up in the frame of the trajectory, a unit vector [3]; None without an IMU.
+        imu: what was finally learnt about the IMU; None if there was none.
+        command: the command line of the run; "" if it was started by a program.
+        restarts: rows of ``frames`` before which time went back. The odometry restarted there: what
+            follows has its own odom frame and pose graph.
+        duplicates: frames that were skipped because their stamp was that of an earlier one.
+        unpaired: images without a partner, which are in no frame, by kind; empty if the recording
+            does not count them.
     """
 
     sequence: str
@@ -112,7 +112,7 @@ class Run:
     unpaired: Mapping[str, int] = field(default_factory=dict)
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
-        """Keeps what ``estimate`` says of its frame."""
+        """Records ``estimate``."""
         self.frames.append(FrameRecord.of(estimate, latency_ms))
 
     def start_anew(self) -> None:
@@ -146,7 +146,7 @@ class Run:
 
     @property
     def pose_graph(self) -> PoseGraph:
-        """The keyframes of a part, and what was measured between them."""
+        """The keyframes of a part, and the measurements between them."""
         keyframes = [frame for frame in self.frames if frame.is_keyframe]
         edges = tuple(edge for frame in self.frames for edge in frame.edges)
         return PoseGraph(_trajectory(keyframes), edges)
@@ -164,7 +164,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     """The content of ``metrics.json``.
 
     Args:
-        run: with one frame at least.
+        run: with at least one frame.
         evaluation: of the trajectory of its longest part; None without ground truth.
     """
     states = [frame.state for frame in run.frames]

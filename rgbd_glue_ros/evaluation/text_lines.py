@@ -1,4 +1,4 @@
-"""Lines of numbers in text files: what is wrong with one is said with its number."""
+"""Lines of numbers in text files; errors name the line by its number."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _SQUARED = (1e-100, 1e100)
 def parsed_lines(
     path: Path, parse: Callable[[list[str]], Row], remedy: str, comment: str = "#"
 ) -> Iterator[Row]:
-    """What ``parse`` makes of the words of each line that is neither empty nor a comment.
+    """The result of ``parse`` for the words of each line that is neither empty nor a comment.
 
     Args:
         path: of the file.
-        parse: raises ValueError, ArithmeticError or IndexError where a line is malformed.
+        parse: raises ValueError, ArithmeticError or IndexError if a line is malformed.
         remedy: what to do then.
         comment: what a comment begins with.
 
@@ -49,7 +49,7 @@ def parse_pose(words: list[str]) -> Float64:
     """The pose [4, 4] written as x y z qx qy qz qw.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is not a pose.
     """
     numbers = finite_numbers(words, 7)
     position, turn = numbers[:3], numbers[3:]
@@ -63,23 +63,23 @@ def parse_pose(words: list[str]) -> Float64:
 
 
 def check_position(position: Float64) -> None:
-    """Refuses what is farther than the moon, and would overflow in an alignment.
+    """Refuses a position beyond the moon, which would overflow in an alignment.
 
     Raises:
-        ValueError: it is.
+        ValueError: the position is that far away.
     """
     if np.abs(position).max() > _FARTHEST_M:
         raise ValueError(f"a position more than {_FARTHEST_M:g} m away")
 
 
 def finite_numbers(words: list[str], count: int) -> Float64:
-    """So many finite numbers, float64 [count].
+    """A given number of finite numbers, float64 [count].
 
     Raises:
-        ValueError: they are more or fewer, or one is not finite.
+        ValueError: there are more or fewer, or one is not finite.
     """
     if len(words) != count:
-        raise ValueError(f"{len(words)} values where {count} belong")
+        raise ValueError(f"{len(words)} values instead of {count}")
     numbers = np.array([float(word) for word in words])
     if not np.isfinite(numbers).all():
         raise ValueError("a value that is not finite")
@@ -92,6 +92,6 @@ def pose_text(T: Float64) -> str:
 
 
 def numbers_text(row: Float64) -> str:
-    """Numbers [N] with blanks between them."""
+    """Numbers [N] separated by blanks."""
     # 15 significant digits: shorter than an exact float, and far finer than any measurement
     return " ".join(f"{value:.15g}" for value in row)

@@ -1,4 +1,4 @@
-"""Trajectories in and out of files (TUM, KITTI), and pairing of stamps."""
+"""Reads and writes trajectories (TUM, KITTI), and pairs stamps."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ TUM_HEADER = "# timestamp tx ty tz qx qy qz qw"
 def parse_stamp(text: str) -> int:
     """Nanoseconds from a decimal number of seconds, without passing through a float.
 
-    A number too large for seconds is of milli-, micro- or nanoseconds, as in ``stamps_ns``.
+    A number too large for seconds is in milli-, micro- or nanoseconds, as in ``stamps_ns``.
 
     Raises:
-        ValueError: it is no finite number.
-        ArithmeticError: it is no number at all.
+        ValueError: the number is not finite.
+        ArithmeticError: the text is not a number.
     """
     (stamp_ns,) = stamps_ns([text])
     return stamp_ns
@@ -50,7 +50,7 @@ def associate(
     Args:
         first_ns: int64 [N], in any order.
         second_ns: int64 [M], in any order.
-        max_difference_s: pairs further apart than this are not made.
+        max_difference_s: maximum difference within a pair, seconds.
 
     Returns:
         The rows of ``first_ns`` and of ``second_ns`` that belong together, in order of
@@ -79,12 +79,13 @@ def associate(
 def read_tum(path: str | Path) -> Trajectory:
     """The trajectory in a text file of a stamp and a pose on each line.
 
-    That of TUM (``stamp tx ty tz qx qy qz qw``; # starts a comment), and its relatives: EuRoC's,
-    matrices behind a stamp, columns in the order of a line of names; with commas or semicolons.
+    The format is TUM's (``stamp tx ty tz qx qy qz qw``; # starts a comment), or a similar one:
+    EuRoC's, matrices after a stamp, columns in the order of a line of names; with commas or
+    semicolons.
 
     Raises:
-        InputError: the file cannot be read, or none of its lines holds a stamp and a pose. Single
-            lines that hold none are skipped, with a warning.
+        InputError: the file cannot be read, or none of its lines contains a stamp and a pose.
+            Single lines without one are skipped, with a warning.
     """
     stamps, poses = stamped_poses(Path(path))
     return Trajectory(np.array(stamps, np.int64), np.stack(poses))
@@ -94,7 +95,7 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
     """Writes a TUM file, which ``read_tum`` reads back to the nanosecond.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     rows = zip(trajectory.stamps_ns, trajectory.poses, strict=True)
     lines = [TUM_HEADER, *(_tum_line(int(stamp), T) for stamp, T in rows)]
@@ -106,13 +107,13 @@ def _tum_line(stamp_ns: int, T_world_body: Float64) -> str:
 
 
 class TumWriter(Closing):
-    """Writes a TUM file pose by pose; what was appended is on disk, whatever happens after.
+    """Writes a TUM file pose by pose; appended poses are on disk, whatever happens afterwards.
 
-    Its lines are whole, even where the disk is full.
+    Its lines are complete, even if the disk is full.
     """
 
     def __init__(self, path: Path) -> None:
-        """Begins the file; raises InputError if it cannot be written."""
+        """Creates the file; raises InputError if it cannot be written."""
         self._path = path
         try:
             self._file = path.open("wb", buffering=0)
@@ -145,7 +146,7 @@ def read_kitti(path: Path) -> Float64:
     """The poses [N, 4, 4] in a KITTI file: the upper three rows of each matrix, no stamps.
 
     Raises:
-        InputError: the file cannot be read, or a line does not hold twelve finite numbers.
+        InputError: the file cannot be read, or a line does not contain twelve finite numbers.
     """
     poses = list(parsed_lines(path, _kitti_row, "write the upper 3x4 of the matrix on each line"))
     return np.stack(poses) if poses else np.empty((0, 4, 4))

@@ -1,7 +1,7 @@
-"""How far a trajectory is from the truth: APE and RPE as in the TUM RGB-D benchmark.
+"""Errors of a trajectory against ground truth: APE and RPE as in the TUM RGB-D benchmark.
 
-Both take the poses nearest in time, one-to-one, without interpolation, as the benchmark's tools
-do, so that figures compare with published ones.
+Both use the poses nearest in time, one-to-one, without interpolation, like the benchmark's tools,
+so that figures are comparable with published ones.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from rgbd_glue_ros.geometry.fitting import mahalanobis_squared, procrustes
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, OdometryEstimate, Trajectory
 
 RPE_DELTA_S = 1.0
-"""The time over which relative errors are taken."""
+"""The time over which relative errors are measured."""
 
-NO_RPE = f"no two poses with a true one lie {RPE_DELTA_S:g} s apart"
-"""Why there is no relative error where there is an absolute one."""
+NO_RPE = f"no two poses with ground truth are {RPE_DELTA_S:g} s apart"
+"""Why there may be no relative error although there is an absolute one."""
 
-# a pair of poses may miss RPE_DELTA_S by this part of it, as where frames are lost
+# a pair of poses may differ from RPE_DELTA_S by this fraction, for example if frames are lost
 _DELTA_TOLERANCE = 0.1
-# a true motion between poses further apart than this is anybody's guess
+# true motion between poses further apart than this cannot be interpolated
 _MAX_TRUTH_GAP_NS = NANOSECONDS // 10
-# fewer positions than this can be laid upon any others
+# fewer positions than this can be aligned with any others
 _MIN_POSES = 3
 
 
@@ -53,12 +53,12 @@ class Rpe:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A trajectory beside the truth.
+    """A trajectory compared with ground truth.
 
     Attributes:
         ape: absolute error.
         rpe: relative error; None for a trajectory shorter than ``RPE_DELTA_S``.
-        stamps_ns: int64 [N], of the estimated poses that have a true one, increasing.
+        stamps_ns: int64 [N], of the estimated poses with ground truth, increasing.
         estimate: float64 [N, 4, 4], estimated poses aligned with the truth.
         reference: float64 [N, 4, 4], true poses.
         errors_m: float64 [N], distances of their positions.
@@ -82,13 +82,13 @@ def evaluate(
     """Compares ``estimate`` with ``reference``.
 
     Raises:
-        InputError: too few poses lie within ``max_difference_s`` of each other.
+        InputError: too few poses are within ``max_difference_s`` of each other.
     """
     rows, true_rows = associate(estimate.stamps_ns, reference.stamps_ns, max_difference_s)
     if len(rows) < _MIN_POSES:
         raise InputError(
             "estimate and reference",
-            f"only {len(rows)} poses lie within {max_difference_s:g} s of each other "
+            f"only {len(rows)} poses are within {max_difference_s:g} s of each other "
             f"(estimate {_span(estimate)}, reference {_span(reference)})",
             "give trajectories of the same recording",
         )
@@ -108,7 +108,7 @@ def evaluate(
 
 
 def align(estimate: Float64, reference: Float64) -> Float64:
-    """T_reference_estimate [4, 4] that lays positions of poses [N, 4, 4] upon others best.
+    """T_reference_estimate [4, 4] that best aligns the positions of poses [N, 4, 4] with others.
 
     In the sense of least squares, without scale (Umeyama 1991).
     """
@@ -138,12 +138,12 @@ def relative_error(stamps_ns: Int64, estimate: Float64, reference: Float64) -> R
 
 
 def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajectory) -> Float64:
-    """NEES of the transforms from every frame to its keyframe: how honest covariances are.
+    """NEES of the transforms from every frame to its keyframe: consistency of the covariances.
 
     xi' P^-1 xi with xi = log(T_estimated T_true^-1), T from the frame to its keyframe (Bar-Shalom,
-    Li and Kirubarajan 2001). Of an honest covariance it has the mean 6. Where an estimate does not
-    say how uncertain it is from its keyframe, that is what the covariance of the frame has in
-    excess of the keyframe's.
+    Li and Kirubarajan 2001). For a consistent covariance its mean is 6. If an estimate does not
+    state its uncertainty relative to its keyframe, this is the excess of the frame's covariance
+    over the keyframe's.
 
     Args:
         estimates: in order of time.
@@ -151,7 +151,7 @@ def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajecto
             by milliseconds would count as an error of the estimate.
 
     Returns:
-        float64 [N], for every frame with a pose, a keyframe other than itself, and a true pose of
+        float64 [N], for every frame with a pose, a keyframe other than itself, and ground truth for
         both.
     """
     posed = [e for e in estimates if e.T_odom_camera is not None and e.covariance is not None]
@@ -159,7 +159,7 @@ def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajecto
     keyframes: list[tuple[OdometryEstimate, Float64]] = []
     errors = []
     for estimate, true in zip(posed, truth, strict=True):
-        # a frame that starts anew has its own number
+        # a frame that restarts the odometry has its own number
         if estimate.keyframe_id < len(keyframes):
             errors.append(_normalised_error(estimate, true, *keyframes[estimate.keyframe_id]))
         if estimate.is_keyframe:
@@ -171,7 +171,7 @@ def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajecto
 def _normalised_error(
     frame: OdometryEstimate, true: Float64, keyframe: OdometryEstimate, true_keyframe: Float64
 ) -> float:
-    """NEES of the transform between two estimates; NaN where the truth is not known."""
+    """NEES of the transform between two estimates; NaN if ground truth is not known."""
     T, T_keyframe = frame.T_odom_camera, keyframe.T_odom_camera
     if T is None or T_keyframe is None or frame.covariance is None or keyframe.covariance is None:
         return float("nan")
@@ -187,10 +187,10 @@ def _normalised_error(
 
 
 def interpolated(reference: Trajectory, stamps_ns: Int64) -> Float64:
-    """Poses [N, 4, 4] at any stamps; NaN outside, and where neighbours are a long time apart.
+    """Poses [N, 4, 4] at any stamps; NaN outside, and if neighbours are too far apart in time.
 
-    Positions are interpolated linearly, rotations along the shortest way. Where there is a pose of
-    the very stamp, it is that.
+    Positions are interpolated linearly, rotations along the shortest path. At the stamp of a pose,
+    the result is that pose.
     """
     poses = np.full((len(stamps_ns), 4, 4), np.nan)
     stamps, rows = np.unique(reference.stamps_ns, return_index=True)
@@ -207,8 +207,8 @@ def interpolated(reference: Trajectory, stamps_ns: Int64) -> Float64:
     inside = (stamps_ns >= stamps[0]) & (stamps_ns <= stamps[-1]) & (gap <= _MAX_TRUTH_GAP_NS)
     inside &= ~exact
     if not inside.any():
-        return poses  # older versions of scipy refuse to interpolate at no time
-    # floats hold microseconds since the first stamp, not since 1970
+        return poses  # older versions of scipy refuse an empty interpolation
+    # floats can represent microseconds since the first stamp, but not since 1970
     times, wanted = (np.asarray(s - stamps[0], np.float64) for s in (stamps, stamps_ns[inside]))
     poses[inside] = np.eye(4)
     poses[inside, :3, :3] = Slerp(times, Rotation.from_matrix(known[:, :3, :3]))(wanted).as_matrix()
@@ -217,12 +217,12 @@ def interpolated(reference: Trajectory, stamps_ns: Int64) -> Float64:
 
 
 def path_length(poses: Float64) -> float:
-    """Length of the way through poses [N, 4, 4], metres."""
+    """Length of the path through poses [N, 4, 4], metres."""
     return float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
 
 
 def _pairs(stamps_ns: Int64) -> tuple[Int64, Int64]:
-    """For each pose the one nearest to RPE_DELTA_S later, where there is one."""
+    """For each pose the one nearest to RPE_DELTA_S later, if there is one."""
     delta = round(RPE_DELTA_S * NANOSECONDS)
     wanted = stamps_ns + delta
     after = np.searchsorted(stamps_ns, wanted).clip(1, max(1, len(stamps_ns) - 1))

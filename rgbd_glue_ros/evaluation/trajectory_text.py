@@ -1,7 +1,7 @@
-"""Trajectories as text, in whichever of the usual forms: what each column of a file is.
+"""Trajectories as text, in any of the usual forms: the meaning of each column.
 
-Columns are told by a line of names where there is one, and else by their number. Stamps are
-seconds, milli-, micro- or nanoseconds, told by their magnitude.
+Columns are identified by a line of names if there is one, otherwise by their number. Stamps are
+seconds, milli-, micro- or nanoseconds, depending on their magnitude.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 TUM_COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 _W_FIRST = ("stamp", "x", "y", "z", "qw", "qx", "qy", "qz")
-# EuRoC's ground truth has velocities and biases behind the pose
+# EuRoC's ground truth has velocities and biases after the pose
 _EUROC_WIDTH = 17
 
 _NAMES = {
@@ -33,12 +33,13 @@ _NAMES = {
     **{f"q{axis}": rf"(q|quat|quaternion|rot|orientation)(_.*)?_?{axis}" for axis in "xyzw"},
 }
 
-# A stamp of so many units is one of these; of today, each is a thousand times the one before
+# Upper limits of stamps in these units; today's stamps in each are a thousand times those in the
+# previous
 _END_OF_TIME_NS = 2**63
 _SECONDS_BELOW, _MILLISECONDS_BELOW, _MICROSECONDS_BELOW = Decimal("9.2e9"), Decimal(10**14), 10**17
 
 MATRIX_SHAPES = {12: (3, 4), 16: (4, 4)}
-"""Numbers on a line that make the upper rows of a pose, or all of it."""
+"""Numbers on a line that form the upper rows of a pose, or all of it."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +51,10 @@ class Line:
 
 
 def read_lines(path: Path) -> tuple[list[str], list[Line]]:
-    """The comments of a text file without their sign, and its other lines.
+    """The comments of a text file without their mark, and its other lines.
 
     Raises:
-        InputError: it cannot be read, or is no text.
+        InputError: the file cannot be read, or is not a text.
     """
     text = read_text(path)
     comments: list[str] = []
@@ -68,7 +69,7 @@ def read_lines(path: Path) -> tuple[list[str], list[Line]]:
 
 
 def split_words(line: str) -> tuple[str, ...]:
-    """The words of a line, with blanks, commas or semicolons between them."""
+    """The words of a line, separated by blanks, commas or semicolons."""
     words = line.replace(";", " ").split()
     # a comma inside of a number and none behind it is what some write for a point; whole numbers
     # have none, as those of a trajectory's first pose
@@ -85,19 +86,20 @@ def stamps_ns(texts: Sequence[str]) -> list[int]:
     """Stamps of one file as nanoseconds, without passing through a float.
 
     Args:
-        texts: decimal numbers of seconds, or of the thousandth parts that their size tells.
+        texts: decimal numbers of seconds, or of smaller units according to their magnitude.
 
     Raises:
-        ValueError: one is no finite number, or more than 64 bits hold.
-        ArithmeticError: one is no number at all.
+        ValueError: a number is not finite, or exceeds 64 bits.
+        ArithmeticError: a text is not a
+            number.
     """
     numbers = [Decimal(text) for text in texts]
     if any(not number.is_finite() for number in numbers):
         raise ValueError("a stamp that is not finite")
     largest = max(map(abs, numbers), default=Decimal(0))
-    # an exponent of a million would make a whole number of a million digits
+    # an exponent of a million would create a whole number of a million digits
     if largest >= _END_OF_TIME_NS:
-        raise ValueError("a stamp beyond all time")
+        raise ValueError("a stamp out of range")
     unit = _nanoseconds_of_unit(largest)
     return [int((number * unit).to_integral_value()) for number in numbers]
 
@@ -111,13 +113,13 @@ def _nanoseconds_of_unit(largest: Decimal) -> int:
 
 
 def stamped_poses(path: Path) -> tuple[list[int], list[Float64]]:
-    """Stamps (nanoseconds) and poses [4, 4] of a file of one pose a line.
+    """Stamps (nanoseconds) and poses [4, 4] of a file with one pose per line.
 
-    Lines that hold no pose are skipped and counted in one warning; of lines with one stamp, the
-    first is taken.
+    Lines without a pose are skipped and counted in one warning; of lines with the same stamp, the
+    first is used.
 
     Raises:
-        InputError: the file cannot be read, or none of its lines holds a stamp and a pose.
+        InputError: the file cannot be read, or none of its lines contains a stamp and a pose.
     """
     comments, lines = read_lines(path)
     if not lines:
@@ -144,7 +146,9 @@ def stamped_poses(path: Path) -> tuple[list[int], list[Float64]]:
         place, reason = (skipped or [f"{path}: no line of numbers"])[0].rsplit(": ", 1)
         raise InputError(place, reason, f"write '{' '.join(TUM_COLUMNS)}' on each line")
     if skipped:
-        logger.warning("%d lines hold no pose and were skipped; the first: %s", *_counted(skipped))
+        logger.warning(
+            "%d lines contain no pose and were skipped; the first: %s", *_counted(skipped)
+        )
     return _without_duplicates(path, stamps_ns(stamps), poses)
 
 
@@ -163,7 +167,7 @@ def _without_duplicates(
     if count > len(first) and stamps == sorted(stamps):
         raise InputError(
             path,
-            f"its {len(stamps)} poses have {len(first)} stamps between them",
+            f"its {len(stamps)} poses have only {len(first)} different stamps",
             "write stamps with all their digits",
         )
     if count:
@@ -187,7 +191,7 @@ _Parser = Callable[[tuple[str, ...]], tuple[str, Float64]]
 
 
 def _parser(path: Path, lines: list[Line], names: list[tuple[str, ...]]) -> _Parser:
-    """What takes stamp and pose out of the words of a line."""
+    """A function that extracts stamp and pose from the words of a line."""
     width = max((len(line.words) for line in lines), default=0)
     for words in names:
         order = _named_columns(words)
@@ -196,7 +200,7 @@ def _parser(path: Path, lines: list[Line], names: list[tuple[str, ...]]) -> _Par
     if width in MATRIX_SHAPES:
         raise InputError(
             path,
-            f"its {width} numbers a line are poses without stamps (KITTI)",
+            f"its {width} numbers per line are poses without stamps (KITTI)",
             "give a trajectory with a stamp before each pose (TUM)",
         )
     if width == 4:
@@ -207,13 +211,13 @@ def _parser(path: Path, lines: list[Line], names: list[tuple[str, ...]]) -> _Par
         return _stamp_and_matrix
     if width == _EUROC_WIDTH:
         return _of_columns([_W_FIRST.index(name) for name in TUM_COLUMNS])
-    # one column more may stand before or behind: a quaternion has the length of one
+    # there may be another column before or after: a quaternion has unit length
     start = 1 if width == 9 and not _has_quaternions(lines, 0) and _has_quaternions(lines, 1) else 0
     return _of_columns(range(start, start + 8))
 
 
 def _named_columns(words: tuple[str, ...]) -> list[int] | None:
-    """Where a line of names has the columns of TUM; None if it does not name them all."""
+    """Positions of the TUM columns in a line of names; None if it does not name them all."""
     plain = [word.lower() for word in words if not word.startswith("[")]
     columns = []
     for name in TUM_COLUMNS:
@@ -227,7 +231,7 @@ def _named_columns(words: tuple[str, ...]) -> list[int] | None:
 def _of_columns(columns: Sequence[int]) -> _Parser:
     def parse(words: tuple[str, ...]) -> tuple[str, Float64]:
         if len(words) <= max(columns):
-            raise ValueError(f"{len(words)} values where {max(columns) + 1} belong")
+            raise ValueError(f"{len(words)} values instead of {max(columns) + 1}")
         stamp, *pose = (words[i] for i in columns)
         return stamp, parse_pose(pose)
 
@@ -242,21 +246,21 @@ def parse_matrix(words: Sequence[str]) -> Float64:
     """The pose [4, 4] written as the rows of a matrix, with or without the last.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is not a pose.
     """
     if len(words) not in MATRIX_SHAPES:
-        raise ValueError(f"{len(words)} values where 12 or 16 belong")
+        raise ValueError(f"{len(words)} values instead of 12 or 16")
     T = np.eye(4)
     rows, columns = MATRIX_SHAPES[len(words)]
     T[:rows] = finite_numbers(list(words), rows * columns).reshape(rows, columns)
     if abs(np.linalg.det(T[:3, :3]) - 1) > 0.1:
-        raise ValueError("a matrix that is no rotation")
+        raise ValueError("a matrix that is not a rotation")
     check_position(T[:3, 3])
     return T
 
 
 def _is_euroc(lines: list[Line]) -> bool:
-    """Whether lines of as many numbers as a stamp and a matrix [4, 4] end in no matrix's row."""
+    """Whether lines as long as a stamp and a matrix [4, 4] do not end in a matrix row."""
     return len(lines[0].words) == _EUROC_WIDTH and [
         float(word) for word in lines[0].words[-4:] if _is_number(word)
     ] != [0, 0, 0, 1]

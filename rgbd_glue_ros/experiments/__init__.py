@@ -1,1 +1,1 @@
-"""Measurements and demonstrations; without this folder the robot still drives."""
+"""Measurements and demonstrations; a robot does not need this folder."""

@@ -1,4 +1,4 @@
-"""The features that registration can use, by the name that the configuration calls them."""
+"""The features that registration can use, by their names in the configuration."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ VISUAL: dict[str, Callable[[FeaturesConfig], VisualFeature]] = {
     "disk_lightglue": disk_lightglue,
     "superpoint_lightglue": superpoint_lightglue,
     "superpoint_superglue": superpoint_superglue,
-    # the best matcher whose licence lets anybody use it
+    # the best matcher with a free licence
     "lightglue": xfeat_lighterglue,
 }
 
@@ -48,14 +48,14 @@ GEOMETRIC: dict[str, Callable[[FeaturesConfig], GeometricFeature]] = {
 
 
 def add_visual_feature(name: str, make: Callable[[FeaturesConfig], VisualFeature]) -> None:
-    """Makes ``features.visual`` take one more name, in this process.
+    """Adds a choice to ``features.visual``, in this process.
 
     Args:
-        name: of the feature.
-        make: makes it from its parameters; called once for every registration or odometry.
+        name: name of the feature.
+        make: creates it from its parameters; called once for every registration or odometry.
 
     Raises:
-        InputError: there is a feature of that name.
+        InputError: a feature of that name exists.
     """
     if name in VISUAL:
         raise InputError(f"visual feature {name!r}", "exists already", "give it another name")

@@ -22,13 +22,13 @@ from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import View
 
 _RADIUS = 2
-"""Pixels to each side in which a keypoint is the only one, and over which it is placed."""
+"""Pixels to each side in which a keypoint is unique, and over which its position is averaged."""
 
 _SCORE = 0.2
-"""Keypoints below this score are not taken: the authors' demonstration."""
+"""Keypoints below this score are rejected, as in the authors' demonstration."""
 
 _STRIDE = 32
-"""The network halves an image five times, so its sides are filled up to multiples of this."""
+"""The network halves an image five times, so its sides are padded to multiples of this."""
 
 
 class Alike:
@@ -36,7 +36,7 @@ class Alike:
 
     Args:
         config: of the features.
-        file: weights of the tiny or of the normal model.
+        file: weights of the tiny or the normal model.
     """
 
     def __init__(self, config: FeaturesConfig, file: str = "alike_t.pth") -> None:
@@ -45,7 +45,7 @@ class Alike:
         self._most = config.keypoints
 
     def extract(self, view: View) -> DescribedKeypoints:
-        """The keypoints with the greatest scores."""
+        """The keypoints with the highest scores."""
         with inference(self._device):
             image = torch.from_numpy(well_lit(view)).to(self._device).float() / 255
             scores, descriptors = alike(image.expand(1, 3, *image.shape), self._weights)
@@ -53,7 +53,7 @@ class Alike:
         return DescribedKeypoints(uv.cpu().numpy(), descriptors_at.cpu().numpy())
 
     def match(self, source: DescribedKeypoints, target: DescribedKeypoints) -> VisualMatches:
-        """Those that are each other's nearest, weighted by 1 - r of equation 1."""
+        """Mutual nearest neighbours, weighted by 1 - r of equation 1."""
         if len(source.uv) < 2 or len(target.uv) < 2:
             return VisualMatches.empty()
         forth, distances = nearest_two(source.descriptors, target.descriptors)
@@ -68,7 +68,7 @@ def alike(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
 
     Args:
         image: [B, 3, H, W] in [0, 1].
-        w: of a model with one head (tiny, small or normal).
+        w: weights of a model with one head (tiny, small or normal).
 
     Returns:
         Scores [B, 1, H, W] in [0, 1] and unit descriptors [B, D, H, W] of every pixel.
@@ -86,7 +86,7 @@ def alike(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
 
 
 def _block(x: Tensor, w: Weights) -> Tensor:
-    """Two convolutions; all blocks but the first add a projection of what came in."""
+    """Two convolutions; all blocks except the first add a projection of their input."""
     y = F.relu(batch_norm(convolution(x, w.below("conv1"), padding=1), w.below("bn1")))
     y = batch_norm(convolution(y, w.below("conv2"), padding=1), w.below("bn2"))
     if w.get("downsample.weight") is not None:
@@ -95,12 +95,12 @@ def _block(x: Tensor, w: Weights) -> Tensor:
 
 
 def keypoints(scores: Tensor, descriptors: Tensor, most: int) -> tuple[Tensor, Tensor]:
-    """Local maxima of the scores between pixels, the greatest first, and what describes them.
+    """Local maxima of the scores between pixels, the highest first, and their descriptors.
 
     Args:
         scores: [H, W].
         descriptors: [D, H, W].
-        most: keypoints, at most.
+        most: maximum number of keypoints.
 
     Returns:
         Pixels [N, 2] and unit descriptors [N, D].

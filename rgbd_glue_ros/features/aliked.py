@@ -1,4 +1,4 @@
-"""ALIKED (Zhao et al. 2023): keypoints whose descriptors look where the keypoint tells them to."""
+"""ALIKED (Zhao et al. 2023): keypoints with descriptors sampled at positions that they predict."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from rgbd_glue_ros.features.torch_library import F, torch
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 _STRIDE = 32
-"""The network halves an image five times, so its sides are filled up to multiples of this."""
+"""The network halves an image five times, so its sides are padded to multiples of this."""
 
 _RADIUS = 2
-"""Pixels to each side in which a keypoint is the only one, and over which it is placed."""
+"""Pixels to each side in which a keypoint is unique, and over which its position is averaged."""
 
 _SCORE = 0.2
-"""Keypoints below this score are not taken: the authors' default."""
+"""Keypoints below this score are rejected: the authors' default."""
 
 _PATCH = 3
-"""Pixels to each side of the patch that tells where a descriptor looks."""
+"""Pixels to each side of the patch that predicts a descriptor's sampling positions."""
 
 
 def aliked_lightglue(config: FeaturesConfig) -> LearnedFeature:
-    """ALIKED's keypoints, the model with 16 places a descriptor, matched by LightGlue."""
+    """ALIKED's keypoints, the model with 16 positions per descriptor, matched by LightGlue."""
     return matched_by_lightglue(aliked_keypoints, "aliked-n16.pth", "aliked_lightglue.pth", config)
 
 
 def aliked_keypoints(grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Keypoints of an image, as of ``Extractor``."""
+    """Keypoints of an image, as in ``Extractor``."""
     score_map, features = aliked((grey / 255).expand(1, 3, *grey.shape), w)
     scores = score_map.float()[0, 0]
     peaks = local_maxima(scores, _RADIUS) & (scores > _SCORE)
@@ -46,11 +46,11 @@ def aliked_keypoints(grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tenso
 
 
 def aliked(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
-    """The network that every pixel sees.
+    """The part of the network that runs on every pixel.
 
     Args:
         image: [B, 3, H, W] in [0, 1].
-        w: of any of the models.
+        w: weights of any of the models.
 
     Returns:
         Scores [B, 1, H, W] in [0, 1] and unit features [B, D, H, W].
@@ -77,7 +77,7 @@ def aliked(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
 
 
 def _block(x: Tensor, w: Weights) -> Tensor:
-    """Two convolutions; all blocks but the first add a projection of what came in."""
+    """Two convolutions; all blocks except the first add a projection of their input."""
     y = F.selu(batch_norm(_convolution(x, w.below("conv1")), w.below("bn1")))
     y = batch_norm(_convolution(y, w.below("conv2")), w.below("bn2"))
     if w.get("downsample.weight") is not None:
@@ -86,7 +86,7 @@ def _block(x: Tensor, w: Weights) -> Tensor:
 
 
 def _convolution(x: Tensor, w: Weights) -> Tensor:
-    """A convolution with 3 x 3 weights, deformable where the weights are."""
+    """A convolution with 3 x 3 weights, deformable if the weights are."""
     if w.get("offset_conv.weight") is None:
         return convolution(x, w, padding=1)
     farthest = max(x.shape[-2:]) / 4
@@ -95,11 +95,11 @@ def _convolution(x: Tensor, w: Weights) -> Tensor:
 
 
 def deformable_convolution(x: Tensor, offsets: Tensor, weight: Tensor) -> Tensor:
-    """A convolution that looks beside the places of its kernel (Dai et al. 2017).
+    """A convolution that samples at offsets from its kernel's positions (Dai et al. 2017).
 
     Args:
         x: [B, C, H, W]; it is 0 outside.
-        offsets: [B, 2 K K, H, W], pixels; y and x of each place of the kernel, row by row.
+        offsets: [B, 2 K K, H, W], pixels; y and x of each position of the kernel, row by row.
         weight: [O, C, K, K], K odd.
 
     Returns:
@@ -125,12 +125,12 @@ def deformable_convolution(x: Tensor, offsets: Tensor, weight: Tensor) -> Tensor
 
 
 def descriptors(features: Tensor, uv: Tensor, w: Weights) -> Tensor:
-    """What describes keypoints: the features at places that the patch around each one tells.
+    """Descriptors of keypoints: the features at positions that the patch around each one predicts.
 
     Args:
         features: [D, H, W].
         uv: [N, 2], pixels.
-        w: of the head for descriptors.
+        w: weights of the descriptor head.
 
     Returns:
         Unit vectors [N, D].

@@ -1,4 +1,4 @@
-"""Reading what a network learned out of a checkpoint, without running what else may be in it."""
+"""Reads weights from a checkpoint, without running code that may be in it."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rgbd_glue_ros.features.torch_library import torch
 from rgbd_glue_ros.files.reading import open_file
 
 _PARTS = ("state_dict", "extractor")
-"""What authors call the table of tensors in a checkpoint that holds more or could."""
+"""Names that authors use for the table of tensors in a checkpoint with further content."""
 
 
 class _Table:
-    """A table for one of a type of somebody else's; torch fills no other kind of dictionary."""
+    """A plain table instead of a foreign type; torch fills no other kind of dictionary."""
 
     def __new__(cls) -> OrderedDict[str, Any]:  # type: ignore[misc]
-        """An empty one."""
+        """Creates an empty table."""
         return OrderedDict()
 
 
 class _Figure:
-    """Takes what a number of numpy is made of, and keeps nothing."""
+    """Accepts the arguments of a numpy number, and keeps nothing."""
 
     def __init__(self, *_: object) -> None: ...
 
@@ -39,14 +39,14 @@ _SETTINGS = (
     ("numpy.core.multiarray", "scalar", _Figure),
     ("numpy._core.multiarray", "scalar", _Figure),
 )
-"""Module and name of types that stand beside weights in checkpoints, and what is read instead."""
+"""Module and name of types next to weights in checkpoints, and their replacements."""
 
 
 def read_tensors(path: Path, device: Any) -> dict[str, Any]:
     """The tensors of a checkpoint by name.
 
     Raises:
-        InputError: it is none, or holds what could run code.
+        InputError: the file is not a checkpoint, or contains something that could run code.
     """
     settings, load = _settings_aside(), torch.load
     with open_file(path) as file, settings, warnings.catch_warnings():
@@ -54,27 +54,27 @@ def read_tensors(path: Path, device: Any) -> dict[str, Any]:
         warnings.simplefilter("ignore")
         try:
             content = load(file, map_location=device, weights_only=True)
-        # what is no checkpoint is taken for commands of a pickle, and any of them may fail
+        # any other file is read as commands of a pickle, each of which may fail
         except Exception as error:
             raise _no_weights(path, error) from error
     tensors = content
     for part in _PARTS:
         tensors = tensors.get(part, tensors) if isinstance(tensors, dict) else tensors
     if not isinstance(tensors, dict) or not all(torch.is_tensor(t) for t in tensors.values()):
-        raise InputError(path, "holds no table of weights", "give the file that was published")
+        raise InputError(path, "holds no table of weights", "give the published file")
     return {name: t.float() if t.is_floating_point() else t for name, t in tensors.items()}
 
 
 def _no_weights(path: Path, error: Exception) -> InputError:
     reason = re.split(r"[.\n]", str(error))[0]
     said = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
-    return InputError(path, f"holds no weights ({said})", "remove it and bring it again")
+    return InputError(path, f"holds no weights ({said})", "remove it and fetch it again")
 
 
 def _settings_aside() -> AbstractContextManager[Any]:
-    """While it lasts, what a training kept beside its weights does not make them unreadable.
+    """A context in which training state next to weights does not prevent reading them.
 
-    Nothing is imported for it. An older torch, without this, refuses such a checkpoint.
+    Nothing is imported for it. An older torch, without this, rejects such a checkpoint.
     """
     if not hasattr(torch.serialization, "safe_globals"):
         return nullcontext()

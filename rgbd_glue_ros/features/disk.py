@@ -10,10 +10,10 @@ from rgbd_glue_ros.features.torch_library import F, torch
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 _STRIDE = 16
-"""The network halves an image four times, so its sides are filled up to multiples of this."""
+"""The network halves an image four times, so its sides are padded to multiples of this."""
 
 _RADIUS = 2
-"""Pixels to each side in which a keypoint has the greatest score."""
+"""Pixels to each side in which a keypoint has the highest score."""
 
 
 def disk_lightglue(config: FeaturesConfig) -> LearnedFeature:
@@ -22,7 +22,7 @@ def disk_lightglue(config: FeaturesConfig) -> LearnedFeature:
 
 
 def disk_keypoints(grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Keypoints of an image, as of ``Extractor``."""
+    """Keypoints of an image, as in ``Extractor``."""
     score_map, features = disk((grey / 255).expand(1, 3, *grey.shape), w)
     scores = score_map.float()[0, 0]
     peaks = (scores == greatest_around(scores, _RADIUS)) & (scores > 0)
@@ -36,7 +36,7 @@ def disk(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
 
     Args:
         image: [B, 3, H, W] in [0, 1].
-        w: of DISK.
+        w: weights of DISK.
 
     Returns:
         Scores [B, 1, H, W], positive where a keypoint may be, and features [B, D, H, W].
@@ -58,7 +58,7 @@ def disk(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
 
 
 def _gated_convolution(x: Tensor, w: Weights) -> Tensor:
-    """A convolution with 5 x 5 weights; all but the first normalise and rectify what comes in."""
+    """A convolution with 5 x 5 weights; all but the first normalise and rectify their input."""
     if w.get("1.weight") is not None:
         x = F.prelu(F.instance_norm(x), w["1.weight"])
     return convolution(x, w.below(3), padding=2)

@@ -1,7 +1,7 @@
 """FCGF: fully convolutional geometric features (Choy, Park and Koltun, ICCV 2019).
 
-A sparse U-net over the voxels of a cloud, ResUNetBN2C as its authors call it, describes every
-voxel by what lies within a metre of it.
+A sparse U-net over the voxels of a cloud, ResUNetBN2C as its authors call it, describes every voxel
+by its surroundings within a metre.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ FILE = "2019-08-19_06-17-41.pth"
 _DIMENSIONS = 32
 _ENCODER = (32, 64, 128, 256)
 _DECODER = (64, 64, 128)
-"""Channels of each level, from the finest to the coarsest; the coarsest is in the encoder alone."""
+"""Channels of each level, from the finest to the coarsest; the coarsest is only in the encoder."""
 
 _SIZE = 3
-"""Of every kernel but the first, and those of the last two layers, which see one voxel."""
+"""Size of every kernel except the first, and those of the last two layers, which see one voxel."""
 
 
 class Fcgf:
@@ -52,7 +52,7 @@ class Fcgf:
         self._most = config.geometric_matches
 
     def extract(self, view: View) -> DescribedPoints:
-        """Thins the cloud to one point a voxel and describes each."""
+        """Thins the cloud to one point per voxel and describes each."""
         points = cloud(view.depth, view.intrinsics)
         if not len(points):
             return DescribedPoints(points, np.empty((0, _DIMENSIONS), np.float32))
@@ -74,7 +74,7 @@ class Fcgf:
 
 
 def shapes(first_size: int) -> dict[str, tuple[int, ...]]:
-    """Names and shapes of all that ResUNetBN2C learns, its first kernel of a size."""
+    """Names and shapes of all weights of ResUNetBN2C, for a size of its first kernel."""
     found: dict[str, tuple[int, ...]] = {}
 
     def add(name: str, kernel: tuple[int, ...], norm: str) -> None:
@@ -107,7 +107,7 @@ def check_architecture(w: Weights, source: Path) -> None:
     """Compares weights with the network.
 
     Raises:
-        InputError: they are of another one.
+        InputError: the weights belong to another network.
     """
     first = w.get("conv1.kernel")
     size = 0 if first is None else edge(first)
@@ -122,10 +122,10 @@ def check_architecture(w: Weights, source: Path) -> None:
 
 @dataclass(frozen=True)
 class _Level:
-    """Which cells of a grid, and of the finer one, meet in the layers of the network.
+    """Which cells of a grid, and of the coarser one, are paired in the layers of the network.
 
     Attributes:
-        within: in it.
+        within: within the grid.
         down: to the coarser grid.
         up: from the coarser grid.
         coarse: within the coarser grid.
@@ -154,8 +154,8 @@ def describe(grid: Grid, w: Weights) -> Tensor:
     """The network.
 
     Args:
-        grid: of the voxels that hold a point.
-        w: of ResUNetBN2C, as its authors name them.
+        grid: the voxels that contain a point.
+        w: weights of ResUNetBN2C, with its authors' names.
 
     Returns:
         Unit descriptors [N, 32].
@@ -180,7 +180,7 @@ def describe(grid: Grid, w: Weights) -> Tensor:
 
 
 def _block(x: Tensor, w: Weights, within: Pairs) -> Tensor:
-    """Two convolutions beside which their input passes."""
+    """Two convolutions with a residual connection."""
     y = F.relu(_normalised(convolve(x, w["conv1.kernel"], within), w.below("norm1")))
     y = _normalised(convolve(y, w["conv2.kernel"], within), w.below("norm2"))
     return F.relu(x + y)

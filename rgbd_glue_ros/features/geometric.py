@@ -1,4 +1,4 @@
-"""What a geometric feature is; FPFH of voxels, and FPFH of the depth image's grid."""
+"""The interface of geometric features; FPFH of voxels, and FPFH of the depth image's grid."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rgbd_glue_ros.geometry.normals import grid_points_and_normals, widened_px
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float32, Float64, View
 
-# Neighbourhoods in voxels, as Open3D's and FCGF's registration examples take them.
+# Neighbourhoods in voxels, as in Open3D's and FCGF's registration examples.
 _NORMAL_RADIUS_VOXELS, _NORMAL_NEIGHBOURS = 2.0, 30
 _FPFH_RADIUS_VOXELS, _FPFH_NEIGHBOURS = 5.0, 100
 
@@ -27,7 +27,7 @@ _GUIDED_HALF_WINDOW = 4
 
 @dataclass(frozen=True)
 class TransformPrior:
-    """A rough transform and how far a correct match may lie from it.
+    """A rough transform and how far a correct match may deviate from it.
 
     Attributes:
         T_target_source: float64 [4, 4].
@@ -45,7 +45,7 @@ class GeometricFeature(Protocol):
         """The geometric features of a frame."""
 
     def match(self, source: Any, target: Any, prior: TransformPrior | None) -> Correspondences:
-        """C_geo; a search that can be guided looks only within ``prior.radius`` of ``prior``."""
+        """C_geo; a guided search is limited to ``prior.radius`` around ``prior``."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class DescribedPoints:
     descriptors: Float32
 
     def thinned(self, most: int) -> DescribedPoints:
-        """At most so many of the points, spread evenly over their order."""
+        """At most a given number of the points, spread evenly over their order."""
         if len(self.points) <= most:
             return self
         rows = np.arange(most) * len(self.points) // most
@@ -84,7 +84,7 @@ class VoxelFpfh:
         self._most = config.geometric_matches
 
     def extract(self, view: View) -> DescribedPoints:
-        """Thins the cloud to one point a voxel and describes each."""
+        """Thins the cloud to one point per voxel and describes each."""
         points = voxels.voxel_means(cloud(view.depth, view.intrinsics), self._voxel)
         if not len(points):
             return DescribedPoints(points, np.empty((0, 3 * BINS), np.float32))
@@ -148,7 +148,7 @@ class GridFpfh:
     def match(
         self, source: DescribedGrid, target: DescribedGrid, prior: TransformPrior | None
     ) -> Correspondences:
-        """Guided search within the radius; without a guide, nearest neighbours everywhere."""
+        """Guided search within the radius; without a prior, nearest neighbours everywhere."""
         if prior is None:
             return nearest_matches(source.known(), target.known())
         p, q, distance = guided_search(
@@ -162,7 +162,7 @@ class GridFpfh:
             prior.radius,
             _GUIDED_HALF_WINDOW,
         )
-        # a histogram triple's norm is at most 3 · 200, and few differ by more than 200
+        # the norm of a histogram triple is at most 3 · 200, and few differ by more than 200
         return Correspondences(p, q, 1.0 / (1.0 + (distance / 100.0) ** 2))
 
 

@@ -1,7 +1,7 @@
-"""Layers of neural networks as functions of an input and the numbers that were learned.
+"""Layers of neural networks as functions of an input and weights.
 
-A network here is a function, its weights a table of tensors by the names that their authors gave
-them. So a checkpoint is read as it was published, and nothing holds state.
+A network here is a function, its weights a table of tensors with the names that their authors gave
+them. So checkpoints are read as published, and nothing holds state.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ Tensor = Any
 
 @dataclass(frozen=True)
 class Weights:
-    """What a network learned: tensors by name, or those below one name.
+    """The weights of a network: tensors by name, or those below one name.
 
     Attributes:
         tensors: of the whole network.
-        prefix: what stands before every name, "" or ending in a dot.
+        prefix: precedes every name, "" or ending in a dot.
     """
 
     tensors: Mapping[str, Tensor]
@@ -32,11 +32,11 @@ class Weights:
         return self.tensors[self.prefix + name]
 
     def get(self, name: str) -> Tensor | None:
-        """The tensor of a name, or None: not every layer has a bias."""
+        """The tensor of that name, or None: not every layer has a bias."""
         return self.tensors.get(self.prefix + name)
 
     def below(self, *names: str | int) -> Weights:
-        """The weights of a part, ``below("block1", 0)`` those that begin with block1.0."""
+        """The weights of a part: ``below("block1", 0)`` gives those that begin with block1.0."""
         return Weights(self.tensors, self.prefix + "".join(f"{name}." for name in names))
 
 

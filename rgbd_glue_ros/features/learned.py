@@ -15,7 +15,7 @@ from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import View
 
 _SMALLEST_IMAGE_PX = 32
-"""The networks halve an image up to five times; of a smaller one nothing is left."""
+"""The networks halve an image up to five times; nothing would remain of a smaller one."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class LearnedKeypoints:
     Attributes:
         uv: [N, 2], pixels.
         descriptors: [N, D], unit vectors.
-        scores: [N], how much each is a keypoint, by the measure of its network.
+        scores: [N], strength of each keypoint, in units of its network.
         width: of the image, pixels.
         height: of the image, pixels.
     """
@@ -38,18 +38,19 @@ class LearnedKeypoints:
 
 
 class Extractor(Protocol):
-    """What finds and describes keypoints by a network."""
+    """A function that detects and describes keypoints with a network."""
 
     def __call__(self, grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
         """Keypoints of an image.
 
         Args:
             grey: [H, W], 0 to 255.
-            w: of the network.
-            most: keypoints, at most.
+            w: weights of the network.
+            most: maximum number of keypoints.
 
         Returns:
-            Pixels [N, 2], unit descriptors [N, D] and scores [N], the greatest first.
+            Pixels [N, 2], unit descriptors [N, D] and
+                scores [N], the highest first.
         """
 
 
@@ -61,7 +62,7 @@ class Matcher(Protocol):
 
 
 def most_keypoints(config: FeaturesConfig) -> int:
-    """Keypoints that a matcher is given, at most: its time grows with their square."""
+    """Keypoints passed to a matcher, at most: its time grows with their square."""
     return min(config.keypoints, config.matcher_keypoints)
 
 
@@ -71,11 +72,11 @@ class LearnedFeature:
 
     Attributes:
         extractor: finds and describes keypoints.
-        weights: of the extractor.
+        weights: weights of the extractor.
         matcher: matches them.
-        confidence: of the matches that are taken.
+        confidence: minimum confidence of matches.
         most: keypoints, at most.
-        device: that computes.
+        device: where it is computed.
     """
 
     extractor: Extractor
@@ -86,7 +87,7 @@ class LearnedFeature:
     device: Any
 
     def extract(self, view: View) -> LearnedKeypoints:
-        """The keypoints with the greatest scores; an image of a few pixels has none."""
+        """The keypoints with the highest scores; an image of a few pixels has none."""
         height, width = view.grey.shape
         with inference(self.device):
             if min(height, width) < _SMALLEST_IMAGE_PX:
@@ -115,7 +116,7 @@ def mutual(log_probability: Tensor, least: float) -> tuple[Tensor, Tensor, Tenso
 
     Args:
         log_probability: [N, M], of matches.
-        least: probability of those that are taken.
+        least: minimum probability of a match.
     """
     best, columns = log_probability.max(dim=1)
     back = log_probability.argmax(dim=0)

@@ -16,7 +16,7 @@ from rgbd_glue_ros.features.weights import load
 from rgbd_glue_ros.parameters import FeaturesConfig
 
 CONFIDENCE = 0.1
-"""Matches below this are not taken: the authors' default."""
+"""Matches below this confidence are rejected: the authors' default."""
 
 
 class LightGlue:
@@ -39,14 +39,14 @@ def matched_by_lightglue(
     """An extractor's keypoints, matched by the LightGlue that was trained for them.
 
     Args:
-        extractor: finds and describes them.
-        extractor_file: its weights, of the catalogue.
-        matcher_file: LightGlue's.
+        extractor: detects and describes them.
+        extractor_file: its weights in the catalogue.
+        matcher_file: LightGlue's weights.
         config: of the features.
-        part: of the matcher's file that holds LightGlue; none for all of it.
+        part: the part of the matcher's file with LightGlue; none for all of it.
 
     Raises:
-        InputError: weights are missing, damaged, or not what was published.
+        InputError: weights are missing, damaged, or not the published ones.
         MissingExtraError: torch is not installed.
     """
     device = device_of(config.device)
@@ -57,7 +57,7 @@ def matched_by_lightglue(
 
 
 def named_as_today(w: Weights) -> Weights:
-    """The weights by the names of the authors' code: checkpoints may still have older ones."""
+    """The weights with the names of the authors' current code: checkpoints may have older ones."""
     before = re.compile(r"^(self_attn|cross_attn)\.(\d+)\.")
     names = (name for name in w.tensors if name.startswith(w.prefix))
     return Weights(
@@ -72,9 +72,9 @@ def log_assignment(source: LearnedKeypoints, target: LearnedKeypoints, w: Weight
     """The network: the logarithm of the probability that keypoints match.
 
     Args:
-        source: N of them.
-        target: M of them.
-        w: of LightGlue, its layers called as its authors do today.
+        source: N keypoints.
+        target: M keypoints.
+        w: weights of LightGlue, with its authors' current names.
 
     Returns:
         [N, M].
@@ -94,7 +94,7 @@ def log_assignment(source: LearnedKeypoints, target: LearnedKeypoints, w: Weight
 
 
 def _layers(w: Weights) -> int:
-    """How many there are."""
+    """The number of layers."""
     count = 0
     while w.get(f"transformers.{count}.self_attn.Wqkv.weight") is not None:
         count += 1
@@ -102,14 +102,14 @@ def _layers(w: Weights) -> int:
 
 
 def _projected(descriptors: Tensor, w: Weights) -> Tensor:
-    """Descriptors in the width of the network; those of that width are taken as they are."""
+    """Descriptors projected to the width of the network; unchanged if they have it."""
     if w.get("input_proj.weight") is None:
         return descriptors
     return linear(descriptors, w.below("input_proj"))
 
 
 def _rotation(points: LearnedKeypoints, w: Weights) -> tuple[Tensor, Tensor]:
-    """Cosines and sines [N, d] that turn queries and keys by where their keypoints are."""
+    """Cosines and sines [N, d] that rotate queries and keys by the position of their keypoints."""
     size = points.uv.new_tensor([points.width, points.height])
     centred = (points.uv - size / 2) / (size.max() / 2)
     angle = linear(centred, w.below("posenc", "Wr")).repeat_interleave(2, dim=-1)
@@ -117,7 +117,7 @@ def _rotation(points: LearnedKeypoints, w: Weights) -> tuple[Tensor, Tensor]:
 
 
 def _turned(x: Tensor, rotation: tuple[Tensor, Tensor]) -> Tensor:
-    """Pairs of neighbouring channels as points of a plane that is turned."""
+    """Rotates pairs of neighbouring channels as points of a plane."""
     cosine, sine = rotation
     pairs = x.unflatten(-1, (-1, 2))
     quarter = torch.stack([-pairs[..., 1], pairs[..., 0]], dim=-1).flatten(-2)
@@ -133,7 +133,7 @@ def _self_attention(x: Tensor, rotation: tuple[Tensor, Tensor], w: Weights, head
 
 
 def _cross_attention(x0: Tensor, x1: Tensor, w: Weights, heads: int) -> tuple[Tensor, Tensor]:
-    """Each set sees the other; one similarity serves both directions."""
+    """Each set attends to the other; one similarity serves both directions."""
     (qk0, v0), (qk1, v1) = (
         tuple(
             linear(x, w.below(name)).unflatten(-1, (heads, -1)).transpose(0, 1)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8
 
-# Rows of the distance matrix that are held at once: 512 x 10000 float32 are 20 MB, which stay in
-# the cache between the product and the search for the greatest.
+# Rows of the distance matrix computed at once: 512 x 10000 float32 are 20 MB, which stay in the
+# cache between the product and the search for the maximum.
 _BLOCK = 512
 _FARTHEST = np.iinfo(np.int32).max
 
@@ -34,7 +34,7 @@ def nearest_two(query: Float32 | UInt8, reference: Float32 | UInt8) -> tuple[Int
 
 
 def _nearest_two_float(query: Float32, reference: Float32) -> tuple[Int64, Float64]:
-    """One matrix product a block: |a - b|² = |a|² - 2 a·b + |b|², and |a|² orders nothing."""
+    """One matrix product per block: |a - b|² = |a|² - 2 a·b + |b|², where |a|² is constant."""
     index = np.empty(len(query), np.int64)
     distances = np.empty((len(query), 2))
     # a·b - |b|²/2 is one product, of rows with one more column
@@ -47,7 +47,7 @@ def _nearest_two_float(query: Float32, reference: Float32) -> tuple[Int64, Float
         nearest = score.argmax(axis=1)
         score[rows, nearest] = -np.inf
         second = score.argmax(axis=1)
-        # the product cancels digits, so the two distances kept are computed directly
+        # the product loses digits by cancellation, so the two distances kept are computed directly
         two = np.column_stack([nearest, second])
         exact = np.linalg.norm(block[:, None] - reference[two], axis=2)
         # and may turn out to be the other way about
@@ -63,14 +63,14 @@ def _nearest_two_binary(query: UInt8, reference: UInt8) -> tuple[Int64, Float64]
 
 
 def _words(bits: UInt8) -> NDArray[np.uint64]:
-    """Bit strings [N, D] as words [N, ceil(D / 8)], filled up with zeros."""
+    """Bit strings [N, D] as words [N, ceil(D / 8)], padded with zeros."""
     padding = -bits.shape[1] % 8
     return np.ascontiguousarray(np.pad(bits, ((0, 0), (0, padding)))).view(np.uint64)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _population_count(_context: Any, word: Any) -> Any:
-    """The number of ones in a word: one instruction, which numba gives no other name."""
+    """The number of ones in a word: one instruction, which numba does not expose otherwise."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.ctpop(arguments[0])
@@ -91,11 +91,11 @@ def _least(numbers: NDArray[np.int32]) -> int:
 def _nearest_two_words(
     query: NDArray[np.uint64], columns: NDArray[np.uint64]
 ) -> tuple[Int64, Float64]:
-    """As ``nearest_two``, of words [N, W] and, so that loops run along memory, [W, M]."""
+    """``nearest_two`` for words [N, W] and, so that loops are contiguous in memory, [W, M]."""
     count = columns.shape[1]
     index = np.empty(len(query), np.int64)
     distances = np.empty((len(query), 2))
-    # distance and row as one number, of which the least is all that has to be looked for
+    # distance and row as one number, so that only the minimum has to be found
     keys = np.empty(count, np.int32)
     for i in range(len(query)):
         keys[:] = 0
@@ -118,7 +118,7 @@ def distance_ratio(distances: Float64) -> Float64:
 
 
 def one_to_one(target: Int64, cost: Float64) -> Int64:
-    """Rows that keep, of all matches to one target, the one with the least cost; increasing."""
+    """Rows, increasing, of the match with the least cost for each target."""
     order = np.lexsort((cost, target))
     first = np.ones(len(order), bool)
     first[1:] = target[order[1:]] != target[order[:-1]]

@@ -19,13 +19,13 @@ from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import Correspondences, Float32, Float64, View
 
-# What the published weights were trained with.
+# The values that the published weights were trained with.
 _SURFACE_VOXEL_M = 0.02
 _RADIUS_M = 0.3
 _PATCH_POINTS = 512
 _RADII, _ELEVATIONS, _AZIMUTHS = 3, 7, 20
 _CELL_RADIUS = 0.8 / _RADII
-"""Of the ball around the centre of a cell that is sampled; the surroundings' radius is 1."""
+"""Radius of the sampled ball around the centre of a cell; that of the surroundings is 1."""
 _CELL_POINTS = 10
 _DIMENSIONS = 32
 
@@ -73,7 +73,7 @@ class MiniSpinNet:
 
 
 def _spread(points: Float64, most: int) -> Float64:
-    """At most so many of the points, spread evenly over their order."""
+    """At most a given number of the points, spread evenly over their order."""
     count = min(len(points), most)
     chosen: Float64 = points[np.arange(count) * len(points) // max(count, 1)]
     return chosen
@@ -87,10 +87,10 @@ def surroundings(surface: Float64, keypoints: Float64) -> Float64:
         keypoints: float64 [K, 3], likewise.
 
     Returns:
-        float64 [K, 512, 3]: the keypoint at 0, its normal along z; where there are fewer points,
-        the rest is 0, as is the last one.
+        float64 [K, 512, 3]: the keypoint at 0, its normal along z; if there are fewer points, the
+        rest is 0, as is the last one.
     """
-    # of more points a choice is taken, the same one every time
+    # of more points a selection is used, the same one every time
     order = np.random.default_rng(0).permutation(len(surface))
     shuffled = surface[order]
     near = cKDTree(shuffled).query_ball_point(keypoints, _RADIUS_M, return_sorted=True)
@@ -104,7 +104,7 @@ def surroundings(surface: Float64, keypoints: Float64) -> Float64:
 
 
 def _normals(patches: Float64, keypoints: Float64) -> Float64:
-    """Directions of least spread about the keypoint, towards the camera, [K, 3]."""
+    """Directions of least spread around the keypoint, towards the camera, [K, 3]."""
     spread = np.einsum("kni,knj->kij", patches, patches)
     directions = np.linalg.eigh(spread)[1][:, :, 0]
     away = np.einsum("ki,ki->k", directions, keypoints) > 0
@@ -170,7 +170,7 @@ def describe(sampled: Tensor, w: Weights) -> Tensor:
 
     Args:
         sampled: [K, 3, C, S], as ``cells`` gives them.
-        w: of the descriptor.
+        w: weights of the descriptor.
 
     Returns:
         Unit descriptors [K, 32].
@@ -190,6 +190,6 @@ def describe(sampled: Tensor, w: Weights) -> Tensor:
 
 
 def _around(x: Tensor) -> Tensor:
-    """A cell more to each side of the last two dimensions: azimuth goes round, elevation ends."""
+    """Pads the last two dimensions by a cell at each side: azimuth wraps around, elevation ends."""
     round_about = torch.cat([x[..., -1:], x, x[..., :1]], dim=-1)
     return F.pad(round_about, (0, 0, 1, 1))

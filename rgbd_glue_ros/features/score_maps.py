@@ -1,4 +1,4 @@
-"""Keypoints out of the map of scores that a network gives every pixel."""
+"""Keypoints from the map of scores that a network computes for every pixel."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from rgbd_glue_ros.features.layers import Tensor
 from rgbd_glue_ros.features.torch_library import F, torch
 
 _TEMPERATURE = 0.1
-"""How soft the maximum is that places a keypoint between pixels: ALIKE's and ALIKED's."""
+"""Softness of the maximum that places a keypoint between pixels: ALIKE's and ALIKED's."""
 
 
 def local_maxima(scores: Tensor, radius: int) -> Tensor:
-    """Mask [H, W] of the greatest scores around; where one rules, lesser ones next to it may too.
+    """Mask [H, W] of local maxima of the scores, with repeated suppression.
 
-    Twice more, maxima are looked for in what no maximum found so far is near to.
+    Twice more, maxima are searched for away from those found so far.
     """
     maxima = scores == greatest_around(scores, radius)
     for _ in range(2):
@@ -23,21 +23,21 @@ def local_maxima(scores: Tensor, radius: int) -> Tensor:
 
 
 def greatest_around(scores: Tensor, radius: int) -> Tensor:
-    """The greatest score within a radius to each side, [H, W]."""
+    """The highest score within a radius to each side, [H, W]."""
     return F.max_pool2d(scores[None, None], 2 * radius + 1, stride=1, padding=radius)[0, 0]
 
 
 def strongest(
     scores: Tensor, peaks: Tensor, most: int, before: int = 0, behind: int = 0
 ) -> tuple[Tensor, Tensor]:
-    """Rows and columns [N] of the peaks with the greatest scores.
+    """Rows and columns [N] of the peaks with the highest scores.
 
     Args:
         scores: [H, W].
         peaks: mask [H, W].
-        most: peaks, at most.
-        before: rows at the top and columns at the left that none lies in.
-        behind: rows at the bottom and columns at the right that none lies in.
+        most: maximum number of peaks.
+        before: rows at the top and columns at the left without peaks.
+        behind: rows at the bottom and columns at the right without peaks.
     """
     height, width = scores.shape
     inside = torch.zeros_like(peaks)
@@ -48,12 +48,12 @@ def strongest(
 
 
 def soft_offsets(scores: Tensor, rows: Tensor, columns: Tensor, radius: int) -> Tensor:
-    """Where in the window around each peak the scores' soft maximum lies, [N, 2] in x and y."""
+    """Position of the scores' soft maximum in the window around each peak, [N, 2] in x and y."""
     steps = torch.arange(-radius, radius + 1, device=scores.device)
     dy, dx = (grid.reshape(-1) for grid in torch.meshgrid(steps, steps, indexing="ij"))
     window = scores[rows[:, None] + dy, columns[:, None] + dx]
     part = torch.softmax(window / _TEMPERATURE, dim=1)
-    # no product of matrices, which would be taken in half precision on a GPU
+    # not a matrix product, which would use half precision on a GPU
     return (part[:, :, None] * torch.stack([dx, dy], dim=1)).sum(dim=1)
 
 

@@ -1,8 +1,8 @@
-"""Convolutions of grids of which few cells hold anything (Choy, Gwak and Savarese, CVPR 2019).
+"""Convolutions of grids with few occupied cells (Choy, Gwak and Savarese, CVPR 2019).
 
-As MinkowskiEngine defines them: an output sees the inputs that are there, and a transposed
-convolution writes where the finer grid had cells. Which input meets which output is found once
-for a pair of grids, and serves every layer between the two.
+As defined by MinkowskiEngine: an output sees the occupied inputs, and a transposed convolution
+writes where the finer grid had cells. The pairs of inputs and outputs are found once for a pair of
+grids, and serve every layer between the two.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from rgbd_glue_ros.features.layers import Tensor
 from rgbd_glue_ros.features.torch_library import torch
 
 _COARSEST = 8
-"""Greatest step of a grid. Borders are as wide, so that no neighbour of a cell wraps around."""
+"""Maximum step of a grid. Borders have this width, so that no neighbour of a cell wraps around."""
 
 _BEYOND = 2**62
-"""Greater than every key."""
+"""Larger than every key."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Cells that hold something.
+    """Occupied cells.
 
     Attributes:
         keys: int64 [N], increasing: x + width * (y + height * z), from a corner of the grid.
@@ -40,8 +40,8 @@ class Grid:
 
     @staticmethod
     def of(cells: Tensor) -> tuple[Grid, Tensor]:
-        """The grid of cells int64 [M, 3], x y z, M > 0; and the number in it of each, [M]."""
-        # a corner at a cell of the coarsest grid: coarser cells are then the same wherever it is
+        """The grid of cells int64 [M, 3], x y z, M > 0; and the index of each in it, [M]."""
+        # a corner at a cell of the coarsest grid: coarser cells then do not depend on its position
         corner = cells.amin(dim=0) // _COARSEST * _COARSEST - _COARSEST
         x, y, z = (cells - corner).unbind(dim=1)
         width, height = int(x.max()) + 1 + _COARSEST, int(y.max()) + 1 + _COARSEST
@@ -49,11 +49,11 @@ class Grid:
         return Grid(keys, width, height), numbers
 
     def to(self, device: Any) -> Grid:
-        """The same with its keys on a device."""
+        """This grid with its keys on a device."""
         return replace(self, keys=self.keys.to(device))
 
     def coarser(self) -> Grid:
-        """The cells of twice the step that hold any of these."""
+        """The cells of twice the step that contain any of these."""
         step = 2 * self.step
         x = self.keys % self.width // step * step
         y = self.keys // self.width % self.height // step * step
@@ -64,14 +64,14 @@ class Grid:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Which input meets which output, by the parts of a kernel.
+    """Pairs of inputs and outputs, by the parts of a kernel.
 
     Parts are numbered as MinkowskiEngine does, x fastest: of size 3, part
     (dx + 1) + 3 (dy + 1) + 9 (dz + 1) takes the input that lies (dx, dy, dz) from the output.
 
     Attributes:
         parts: for each part int64 [P] and [P], numbers of the outputs and of their inputs.
-        outputs: how many there are.
+        outputs: the number of outputs.
     """
 
     parts: tuple[tuple[Tensor, Tensor], ...]
@@ -97,12 +97,12 @@ def _neighbours(outputs: Grid, inputs: Grid, size: int) -> Iterator[tuple[Tensor
     """For each part of a kernel the number of every output's input, and whether it is there."""
     step = min(outputs.step, inputs.step)
     reach = size // 2
-    # behind the last cell, so that every search ends at one
+    # after the last cell, so that every search ends at one
     keys = torch.cat([inputs.keys, inputs.keys.new_full((1,), _BEYOND)])
     for dz in range(-reach, reach + 1):
         for dy in range(-reach, reach + 1):
             wanted = outputs.keys + step * (outputs.width * (dy + outputs.height * dz) - reach)
-            # cells of a row follow each other in the keys: each is searched for once
+            # cells of a row have consecutive keys: each is searched for once
             at = torch.searchsorted(keys, wanted)
             for _ in range(size):
                 there = keys.index_select(0, at) == wanted
@@ -129,10 +129,10 @@ def convolve(x: Tensor, kernel: Tensor, paired: Pairs) -> Tensor:
 
 
 def convolve_occupancy(kernel: Tensor, grid: Grid) -> Tensor:
-    """The same within a grid that holds 1 in every cell.
+    """A convolution within a grid whose cells all contain 1.
 
     Args:
-        kernel: [size³, 1, D]; of great size this is much the faster.
+        kernel: [size³, 1, D]; for large sizes this is much faster.
         grid: N cells.
 
     Returns:

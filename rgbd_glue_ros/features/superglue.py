@@ -7,12 +7,12 @@ from rgbd_glue_ros.features.learned import LearnedKeypoints
 from rgbd_glue_ros.features.torch_library import F, torch
 
 CONFIDENCE = 0.2
-"""Matches below this are not taken: the authors' default."""
+"""Matches below this confidence are rejected: the authors' default."""
 
 _HEADS = 4
 
 _SINKHORN_STEPS = 20
-"""Of the optimal transport: what the authors evaluate with."""
+"""Steps of the optimal transport, as in the authors' evaluation."""
 
 
 class SuperGlue:
@@ -27,7 +27,7 @@ class SuperGlue:
         x0, x1 = (_encoded(points, w.below("kenc", "encoder")) for points in (source, target))
         layer = 0
         while w.get(f"gnn.layers.{layer}.attn.merge.weight") is not None:
-            # attention to one's own set and to the other one takes turns
+            # attention alternates between the own and the other set
             seen0, seen1 = (x0, x1) if layer % 2 == 0 else (x1, x0)
             block = w.below("gnn", "layers", layer)
             x0, x1 = x0 + _message(x0, seen0, block), x1 + _message(x1, seen1, block)
@@ -38,7 +38,7 @@ class SuperGlue:
 
 
 def _encoded(points: LearnedKeypoints, w: Weights) -> Tensor:
-    """Descriptors, and where and how sure the keypoints are, [N, D]."""
+    """Descriptors combined with positions and scores of the keypoints, [N, D]."""
     size = points.uv.new_tensor([points.width, points.height])
     centred = (points.uv - size / 2) / (size.max() * 0.7)
     place = torch.cat([centred, points.scores[:, None]], dim=1)
@@ -46,7 +46,7 @@ def _encoded(points: LearnedKeypoints, w: Weights) -> Tensor:
 
 
 def _perceptron(x: Tensor, w: Weights) -> Tensor:
-    """Linear maps; normalisation and a rectifier between them."""
+    """Linear maps with normalisation and a rectifier between them."""
     number = 0
     while w.get(f"{number + 1}.weight") is not None:
         x = F.relu(batch_norm(_pointwise(x, w.below(number)), w.below(number + 1)))
@@ -67,7 +67,7 @@ def _message(x: Tensor, seen: Tensor, w: Weights) -> Tensor:
 
 
 def _pointwise(x: Tensor, w: Weights) -> Tensor:
-    """A linear map of rows, kept as a convolution with one weight."""
+    """A linear map of rows, stored as a convolution of size 1."""
     return F.linear(x, w["weight"][..., 0], w["bias"])
 
 
@@ -77,11 +77,12 @@ def log_transport(similarity: Tensor, bin_score: Tensor, steps: int) -> Tensor:
     Args:
         similarity: [N, M].
         bin_score: similarity of every keypoint to the bin, a scalar.
-        steps: of the algorithm.
+        steps: number of iterations.
 
     Returns:
-        Logarithms [N + 1, M + 1] of how much of each keypoint goes where, the bin last. But for
-        the bin's, each column sums up to 1, and the more steps, the more does each row.
+        Logarithms [N + 1, M + 1] of how much of each keypoint is assigned where, the bin last.
+        Except for the bin's, each column sums to 1, and so does each row, the better the more
+        steps.
     """
     n, m = similarity.shape
     scores = F.pad(similarity, (0, 1, 0, 1))

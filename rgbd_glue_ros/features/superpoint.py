@@ -1,6 +1,6 @@
 """SuperPoint (DeTone, Malisiewicz and Rabinovich 2018), matched by LightGlue or SuperGlue.
 
-Its weights and SuperGlue's may be used for research alone and not be passed on, so they are read
+Its weights and SuperGlue's may be used for research only and not be redistributed, so they are read
 from where the user has put them.
 """
 
@@ -21,16 +21,16 @@ from rgbd_glue_ros.parameters import FeaturesConfig
 _FILE = "superpoint_v1.pth"
 
 _CHANNELS = 256
-"""Of a descriptor."""
+"""Channels of a descriptor."""
 
 _CELL = 8
-"""Pixels to each side of a cell, in which keypoints are told apart."""
+"""Side of a cell in which keypoints are distinguished, pixels."""
 
 _RADIUS = 4
-"""Pixels to each side in which a keypoint is the only one, and from the border to the first."""
+"""Pixels to each side in which a keypoint is unique, and from the border to the first."""
 
 _SCORE_FOR_LIGHTGLUE, _SCORE_FOR_SUPERGLUE = 0.0005, 0.005
-"""Pixels below this are no keypoints: what the authors of the matchers take."""
+"""Pixels below this are not keypoints: the value of the matchers' authors."""
 
 
 def superpoint_lightglue(config: FeaturesConfig) -> LearnedFeature:
@@ -42,10 +42,10 @@ def superpoint_lightglue(config: FeaturesConfig) -> LearnedFeature:
 
 
 def _try_out(feature: LearnedFeature, config: FeaturesConfig) -> None:
-    """Refuses weights of another network, as no checksum of LightGlue's is known.
+    """Refuses weights of another network, since the checksum of LightGlue's is not known.
 
     Raises:
-        InputError: they are.
+        InputError: the weights belong to another network.
     """
     one = torch.ones((1, _CHANNELS), device=feature.device)
     keypoint = LearnedKeypoints(one[:, :2], one, one[:, 0], _CELL, _CELL)
@@ -54,13 +54,13 @@ def _try_out(feature: LearnedFeature, config: FeaturesConfig) -> None:
     except (KeyError, RuntimeError) as error:
         raise InputError(
             f"weights superpoint_lightglue.pth in {weights_folder(config)}",
-            "are not of a LightGlue for SuperPoint",
+            "are not those of a LightGlue for SuperPoint",
             "give the file that its authors publish",
         ) from error
 
 
 def superpoint_superglue(config: FeaturesConfig) -> LearnedFeature:
-    """SuperPoint's keypoints, matched by SuperGlue as it was trained indoors."""
+    """SuperPoint's keypoints, matched by SuperGlue trained indoors."""
     device = device_of(config.device)
     return LearnedFeature(
         partial(superpoint_keypoints, least=_SCORE_FOR_SUPERGLUE),
@@ -75,7 +75,7 @@ def superpoint_superglue(config: FeaturesConfig) -> LearnedFeature:
 def superpoint_keypoints(
     grey: Tensor, w: Weights, most: int, *, least: float
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Keypoints of an image with scores above ``least``, as of ``Extractor``."""
+    """Keypoints of an image with scores above ``least``, as in ``Extractor``."""
     logits, features = superpoint((grey / 255)[None, None], w)
     scores = F.pixel_shuffle(F.softmax(logits.float(), dim=1)[:, :-1], _CELL)[0, 0]
     peaks = local_maxima(scores, _RADIUS) & (scores > least)
@@ -89,7 +89,7 @@ def superpoint(image: Tensor, w: Weights) -> tuple[Tensor, Tensor]:
 
     Args:
         image: [B, 1, H, W] in [0, 1].
-        w: of SuperPoint.
+        w: weights of SuperPoint.
 
     Returns:
         Logits of a keypoint at each pixel of a cell, or at none, [B, 65, H // 8, W // 8], and
@@ -112,7 +112,7 @@ def _head(x: Tensor, w: Weights, name: str) -> Tensor:
 def _sample(maps: Tensor, uv: Tensor) -> Tensor:
     """Unit vectors of maps of cells [1, D, h, w] at pixels [N, 2], [N, D].
 
-    The authors stretch the cells' centres a little, and so must who wants what they trained.
+    The authors stretch the cells' centres a little, which their training relies on.
     """
     height, width = maps.shape[-2:]
     centre = (_CELL - 1) / 2

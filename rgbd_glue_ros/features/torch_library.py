@@ -29,10 +29,10 @@ F: Any = _Deferred("torch.nn.functional")
 
 
 def device_of(name: str) -> Any:
-    """The device that ``features.device`` names; auto takes a GPU where there is one.
+    """The device that ``features.device`` names; auto uses a GPU if there is one.
 
     Raises:
-        InputError: cuda was asked for and there is none.
+        InputError: cuda was requested and is not available.
         MissingExtraError: torch is not installed.
     """
     there = torch.cuda.is_available()
@@ -47,13 +47,13 @@ def device_of(name: str) -> Any:
 
 @contextmanager
 def inference(device: Any) -> Iterator[None]:
-    """Nothing is kept for gradients; on a GPU products are taken in half precision.
+    """A context without gradients; on a GPU products use half precision.
 
-    On a CPU one thread computes. Threads of OpenMP wait for each other in a busy loop, and where
-    other work takes the cores, as that of a robot does, two were sixty times as slow as one.
+    On a CPU one thread computes. OpenMP threads wait for each other in a busy loop, and on busy
+    cores, as on a robot, two were sixty times as slow as one.
     """
     if device.type == "cpu":
-        # of the calling thread, so it is said every time
+        # for the calling thread, so it is set every time
         torch.set_num_threads(1)
     half = torch.autocast("cuda", dtype=torch.float16, enabled=device.type == "cuda")
     with torch.inference_mode(), half:

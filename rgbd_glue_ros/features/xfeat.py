@@ -12,10 +12,10 @@ _STRIDE = 32
 """The network halves an image five times; images are resized to multiples of this."""
 
 _CELL = 8
-"""Pixels to each side of a cell, in which keypoints are told apart."""
+"""Side of a cell in which keypoints are distinguished, pixels."""
 
 _SCORE = 0.05
-"""Pixels below this are no keypoints: the authors' default."""
+"""Pixels below this are not keypoints: the authors' default."""
 
 
 def xfeat_lighterglue(config: FeaturesConfig) -> LearnedFeature:
@@ -26,7 +26,7 @@ def xfeat_lighterglue(config: FeaturesConfig) -> LearnedFeature:
 
 
 def xfeat_keypoints(grey: Tensor, w: Weights, most: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Keypoints of an image, as of ``Extractor``."""
+    """Keypoints of an image, as in ``Extractor``."""
     height, width = grey.shape
     inner = height // _STRIDE * _STRIDE, width // _STRIDE * _STRIDE
     image = F.interpolate(grey[None, None], inner, mode="bilinear", align_corners=False)
@@ -43,7 +43,7 @@ def xfeat(image: Tensor, w: Weights) -> tuple[Tensor, Tensor, Tensor]:
 
     Args:
         image: [B, 1, H, W], sides that are multiples of 32; of any brightness.
-        w: of XFeat.
+        w: weights of XFeat.
 
     Returns:
         Descriptors [B, 64, H/8, W/8], logits of a keypoint at each pixel of a cell, or at none
@@ -86,12 +86,12 @@ def _heatmap(logits: Tensor) -> Tensor:
 
 
 def _peaks(heatmap: Tensor, reliability: Tensor) -> tuple[Tensor, Tensor]:
-    """The greatest of their 5 x 5 pixels, [N, 2], and their scores [N]."""
+    """The maxima of their 5 x 5 pixels, [N, 2], and their scores [N]."""
     size = heatmap.shape[-2:]
     greatest = F.max_pool2d(heatmap, 5, stride=1, padding=2)
     uv = torch.nonzero((heatmap == greatest) & (heatmap > _SCORE))[:, [3, 2]].float()
     scores = _sample(heatmap, uv, size, "nearest") * _sample(reliability, uv, size, "bilinear")
-    # a score of 0 is no keypoint's, and at the corner the authors take none
+    # a score of 0 is not a keypoint, and at the corner the authors use none
     kept = (scores[:, 0] > 0) & (uv != 0).any(dim=1)
     return uv[kept], scores[kept, 0]
 
@@ -99,8 +99,8 @@ def _peaks(heatmap: Tensor, reliability: Tensor) -> tuple[Tensor, Tensor]:
 def _sample(maps: Tensor, uv: Tensor, size: tuple[int, int], mode: str) -> Tensor:
     """Maps [1, D, h, w] at pixels [N, 2] of an image of a size (H, W): [N, D].
 
-    The authors take the outermost pixels' centres for the borders of the map, and so must who
-    wants what they trained.
+    The authors take the outermost pixels' centres as the borders of the map, which their training
+    relies on.
     """
     grid = (2 * uv / uv.new_tensor([size[1] - 1, size[0] - 1]) - 1)[None, None]
     return F.grid_sample(maps, grid, mode=mode, align_corners=False)[0, :, 0].T

@@ -1,1 +1,1 @@
-"""How files that input names are read, and how results are written whole."""
+"""Reading of input files, and atomic writing of results."""

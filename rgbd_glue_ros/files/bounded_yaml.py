@@ -1,4 +1,4 @@
-"""YAML of whatever origin: a file of a kilobyte that stands for a billion values is refused."""
+"""YAML of any origin: a file of a kilobyte that expands to a billion values is refused."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MAX_NODES = 100_000
 
 
 class BoundedLoader(yaml.SafeLoader):
-    """Counts what an alias repeats as if it were written out, and how deep values are nested."""
+    """Counts aliases as if they were expanded, and limits the nesting of values."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -24,18 +24,18 @@ class BoundedLoader(yaml.SafeLoader):
         self._sizes: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """As PyYAML does it, within limits."""
+        """As in PyYAML, within limits."""
         event: yaml.NodeEvent = self.peek_event()  # type: ignore[no-untyped-call]
         is_alias = isinstance(event, yaml.AliasEvent)
         if is_alias:
-            # an alias inside of what it names has no size yet, and no end
+            # an alias inside its own target has no size yet, and would be endless
             self._nodes += self._sizes.get(event.anchor or "", _MAX_NODES)
         before = self._nodes
         self._nodes += 1
         self._depth += 1
         if self._depth > _MAX_DEPTH or self._nodes > _MAX_NODES:
             raise yaml.YAMLError(
-                f"more than {_MAX_NODES} values, or nested in more than {_MAX_DEPTH}"
+                f"more than {_MAX_NODES} values, or nested deeper than {_MAX_DEPTH}"
             )
         node = super().compose_node(parent, index)
         self._depth -= 1
@@ -44,7 +44,7 @@ class BoundedLoader(yaml.SafeLoader):
         return node
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        """As PyYAML does it, but of a name that is given twice nobody knows which value counts."""
+        """As in PyYAML, but duplicate keys are refused, since it is unclear which value counts."""
         node: yaml.MappingNode = super().compose_mapping_node(anchor)
         lines: dict[tuple[str, str], int] = {}
         for key, _ in node.value:
@@ -52,7 +52,9 @@ class BoundedLoader(yaml.SafeLoader):
                 continue
             name, line = (key.tag, key.value), key.start_mark.line + 1
             if name in lines:
-                raise yaml.YAMLError(f"line {line}: {key.value} is given in line {lines[name]} too")
+                raise yaml.YAMLError(
+                    f"line {line}: {key.value} is also given in line {lines[name]}"
+                )
             lines[name] = line
         return node
 
@@ -61,7 +63,7 @@ def documents(text: str, loader: type[BoundedLoader] = BoundedLoader) -> Iterato
     """The values of every document in a text.
 
     Raises:
-        yaml.YAMLError: it is no YAML, or beyond the limits.
+        yaml.YAMLError: the text is not YAML, or exceeds the limits.
     """
     if len(text) > MAX_TEXT:
         raise yaml.YAMLError(f"more than {MAX_TEXT} characters")
@@ -72,17 +74,17 @@ def documents(text: str, loader: type[BoundedLoader] = BoundedLoader) -> Iterato
         line = f"line {mark.line + 1}: " if mark else ""
         raise yaml.YAMLError(f"{line}{error.problem or error.context}") from error
     except (ValueError, OverflowError, RecursionError, AttributeError) as error:
-        # what PyYAML lets through: dates that are none, numbers of a million digits
-        raise yaml.YAMLError(f"a value that is none ({error})") from error
+        # what PyYAML does not catch: invalid dates, numbers of a million digits
+        raise yaml.YAMLError(f"an invalid value ({error})") from error
 
 
 def document(text: str) -> Any:
     """The values of a text of one document; None if it is empty.
 
     Raises:
-        yaml.YAMLError: it is no YAML, holds several, or is beyond the limits.
+        yaml.YAMLError: the text is not YAML, has several documents, or exceeds the limits.
     """
     found = list(documents(text))
     if len(found) > 1:
-        raise yaml.YAMLError(f"{len(found)} documents where one belongs")
+        raise yaml.YAMLError(f"{len(found)} documents instead of one")
     return found[0] if found else None

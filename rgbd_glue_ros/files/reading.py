@@ -1,6 +1,6 @@
-"""The files that input names: regular ones alone, opened without waiting, and never without end.
+"""Opens files named by input: only regular ones, without waiting, and up to a limited size.
 
-A list in a downloaded folder may name ``/dev/zero``, a pipe or somebody's private file.
+A list in a downloaded folder may name ``/dev/zero``, a pipe or a private file.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from typing import BinaryIO
 from rgbd_glue_ros.errors import InputError
 
 MAX_TEXT = 2**28
-"""Bytes of a text: a pose for every frame of a month."""
+"""Maximum bytes of a text: a pose for every frame of a month."""
 
 MAX_IMAGE = 2**28
-"""Bytes of an image file: twice the largest that is decoded, in colour and not compressed."""
+"""Maximum bytes of an image file: twice the largest that is decoded, in colour and uncompressed."""
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Opens a regular file to read from.
+    """Opens a regular file for reading.
 
     Raises:
-        InputError: it is none, or cannot be read.
+        InputError: it is not a regular file, or cannot be read.
     """
     descriptor = -1
     try:
-        # else opening a pipe would wait for its writer
+        # otherwise opening a pipe would wait for its writer
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise InputError(path, "is no regular file", "give a file")
+            raise InputError(path, "is not a regular file", "give a file")
         return os.fdopen(descriptor, "rb")
     except (OSError, ValueError) as error:
         if descriptor >= 0:
@@ -42,10 +42,10 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """All of a file that holds no more than ``most`` bytes.
+    """The contents of a file of at most ``most`` bytes.
 
     Raises:
-        InputError: it holds more, is no regular file, or cannot be read.
+        InputError: the file is larger, not a regular file, or cannot be read.
     """
     with open_file(path) as file:
         try:
@@ -55,36 +55,36 @@ def read_bytes(path: Path, most: int) -> bytes:
             raise InputError(
                 path, f"cannot be read ({error.strerror})", "restore the file"
             ) from error
-    # it may have grown since
+    # the file may have grown since
     if max(size, len(data)) > most:
-        raise InputError(path, f"holds more than {most} bytes", "give the file that is meant")
+        raise InputError(path, f"holds more than {most} bytes", "give the intended file")
     return data
 
 
 def read_text(path: Path, most: int = MAX_TEXT) -> str:
-    """All of a text file in UTF-8, with or without its mark.
+    """The contents of a text file in UTF-8, with or without a byte-order mark.
 
     Raises:
-        InputError: it is no text, or as of ``read_bytes``.
+        InputError: the file is not a text, or as in ``read_bytes``.
     """
     try:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(path, "is no text", "give a text file") from error
+        raise InputError(path, "is not a text", "give a text file") from error
 
 
 def inside(folder: Path, name: str) -> Path:
-    """The place that a file in a folder names, in the folder.
+    """The path in a folder that a file there names.
 
-    Links are followed: who wants files from elsewhere puts a link to them into the folder.
+    Links are followed: to use files from elsewhere, put a link to them into the folder.
 
     Raises:
-        InputError: the place is outside.
+        InputError: the path is outside the folder.
     """
     root = os.path.abspath(folder)  # noqa: PTH100 - a path without its dots, links untouched
     place = os.path.abspath(os.path.join(root, name))  # noqa: PTH100, PTH118
     if "\0" in name or os.path.commonpath([root, place]) != root:
         raise InputError(
-            folder, f"names {name!r}, which is outside of it", "put a link to it into the folder"
+            folder, f"names {name!r}, which is outside it", "put a link to it into the folder"
         )
     return folder / os.path.relpath(place, root)

@@ -1,4 +1,4 @@
-"""Paths as a user writes them: ``~`` stands for a home folder, and any text may come."""
+"""Paths as a user writes them: ``~`` stands for a home folder, and any text is possible."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from rgbd_glue_ros.errors import InputError
 
 
 def expanded(text: str, where: str) -> Path:
-    """The path that a text stands for.
+    """The path that a text denotes.
 
     Args:
-        text: as ``~/.ros/map.rgbdmap``.
+        text: for example ``~/.ros/map.rgbdmap``.
         where: the parameter or option that it was given to.
 
     Raises:
-        InputError: it begins with the home folder of nobody.
+        InputError: it begins with the home folder of an unknown user.
     """
     try:
         return Path(text).expanduser()
@@ -25,10 +25,10 @@ def expanded(text: str, where: str) -> Path:
 
 
 def file_to_write(text: str, where: str) -> Path:
-    """The file that a text stands for, with its folders made.
+    """The file that a text denotes; its folders are created.
 
     Raises:
-        InputError: it names no file, or the folders cannot be made.
+        InputError: it names no file, or the folders cannot be created.
     """
     path = expanded(text, where)
     if not path.name or "\0" in text:
@@ -36,6 +36,6 @@ def file_to_write(text: str, where: str) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        cause = f"the folder of {path} cannot be made ({error.strerror})"
-        raise InputError(where, cause, "give another place") from error
+        cause = f"the folder of {path} cannot be created ({error.strerror})"
+        raise InputError(where, cause, "give another path") from error
     return path

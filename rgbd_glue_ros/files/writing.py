@@ -1,4 +1,4 @@
-"""Results: whole or as they were, of one run and no other, whatever ends it or fills the disk."""
+"""Writes results atomically, and only those of one run, whatever ends it or fills the disk."""
 
 from __future__ import annotations
 
@@ -16,47 +16,47 @@ from typing import Any
 from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.errors import InputError
 
-# What file systems say that have no locks, such as some networks'
+# Errors of file systems without locks, such as some network ones
 _NO_LOCKS = {errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
 
 
 def not_written(path: Path, error: OSError) -> InputError:
-    """What to say where a file or folder cannot be written."""
+    """The error for a file or folder that cannot be written."""
     is_full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-    remedy = "free some space, or give another place" if is_full else "give another place"
+    remedy = "free some space, or give another path" if is_full else "give another path"
     return InputError(path, f"cannot be written ({error.strerror or error})", remedy)
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Writes a file (a text in UTF-8) beside its place, then puts it there.
+    """Writes a file (a text in UTF-8) under a temporary name, then renames it.
 
     Raises:
-        InputError: it cannot be written; what was there before still is.
+        InputError: it cannot be written; what was there before is unchanged.
     """
     aside = path.with_name(f".{path.name}.part")
     data = content.encode() if isinstance(content, str) else content
     try:
         if path.exists() and not path.is_file():
-            # a device or a pipe would give way to the file, where the user may do that
-            raise InputError(path, "is there, and is no file", "give another place")
-        # what lies there is of a run that was killed, or a link that leads elsewhere
+            # the file would replace a device or a pipe, if the user is permitted
+            raise InputError(path, "exists and is not a file", "give another path")
+        # what is there is from a killed run, or a link that leads elsewhere
         aside.unlink(missing_ok=True)
         with aside.open("xb") as file:
             file.write(data)
             file.flush()
-            # else a power cut may leave the name, and nothing under it
+            # otherwise a power cut may leave the name without content
             os.fsync(file.fileno())
         aside.replace(path)
     except OSError as error:
         raise not_written(path, error) from error
     finally:
-        # where the place itself is at fault, this fails as the rest did
+        # if the location itself is at fault, this fails like the rest
         with contextlib.suppress(OSError):
             aside.unlink(missing_ok=True)
 
 
 def json_text(content: Any) -> str:
-    """JSON as the standard has it, with a line end; null where a number is not finite."""
+    """Standard JSON with a line end; null for numbers that are not finite."""
     return json.dumps(finite(content), indent=2, allow_nan=False) + "\n"
 
 
@@ -95,7 +95,7 @@ class ResultFolder(Closing):
     """
 
     def __init__(self, path: Path, names: Collection[str]) -> None:
-        """Makes the folder, and removes the results of an earlier run.
+        """Creates the folder, and removes the results of an earlier run.
 
         Args:
             path: of the folder.
@@ -126,19 +126,19 @@ class ResultFolder(Closing):
             raise not_written(path, error) from error
 
     def close(self) -> None:
-        """Lets others write to it."""
+        """Allows others to write to it."""
         self._lock.close()
 
 
 class NewFolder:
-    """A folder that appears under its name when it is written, or when writing it has ended.
+    """A folder that appears under its name once it is written, or writing has ended.
 
     Attributes:
-        path: where it is until then; to be made by its writer.
+        path: its location until then; created by its writer.
     """
 
     def __init__(self, target: Path) -> None:
-        """Makes a place beside the target.
+        """Reserves a temporary name beside the target.
 
         Args:
             target: must not exist.
@@ -152,7 +152,7 @@ class NewFolder:
         self._place = target.with_name(f".{target.name}.writing")
         self.path = self._place / target.name
         self._folder = ResultFolder(self._place, ())
-        # of a run that was killed
+        # from a killed run
         shutil.rmtree(self.path, ignore_errors=True)
 
     @uninterrupted()
@@ -160,7 +160,7 @@ class NewFolder:
         """Gives it its name; removes it if it is of no use.
 
         Raises:
-            InputError: something else has that name by now.
+            InputError: something else has taken that name.
         """
         try:
             if is_of_use and self.path.exists():

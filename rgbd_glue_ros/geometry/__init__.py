@@ -1,1 +1,1 @@
-"""Rigid motions, cameras and point clouds: the mathematics that everything else stands on."""
+"""Rigid motions, cameras and point clouds: the mathematics that everything else uses."""

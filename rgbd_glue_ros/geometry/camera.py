@@ -15,9 +15,9 @@ from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, U
 
 
 def view_of(frame: RgbdFrame, camera: CameraConfig) -> View:
-    """The frame without lens distortion, in grey, its depth in range.
+    """The frame without lens distortion, in grey, with depth in range.
 
-    It is that of a camera at rest: of its twist and its row times nothing is said.
+    The view is that of a camera at rest: twist and row times are not set.
     """
     frame = rectified(frame)
     image, depth = grey(frame.color), limit_depth(frame.depth, camera)
@@ -28,7 +28,7 @@ def view_of(frame: RgbdFrame, camera: CameraConfig) -> View:
 def grey(color: UInt8) -> UInt8:
     """The luminance, uint8 [H, W], of an image [H, W] or [H, W, 3] RGB."""
     if color.ndim == 2:
-        # a copy, as compiled code is compiled anew for arrays that cannot be written
+        # a copy, since read-only arrays would need another compilation
         return np.array(color, np.uint8, order="C")
     return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), np.uint8)
 
@@ -49,7 +49,7 @@ def project(points: Float64, intrinsics: CameraIntrinsics) -> Float64:
 
 
 def cloud(depth: Float32, intrinsics: CameraIntrinsics) -> Float64:
-    """All points [N, 3] of a depth image in the optical frame, metres, unknown ones left out."""
+    """All points [N, 3] of a depth image in the optical frame, metres, without unknown ones."""
     v, u = np.nonzero(np.isfinite(depth))
     uv = np.stack([u, v], axis=1).astype(np.float64)
     return back_project(uv, depth[v, u].astype(np.float64), intrinsics)
@@ -58,7 +58,7 @@ def cloud(depth: Float32, intrinsics: CameraIntrinsics) -> Float64:
 def rectified(frame: RgbdFrame) -> RgbdFrame:
     """The frame without lens distortion; the same object if it has none.
 
-    Colour is interpolated, depth takes the nearest pixel so that no edge is smeared.
+    Colour is interpolated, depth takes the nearest pixel so that edges are not smeared.
     """
     if not any(frame.intrinsics.distortion):
         return frame

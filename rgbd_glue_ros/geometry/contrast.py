@@ -1,7 +1,7 @@
-"""How much contrast an image has: in the dark and in haze, less than limits in grey levels expect.
+"""The contrast of an image: in the dark and in haze it is less than grey-level limits expect.
 
-Those limits, what a corner or a textured pixel is, are for well-lit images. They shrink with the
-contrast of edges, as long as those stand out from the noise: that of a bare wall is no texture.
+Those limits (what counts as a corner or a textured pixel) are for well-lit images. They shrink with
+the contrast of edges, as long as edges stand out from noise: that of a bare wall is not texture.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.types import Float32, UInt8, View
 
-# Edges are looked for in a small image: its pixels are means of many, and show less noise.
+# Edges are detected in a small image: its pixels are means of many, and have less noise.
 _LENGTH_PX = 160
-# The part of the pixels that counts as edges: those with the steepest gradients.
+# The fraction of pixels that counts as edges: those with the steepest gradients.
 _EDGES = 0.05
-# The part of them that tells how much steeper an image can get: no more than from black to white
-# within two pixels, in grey levels a pixel.
+# The steepest fraction of pixels limits the gain: no gradient may exceed black to white within two
+# pixels, in grey levels per pixel.
 _STEEPEST, _BLACK_TO_WHITE = 0.01, 255 / 2
-# Gradients this many times the noise are the least that are edges. Of noise alone, the steepest
-# are 1.8 times as steep; of a wall lit unevenly, 2 to 4 times.
+# Edges have gradients of at least this many times the noise. With noise alone, the steepest are
+# 1.8 times as steep; on an unevenly lit wall, 2 to 4 times.
 _LEAST_OVER_NOISE = 4.0
-# With every further multiple, limits may shrink by this factor more, down to the least contrast.
+# With every further multiple, limits may shrink by this further factor, down to the least contrast.
 _GAIN_PER_MULTIPLE, _LEAST_CONTRAST = 2.0, 1 / 16
-# Grey levels of lamps and windows, whose edges say nothing of the light on all else.
+# Grey levels of lamps and windows, whose edges say nothing about the light elsewhere.
 _OVEREXPOSED = 240
-# Pixels of the small image that have to be left.
+# Pixels of the small image that have to remain.
 _FEWEST = 100
-# Grey levels: what is rounded to whole ones errs by as much, even in the mean of some pixels.
+# Grey levels: rounding to whole ones causes an error of this size, even in the mean of some pixels.
 _LEAST_NOISE = 0.2
-# What is beside one in the small image: where both mix, and the pixels that its gradients reach to.
+# The surroundings of such a pixel in the small image: mixed pixels, and those its gradients reach.
 _BESIDE = np.ones((5, 5), np.uint8)
 # The second difference along both axes; Immerkaer's estimate of noise (1996) takes its mean, the
 # median leaves out edges. Its standard deviation is 6 times that of the noise.
@@ -42,15 +42,15 @@ _NORMAL_MEDIAN = 0.6745
 
 
 def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
-    """The contrast of an image as a part of a well-lit one's.
+    """The contrast of an image relative to a well-lit one.
 
     Args:
         image: uint8 [H, W].
-        well_lit_gradient: how steep the edges of a well-lit image of 160 pixels are at least, grey
-            levels a pixel; 0 takes every image as well lit.
+        well_lit_gradient: minimum steepness of edges in a well-lit image of 160 pixels, grey levels
+            per pixel; 0 treats every image as well lit.
 
     Returns:
-        From 1/16 to 1; 1 of an image that shows nothing but noise.
+        From 1/16 to 1; 1 for an image that shows only noise.
     """
     if well_lit_gradient == 0:
         return 1.0
@@ -71,13 +71,13 @@ def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
 
 
 def _overexposed(image: Float32) -> NDArray[np.bool_]:
-    """Which pixels, but those at the border, lie on a lamp or a window or beside it."""
+    """Which pixels, except those at the border, are on or beside a lamp or a window."""
     bright = np.asarray(image >= _OVEREXPOSED, np.uint8)
     return np.asarray(cv2.dilate(bright, _BESIDE)[1:-1, 1:-1] > 0, np.bool_)
 
 
 def well_lit(view: View) -> UInt8:
-    """The image of a view as it would be in good light, uint8 [H, W]; the same where it is."""
+    """The image of a view as it would be in good light, uint8 [H, W]; unchanged if well lit."""
     if view.contrast == 1:
         return view.grey
     levels = (np.arange(256) - np.median(view.grey[::4, ::4])) / view.contrast + 128
@@ -85,7 +85,7 @@ def well_lit(view: View) -> UInt8:
 
 
 def _shrunk(image: UInt8) -> Float32:
-    """The image with a longer side of 160 pixels, if it has more; grey levels, float32."""
+    """The image reduced to a longer side of at most 160 pixels; grey levels, float32."""
     shrink = min(1.0, _LENGTH_PX / max(image.shape))
     if shrink * min(image.shape) < 1:
         return image.astype(np.float32)
@@ -101,6 +101,6 @@ def _noise(image: Float32) -> float:
 
 
 def _quantile(values: Any, q: float) -> float:
-    """The value that a part q of some values is below; NumPy's own takes ten times as long."""
+    """The q-quantile of some values; NumPy's own takes ten times as long."""
     k = int(q * values.size)
     return float(np.partition(values, k, axis=None)[k])

@@ -1,4 +1,4 @@
-"""Depth: its noise, its range, its value between pixels, and what is one surface."""
+"""Depth: its noise, its range, its value between pixels, and when depths are of one surface."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import Float32, Float64
 
-# What an overflow leaves in 16 bits: as a depth it would be a wall where nothing is.
+# The result of an overflow of 16 bits: as a depth it would be a wall that does not exist.
 OVERFLOW = np.iinfo(np.uint16).max
-# A bilinear depth over a step larger than this many sigma would lie on neither surface.
+# A bilinear depth across a step larger than this many sigma would lie on neither surface.
 DEPTH_EDGE_SIGMAS = 6.0
 # Two depths farther apart than this many sigma are not the same surface.
 SURFACE_SIGMAS = 10.0
-# A surface may recede by this part of its depth within the distance that is looked at.
+# A surface may recede by this fraction of its depth within the neighbourhood considered.
 RECEDING = 0.02
 
 
@@ -29,8 +29,8 @@ def depth_sigma(z: float) -> float:
 
 
 def metres_of_16_bits(depth: NDArray[np.uint16], units_per_metre: float) -> Float32:
-    """Depth [H, W] in metres; NaN where it is 0, has overflowed or comes to no finite number."""
-    # arrays of one kind, whatever message they are of, are one thing to compile
+    """Depth [H, W] in metres; NaN where it is 0, has overflowed or is not finite."""
+    # arrays of one kind, whatever message they come from, need only one compilation
     pixels = np.require(depth, np.uint16, ["C", "ALIGNED"]).view()
     pixels.flags.writeable = False
     return np.asarray(_metres(pixels, np.float32(units_per_metre)), np.float32)
@@ -42,7 +42,7 @@ def _metres(depth: NDArray[np.uint16], units_per_metre: np.float32) -> Float32:
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
             z = np.float32(depth[v, u]) / units_per_metre
-            # all comparisons are made, so that there is no branch
+            # all comparisons are evaluated, so that there is no branch
             is_known = (depth[v, u] != OVERFLOW) & (z > 0) & (z < np.float32(np.inf))
             metres[v, u] = z if is_known else np.float32(np.nan)
     return metres
@@ -59,7 +59,7 @@ def _limited(depth: Float32, nearest: float, farthest: float) -> Float32:
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
             z = depth[v, u]
-            # both comparisons are made, so that there is no branch
+            # both comparisons are evaluated, so that there is no branch
             limited[v, u] = z if (z >= nearest) & (z <= farthest) else np.float32(np.nan)
     return limited
 
@@ -76,7 +76,7 @@ def sample_depth(depth: Float32, u: float, v: float) -> float:
     z10, z11 = depth[v0 + 1, u0], depth[v0 + 1, u0 + 1]
     nearest = min(z00, z01, z10, z11)
     farthest = max(z00, z01, z10, z11)
-    # a comparison with NaN is false, so that an unknown neighbour is refused here too
+    # a comparison with NaN is false, so an unknown neighbour is rejected here too
     if not farthest - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest):
         return np.nan
     z = (1 - b) * ((1 - a) * z00 + a * z01) + b * ((1 - a) * z10 + a * z11)
@@ -94,8 +94,8 @@ def depth_at(depth: Float32, uv: Float32) -> Float64:
 
 @compiled
 def surface_tolerance(z: float) -> float:
-    """How far from depth z another depth may be and still be of the same surface, metres.
+    """Maximum difference from depth z of another depth of the same surface, metres.
 
-    More than noise: images are not taken at quite the same time, and surfaces recede.
+    This exceeds the noise: images are not taken at exactly the same time, and surfaces recede.
     """
     return SURFACE_SIGMAS * depth_sigma(z) + RECEDING * z

@@ -1,9 +1,9 @@
-"""Brings a depth image into the view of the colour camera: other lens, resolution and place.
+"""Transfers a depth image to the view of the colour camera: other lens, resolution and pose.
 
 Neighbouring depth pixels on one surface span triangles, which are drawn into the colour image with
 a z-buffer. Along a triangle the inverse depth is interpolated, which is exact for planes, so a
-surface has no steps where the colour image is finer and no averages where it is coarser. Across
-an edge nothing is spanned: what only one of the two cameras sees stays unknown.
+surface has no steps where the colour image is finer and no averages where it is coarser. Edges
+are not spanned: what only one of the two cameras sees remains unknown.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, LensModel
 _Point = tuple[float, float, float]
 """A point's pixel (u, v) in the colour image and its depth z."""
 
-# No surface is so many times nearer to the colour camera than to the depth camera, and seen as
-# many times larger: what would be comes of wrong numbers.
+# No surface is this many times nearer to the colour camera than to the depth camera, and appears
+# as many times larger; if one seems to be, numbers are wrong.
 NEARER = 4.0
-# Triangles that share an edge leave no pixel on it out.
+# Triangles that share an edge miss no pixel on it.
 _ROUNDING = 1e-4
-# Beyond its image a lens model may turn back and put things into the image that are not there.
+# Beyond the image a lens model may fold back and produce points in the image that are not there.
 _LENS_MARGIN = 1.05
-# As many coefficients of a lens as the projection takes: k1 k2 p1 p2 k3 k4 k5 k6.
+# The number of lens coefficients that the projection takes: k1 k2 p1 p2 k3 k4 k5 k6.
 _COEFFICIENTS = 8
 
 
@@ -47,7 +47,7 @@ class DepthCamera:
 
 
 def can_project(color: CameraIntrinsics) -> bool:
-    """Whether ``registered`` knows the lens of a colour camera."""
+    """Whether ``registered`` supports the lens of a colour camera."""
     if not any(color.distortion):
         return True
     is_known = color.lens is LensModel.BROWN_CONRADY
@@ -59,12 +59,12 @@ def registered(depth: Float32, camera: DepthCamera, color: CameraIntrinsics) -> 
 
     Args:
         depth: float32 [h, w], metres along the depth camera's axis, NaN where unknown.
-        camera: that took it.
+        camera: the one that took it.
         color: intrinsics of the colour camera, which ``can_project``; its distortion is kept.
 
     Returns:
         float32 [H, W] of the colour camera's size, metres along its axis; the nearest surface
-        where several are behind one pixel, NaN where none was seen.
+        if several are behind one pixel, NaN where none was seen.
     """
     focal, distortion, reach = _lens(color)
     points = _seen(depth, rays(camera.intrinsics), camera.T_color_depth, focal, distortion, reach)
@@ -77,7 +77,7 @@ def registered(depth: Float32, camera: DepthCamera, color: CameraIntrinsics) -> 
 
 @lru_cache(maxsize=4)
 def _lens(camera: CameraIntrinsics) -> tuple[Float64, Float64, float]:
-    """Focal lengths and centre [4], k1 k2 p1 p2 k3 k4 k5 k6 [8], and how far its rays reach."""
+    """Focal lengths and centre [4], k1 k2 p1 p2 k3 k4 k5 k6 [8], and the limit of its rays."""
     seen = rays(camera)
     border = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
     reach = float(np.linalg.norm(border, axis=1).max()) * _LENS_MARGIN
@@ -92,7 +92,7 @@ def _lens(camera: CameraIntrinsics) -> tuple[Float64, Float64, float]:
 def _seen(
     depth: Float32, rays: Float64, T: Float64, focal: Float64, lens: Float64, reach: float
 ) -> Float64:
-    """Pixel and depth (u, v, z) of every depth pixel in the colour camera, NaN out of its view."""
+    """Pixel and depth (u, v, z) of every depth pixel in the colour camera, NaN outside its view."""
     height, width = depth.shape
     points = np.full((height, width, 3), np.nan)
     k1, k2, p1, p2, k3, k4, k5, k6 = lens
@@ -122,7 +122,7 @@ def _seen(
 
 @compiled
 def _draw(depth: Float32, points: Float64, span: float, image: Float32) -> None:
-    """Draws the triangles between neighbours, and points that have none, into a z-buffer."""
+    """Draws triangles between neighbours, and points without neighbours, into a z-buffer."""
     height, width = depth.shape
     is_spanned = np.zeros((height, width), np.bool_)
     for row in range(height - 1):

@@ -12,23 +12,24 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.se3 import skew, transform
 from rgbd_glue_ros.types import Correspondences, Float64, Int64
 
-# A sample or a set whose points spread less than this across a line fixes no rotation about it.
+# A sample or set whose points spread less than this across a line leaves the rotation about it
+# free.
 _MIN_SPREAD_M = 1e-3
 
 
 @lru_cache
 def chi_squared(confidence: float, degrees: int) -> float:
-    """The value that chi² with so many degrees of freedom stays below with a probability."""
-    # scipy.stats has it by this name, and takes half a second to import
+    """The quantile of chi² for a number of degrees of freedom and a probability."""
+    # scipy.stats offers it under this name, but takes half a second to import
     return float(chdtri(degrees, 1.0 - confidence))
 
 
-SURPRISE = chi_squared(0.999, 6)
-"""What ``mahalanobis_squared`` exceeds for one of a thousand errors of a pose."""
+POSE_GATE = chi_squared(0.999, 6)
+"""The validation gate of a pose: a squared Mahalanobis distance that one in a thousand exceeds."""
 
 
 def mahalanobis_squared(error: Float64, covariance: Float64) -> float:
-    """The square of an error [N] by its covariance [N, N]; in the mean N where that is honest."""
+    """The square of an error [N] by its covariance [N, N]; its mean is N if that is consistent."""
     return float(error @ np.linalg.solve(covariance, error))
 
 
@@ -72,13 +73,13 @@ def randomised_procrustes(
     """The randomised optimisation of section 3.3 (El Banani, Gao and Johnson, CVPR 2021).
 
     Fits weighted Procrustes to random subsets and keeps the transform with the least weighted
-    residual over all matches; where no subset has three matches with weight, the fit to all.
+    residual over all matches; if no subset has three matches with weight, the fit to all.
 
     Args:
-        matches: the set C, at least 3, some of positive weight.
+        matches: the set C, at least 3, some with positive weight.
         subsets: number of random subsets; 0 fits all matches at once.
-        fraction: part of the matches in each subset.
-        rng: source of the choices.
+        fraction: fraction of the matches in each subset.
+        rng: source of the random choices.
 
     Returns:
         T_target_source, float64 [4, 4].
@@ -95,7 +96,7 @@ def randomised_procrustes(
 
 @compiled
 def _best_subset(source: Float64, target: Float64, weights: Float64, subsets: Int64) -> Float64:
-    """The fit to those rows, of int64 [subsets, size], that leaves the least weighted residual."""
+    """The fit with the least weighted residual, of those to each row of int64 [subsets, size]."""
     best = procrustes(source, target, weights)
     least = np.inf
     for rows in subsets:
@@ -103,7 +104,7 @@ def _best_subset(source: Float64, target: Float64, weights: Float64, subsets: In
         if np.count_nonzero(w) < 3:
             continue
         T = procrustes(source[rows], target[rows], w)
-        # squared, it would favour the subset whose fit is nearest to that of all, outliers included
+        # squares would favour the subset whose fit is nearest to that of all, including outliers
         residual = 0.0
         for i in range(len(weights)):
             residual += weights[i] * _distance(T, source, target, i)
@@ -147,11 +148,11 @@ def ransac(
     Args:
         matches: C_vis.
         threshold: t_in, metres.
-        iterations: samples at most.
+        iterations: maximum number of samples.
         rng: source of the samples.
 
     Returns:
-        T_target_source, or None when no three matches agree; and the number of its inliers.
+        T_target_source, or None if no three matches agree; and the number of its inliers.
     """
     if len(matches) < 3:
         return None, 0
@@ -176,7 +177,7 @@ def _samples(n: int, iterations: int, rng: np.random.Generator) -> Int64:
     a = rng.integers(0, n, iterations)
     b = rng.integers(0, n - 1, iterations)
     c = rng.integers(0, n - 2, iterations)
-    # shift past the numbers that are taken, which leaves each triple equally likely
+    # shift past the numbers already drawn, so that every triple is equally likely
     b += b >= a
     low, high = np.minimum(a, b), np.maximum(a, b)
     c += c >= low
@@ -188,7 +189,7 @@ def _samples(n: int, iterations: int, rng: np.random.Generator) -> Int64:
 def _best_sample(
     source: Float64, target: Float64, samples: Int64, threshold: float
 ) -> tuple[int, int]:
-    """The sample with most inliers, and their number; stops when a better one is unlikely."""
+    """The sample with most inliers, and their number; stops once a better one is unlikely."""
     n = len(source)
     best, most = 0, 0
     needed = len(samples)
@@ -197,7 +198,7 @@ def _best_sample(
         if s >= needed:
             break
         rows = samples[s]
-        # lengths are kept by a rigid motion: most wrong samples end here, before any fit
+        # a rigid motion preserves lengths: most wrong samples end here, before any fit
         rigid = True
         for a in range(3):
             i, j = rows[a], rows[(a + 1) % 3]
@@ -243,8 +244,8 @@ def fit_covariance(T: Float64, matches: Correspondences) -> Float64 | None:
     H⁻¹ (sum w² JᵀJ s²) H⁻¹ with H = sum w JᵀJ; s² by moments as in equation 5.
 
     Returns:
-        Order x y z rx ry rz, perturbation on the left, target frame; None when the matches leave
-        a degree of freedom open.
+        Order x y z rx ry rz, perturbation on the left, target frame; None if the matches leave a
+        degree of freedom undetermined.
     """
     H = procrustes_information(T, matches)
     scale = np.sqrt(np.diag(H))

@@ -1,4 +1,4 @@
-"""Lens models: where a pixel looks, and images as a camera without a lens would have taken them."""
+"""Lens models: the ray of a pixel, and images as a camera without a lens would have taken them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _SIDEWAYS = 1000.0
 
 @lru_cache(maxsize=4)
 def rays(camera: CameraIntrinsics) -> Float64:
-    """Where every pixel looks, its lens taken into account: x / z and y / z, [h, w, 2].
+    """The ray of every pixel, with its lens: x / z and y / z, [h, w, 2].
 
-    NaN where a pixel looks beside the camera or behind it.
+    NaN where a ray points sideways or backwards.
     """
     v, u = np.mgrid[: camera.height, : camera.width]
     pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2).astype(np.float64)
@@ -45,7 +45,7 @@ def undistorted(color: UInt8, camera: CameraIntrinsics) -> tuple[UInt8, CameraIn
 
 
 def without_distortion(camera: CameraIntrinsics) -> CameraIntrinsics:
-    """The camera of an image whose distortion was taken out."""
+    """The camera of an image whose distortion was removed."""
     return replace(camera, distortion=(), lens=LensModel.BROWN_CONRADY)
 
 
@@ -60,7 +60,7 @@ def undistortion_maps(camera: CameraIntrinsics) -> tuple[Float32, Float32]:
         )
     elif camera.lens is LensModel.INVERSE_BROWN_CONRADY:
         straight = rays(without_distortion(camera)).reshape(-1, 1, 2)
-        # what undoes the polynomial is what applies its inverse
+        # removing the polynomial is the same as applying its inverse
         bent = cv2.undistortPointsIter(straight, np.eye(3), distortion, None, None, _CRITERIA)
         columns_rows = bent * [camera.fx, camera.fy] + [camera.cx, camera.cy]
         maps = np.moveaxis(columns_rows.reshape(camera.height, camera.width, 2), 2, 0)
@@ -70,7 +70,7 @@ def undistortion_maps(camera: CameraIntrinsics) -> tuple[Float32, Float32]:
 
 
 def _of_fisheye(camera: CameraIntrinsics) -> Float64:
-    """The coefficients as OpenCV's module for such lenses wants them, four and no less."""
+    """The coefficients as OpenCV's fisheye module needs them, always four."""
     return np.array((*camera.distortion, 0.0, 0.0, 0.0, 0.0)[:4])
 
 

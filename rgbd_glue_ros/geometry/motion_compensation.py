@@ -1,8 +1,8 @@
 """When the rows of an image were read, and where points were at another time.
 
-A camera that moves sees every row of a rolling shutter from another place, and depth that is taken
-later than colour too. Points are brought to where the camera saw them when the middle row of the
-colour image was read.
+A moving camera sees every row of a rolling shutter from another place, and so depth that is taken
+later than colour. Points are moved to where the camera saw them when the middle row of the colour
+image was read.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from rgbd_glue_ros.types import Float32, Float64, Int64, View
 
 
 def normalised_row_time(rows: Float32 | Float64 | Int64, view: View) -> Float64:
-    """When a rolling shutter is at rows [N], in parts of its way: 0 at the middle row."""
+    """When a rolling shutter reads rows [N], as a fraction of its readout: 0 at the middle row."""
     return np.asarray(rows / view.intrinsics.height - 0.5, np.float64)
 
 
 def apparent_velocity(points: Float64, twist: Float64) -> Float64:
-    """How much later-seen points [N, 3] of a still room have to be moved, m/s, to lie together.
+    """Apparent velocity, m/s, of points [N, 3] of a static room.
 
     A camera that moves with ``twist`` [6] sees a point pass by with the opposite velocity.
     """
@@ -31,7 +31,7 @@ def apparent_velocity(points: Float64, twist: Float64) -> Float64:
 
 
 def displaced_points(points: Float64, seconds: Float64, twist: Float64) -> Float64:
-    """Points where a camera that moves with ``twist`` saw them some seconds before.
+    """Points where a camera moving with ``twist`` saw them some seconds earlier.
 
     Args:
         points: float64 [..., 3], metres.
@@ -46,7 +46,7 @@ def displaced_points(points: Float64, seconds: Float64, twist: Float64) -> Float
 def displaced_point(
     x: float, y: float, z: float, seconds: float, twist: Float64
 ) -> tuple[float, float, float]:
-    """``displaced_points`` of one point."""
+    """``displaced_points`` for one point."""
     return (
         x + seconds * (twist[0] + twist[4] * z - twist[5] * y),
         y + seconds * (twist[1] + twist[5] * x - twist[3] * z),
@@ -55,7 +55,7 @@ def displaced_point(
 
 
 def seconds_after_color(rows: Int64, view: View) -> Float64:
-    """When the rows [N] of the depth image were read, from the middle row of colour on."""
+    """When the rows [N] of the depth image were read, relative to the middle row of colour."""
     seconds: Float64 = view.depth_delay + view.readout_time * normalised_row_time(rows, view)
     return seconds
 
@@ -86,7 +86,7 @@ def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) 
     for i in range(len(uv)):
         rx, ry = (uv[i, 0] - K[2]) / K[0], (uv[i, 1] - K[3]) / K[1]
         z = sample_depth(depth, uv[i, 0], uv[i, 1])
-        # where the depth image has what is at the pixel depends on how far that is
+        # which depth pixel corresponds depends on the depth itself
         for _ in range(2):
             x, y, later = displaced_point(rx * z, ry * z, z, -1.0, motion)
             if not later > 0.0:

@@ -10,20 +10,20 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.depth import RECEDING, depth_sigma
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, View
 
-# The image that the spacing of grids is given for, pixels.
+# The image that grid spacings refer to, pixels.
 _STEP_IMAGE = 640 * 480
 # A plane is fitted to this many pixels to each side of a grid point, every second one.
 _HALF_WINDOW = 6
 _STRIDE = 2
 _MIN_POINTS = 12
-# The cosine between normal and ray at 80 degrees; a surface seen flatter has little depth to trust.
+# The cosine between normal and ray at 80 degrees; depth of surfaces seen flatter is unreliable.
 _MIN_COSINE = 0.17
 
 
 def spacing_px(view: View, step: int) -> int:
-    """The spacing of a grid that has as many points in an image of any size.
+    """The spacing of a grid with the same number of points in an image of any size.
 
-    What they cost and what their counts mean does not depend on the resolution then.
+    The cost and meaning of their counts then do not depend on the resolution.
 
     Args:
         view: a frame.
@@ -36,7 +36,7 @@ def spacing_px(view: View, step: int) -> int:
 def widened_px(view: View, step: int) -> int:
     """The spacing that gives no more points in an image larger than 640x480.
 
-    In a smaller one it stays: denser points are noise as much as they are the scene.
+    In a smaller one it stays the same: denser points are as much noise as scene.
 
     Args:
         view: a frame.
@@ -81,8 +81,8 @@ def _points_and_normals(
             z0 = depth[v0, u0]
             if not z0 > 0.0:
                 continue
-            # Inverse depth of a plane is linear in the pixel: 1/z = a + b du + d dv. Least squares
-            # in inverse depth also has the right weights, as its noise hardly depends on z.
+            # The inverse depth of a plane is linear in the pixel: 1/z = a + b du + d dv. Least
+            # squares in inverse depth also has the right weights, as its noise hardly depends on z.
             gate = 4.0 * depth_sigma(z0) + RECEDING * z0
             n = 0
             su = sv = suu = suv = svv = sw = suw = svw = 0.0

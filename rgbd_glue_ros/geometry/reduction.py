@@ -1,4 +1,4 @@
-"""Smaller images of a large frame, whose intrinsics follow."""
+"""Reduces the images of a large frame, and its intrinsics with them."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ import numpy as np
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.types import Float32, Int64, RgbdFrame
 
-# Samples of depth in a block that differ by less than this part of it are of one surface.
+# Depth samples in a block that differ by less than this fraction are of one surface.
 _SAME_SURFACE = 0.02
 
 
 def reduced(frame: RgbdFrame, max_width: int) -> RgbdFrame:
-    """A frame whose images are at most so wide, unless they would be lower than a pixel.
+    """A frame whose images have at most a given width, but at least one row.
 
-    Every block of n x n pixels becomes one, n being the least whole number that does. Colour is the
-    mean of the block. Depth is the mean of one surface in it, that of the valid sample nearest to
-    the block's centre, so that none lies in the air between two.
+    Every block of n x n pixels becomes one, with the smallest n that suffices. Colour is the mean
+    of the block. Depth is the mean of one surface in it, that of the valid sample nearest to the
+    block's centre, so that no depth lies between two surfaces.
 
     Args:
         frame: the frame.
-        max_width: of the images, pixels; 0 leaves them as they are.
+        max_width: width of the images, pixels; 0 leaves them as they are.
     """
     width = frame.intrinsics.width
     if not 0 < max_width < width:
         return frame
     side = min(width // (max_width + 1) + 1, frame.intrinsics.height)
     columns, rows = width // side, frame.intrinsics.height // side
-    # what is left over at the right and at the bottom is less than a block
+    # the remainder at the right and the bottom is less than a block
     part = slice(0, rows * side), slice(0, columns * side)
     color = cv2.resize(frame.color[part], (columns, rows), interpolation=cv2.INTER_AREA)
     whole = replace(frame.intrinsics, width=columns * side, height=rows * side)
@@ -43,7 +43,7 @@ def reduced(frame: RgbdFrame, max_width: int) -> RgbdFrame:
 
 
 def _from_centre(side: int) -> Int64:
-    """The pixels of a block [side², 2] as row and column, the nearest to its centre first."""
+    """The pixels of a block [side², 2] as row and column, those nearest to its centre first."""
     offsets = np.array([(row, column) for row in range(side) for column in range(side)])
     distance = ((offsets - (side - 1) / 2) ** 2).sum(axis=1)
     return offsets[np.argsort(distance, kind="stable")]
@@ -54,7 +54,7 @@ def _depth(depth: Float32, side: int, order: Int64) -> Float32:
     """Depth of each block [H / side, W / side], metres; NaN where no sample is valid."""
     rows, columns = depth.shape[0] // side, depth.shape[1] // side
     small = np.empty((rows, columns), np.float32)
-    # all blocks of a row at once, sample by sample, so that loops run along memory
+    # all blocks of a row at once, sample by sample, so that loops are contiguous in memory
     samples = np.empty((side * side, columns), np.float32)
     nearest = np.empty(columns, np.float32)
     total = np.empty(columns, np.float32)

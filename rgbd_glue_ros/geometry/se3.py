@@ -27,7 +27,7 @@ def from_translation_quaternion(t: Float64, q: Float64) -> Float64:
 @compiled
 def quaternion(T: Float64) -> Float64:
     """The rotation of T as a unit quaternion x y z w with w >= 0, shape [4] (Shepperd 1978)."""
-    # four times the squares of x, y, z and w: the greatest is divided by
+    # four times the squares of x, y, z and w; the largest is the divisor
     trace = T[0, 0] + T[1, 1] + T[2, 2]
     squares = 1.0 - trace + 2.0 * np.array([T[0, 0], T[1, 1], T[2, 2], trace])
     q = np.empty(4)
@@ -65,7 +65,7 @@ def skew(v: Float64) -> Float64:
 
 @compiled
 def exp(twist: Float64) -> Float64:
-    """The exponential map of a twist (v, omega) [6]: the motion it makes in unit time."""
+    """The exponential map of a twist (v, omega) [6]: its motion in unit time."""
     W = np.zeros((3, 3))
     W[0, 1], W[0, 2], W[1, 2] = -twist[5], twist[4], -twist[3]
     W -= W.T
@@ -135,11 +135,11 @@ def pose_covariance(T: Float64, covariance: Float64) -> Float64:
 
     Args:
         T: float64 [4, 4].
-        covariance: float64 [6, 6] of a perturbation exp(xi) T on the left, which turns T about
+        covariance: float64 [6, 6] of a perturbation exp(xi) T on the left, which rotates T about
             the origin of the fixed frame.
 
     Returns:
-        float64 [6, 6], order x y z rx ry rz, where rotations turn about T's own position.
+        float64 [6, 6], order x y z rx ry rz, with rotations about T's own position.
     """
     A = np.eye(6)
     A[:3, 3:] = -skew(T[:3, 3])
@@ -161,13 +161,13 @@ def rotation_angle(T: Float64) -> float:
 
 
 def difference(a: Float64, b: Float64) -> float:
-    """How differently two cameras see a room: metres plus radians, as a room is metres wide."""
+    """How different two views of a room are: metres plus radians, since rooms are metres wide."""
     T = inverse(a) @ b
     return float(np.linalg.norm(T[:3, 3])) + rotation_angle(T)
 
 
 def differences(poses: Float64, T: Float64) -> Float64:
-    """The ``difference`` of each of ``poses`` [N, 4, 4] and one [4, 4], float64 [N]."""
+    """The ``difference`` between each of ``poses`` [N, 4, 4] and one [4, 4], float64 [N]."""
     apart = inverse(poses) @ T
     R = apart[:, :3, :3]
     sine = np.linalg.norm(R - np.swapaxes(R, 1, 2), axis=(1, 2)) / np.sqrt(8.0)

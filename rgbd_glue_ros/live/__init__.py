@@ -1,1 +1,1 @@
-"""What the node needs and ROS does not: monitoring, worker, frames, input faults."""
+"""What the nodes need and no ROS: monitor, worker, extrinsics, and faults in words."""

@@ -10,7 +10,8 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import Float64, RgbdFrame
 
-# What joints and their encoders do to a mount that is called rigid, metres and radians.
+# A rigid mount seems to move by less than this, for the play and the encoders of joints; metres and
+# radians.
 RIGID_M, RIGID_RAD = 0.002, 0.005
 
 
@@ -22,17 +23,21 @@ class CameraFrame:
         self._other: str | None = None
 
     def named(self, frame: RgbdFrame) -> RgbdFrame:
-        """The frame with the name of the camera before it, where it bears none itself."""
+        """The frame; if it names no camera, with the name of the camera before it."""
         return frame if frame.frame_id else replace(frame, frame_id=self._name or "")
 
     def changes_to(self, name: str) -> str | None:
-        """The camera that frames were of until this one, which is of another; else None.
+        """Takes in which camera a frame is of.
 
         Args:
-            name: the optical frame that the frame names.
+            name: the camera's optical frame, as the frame names it.
+
+        Returns:
+            The camera before, where from this frame on they are of another; else None.
 
         Raises:
-            InputError: the frame names another camera than those before; the next one tells.
+            InputError: the frame names another camera than those before. If the next one names it
+                too, it is believed.
         """
         before, other, self._other = self._name, self._other, None
         if before is None or name == before:

@@ -32,8 +32,8 @@ class Camera:
     """A camera and its driver.
 
     Attributes:
-        topics: by the names in TOPIC_ARGUMENTS, without the transport.
-        parameters: of the node, by their dotted names.
+        topics: the driver's topics by the names in TOPIC_ARGUMENTS, without the transport.
+        parameters: values of the node's parameters, by their dotted names.
     """
 
     topics: Mapping[str, str]
@@ -59,7 +59,7 @@ def load_camera(name: str) -> Camera:
             raise InputError(
                 f"camera {name!r}",
                 "is not known",
-                f"{_meant(name, names)}take one of {', '.join(names)}, or a file",
+                f"{_suggestion(name, names)}take one of {', '.join(names)}, or a file",
             )
         path = cfg.share_directory() / "config" / "cameras" / f"{name}.yaml"
     content = _content(path)
@@ -75,8 +75,8 @@ def load_camera(name: str) -> Camera:
     return Camera(content["topics"], parameters)
 
 
-def _meant(name: str, names: list[str]) -> str:
-    """The presets whose names hold this one, or are like it, as a question; "" if there is none."""
+def _suggestion(name: str, names: list[str]) -> str:
+    """Asks after the presets with a name like this one; "" if there is none."""
     near = [n for n in names if name and name.lower() in n] or get_close_matches(name, names)
     return f"did you mean {' or '.join(near)}? Else " if near else ""
 

@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP, in whatever order and however fast they come after one another."""
+"""SIGINT, SIGTERM and SIGHUP, however many come and however fast."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from rgbd_glue_ros.closing import END_SIGNALS, SAME_REQUEST_S
 
 
 class EndSignals:
-    """Keeps ``END_SIGNALS``, from its creation on, for who waits.
+    """Keeps ``END_SIGNALS``, from its creation on, for the thread that waits for them.
 
-    A handler that sets an event is no way: the next signal interrupts it while it holds the event's
-    lock, and waits for that for ever. Here the interpreter writes the signal's number to a pipe,
-    from whatever thread the signal meets.
+    A handler that sets an event would not do: a second signal interrupts it while it holds the
+    event's lock, and waits for that lock for ever. Here the interpreter writes the signal's number
+    to a pipe, whichever thread receives the signal.
     """
 
     def __init__(self) -> None:
         """Takes the signals over. To be called from the main thread."""
-        self._told, self._teller = os.pipe()
-        os.set_blocking(self._teller, False)  # a thousand signals are one wish too
-        signal.set_wakeup_fd(self._teller, warn_on_full_buffer=False)
-        _handle_by(_leave_it_to_the_pipe)
+        self._read_end, self._write_end = os.pipe()
+        os.set_blocking(self._write_end, False)  # a full pipe is request enough
+        signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
+        _handle_by(_leave_to_the_pipe)
 
     def end(self) -> None:
-        """Does as if one had come; any thread may call it."""
-        os.write(self._teller, bytes([signal.SIGTERM]))
+        """Does as if a signal had come; any thread may call it."""
+        os.write(self._write_end, bytes([signal.SIGTERM]))
 
     def wait(self) -> None:
-        """Returns when one has come, even before."""
-        while not set(os.read(self._told, 1)) & set(END_SIGNALS):
+        """Returns as soon as a signal has come, be it before the call."""
+        while not set(os.read(self._read_end, 1)) & set(END_SIGNALS):
             pass  # another signal's number
 
 
 class InterruptOnce:
-    """A handler that interrupts the main thread, but not what it does about that.
+    """A handler that interrupts the main thread, but not what that does in order to end.
 
-    Without it the second signal would interrupt the results' being written, or the end of the
-    processes that were started. One that comes a second later is a new wish. Computations put it
-    off (``uninterrupted``): what waits, loads or reads ends at once.
+    Else a second signal would interrupt the writing of the results, or the end of the processes
+    that were started. A signal that comes ``SAME_REQUEST_S`` later is a new request. Computations
+    defer it (``uninterrupted``); waiting, loading and reading end at once.
     """
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class InterruptOnce:
         _handle_by(self)
 
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Raises KeyboardInterrupt unless another signal has just done so."""
+        """Raises KeyboardInterrupt, unless an earlier signal has just done so."""
         last_s, self._last_s = self._last_s, time.monotonic()
         if self._last_s - last_s > SAME_REQUEST_S:
             raise KeyboardInterrupt
@@ -81,5 +81,5 @@ def _without_lost_signals(unraisable: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(unraisable)
 
 
-def _leave_it_to_the_pipe(_number: int, _frame: FrameType | None) -> None:
+def _leave_to_the_pipe(_number: int, _frame: FrameType | None) -> None:
     pass

@@ -57,11 +57,11 @@ class Extrinsics:
         return Extrinsics(T_robot_camera, se3.inverse(T_robot_camera))
 
     def starting_at(self, T_odom_start: Float64) -> Extrinsics:
-        """The same where what started at the origin of odom starts at ``T_odom_start`` [4, 4]."""
+        """These extrinsics for a start at ``T_odom_start`` [4, 4] in place of odom's origin."""
         return Extrinsics(T_odom_start @ self.T_fixed_odom, self.T_camera_child)
 
     def levelled(self, up: Float64) -> Extrinsics:
-        """The same with odom turned about its origin, by no more than it takes for it to be level.
+        """These extrinsics with odom levelled: turned about its origin by the least angle for it.
 
         Args:
             up: which way is up in the first optical frame, a unit vector [3].
@@ -110,21 +110,21 @@ class Extrinsics:
 
 @dataclass(frozen=True)
 class PlanarExtrinsics(Extrinsics):
-    """The same of a robot on wheels: its child frame keeps to the plane that it starts on.
+    """Extrinsics of a robot on wheels, whose child frame keeps to the plane that it starts on.
 
-    Height, roll and pitch that the camera's odometry gathers are drift, and are left out: x and y
-    are those of the child frame, its yaw that of its x axis seen from above the plane. The
-    odometry itself is free: held to the plane it would take a bump, or an extrinsic that is a
-    degree off, for motion along it.
+    Height, roll and pitch that the camera's odometry gathers are drift, and are left out. What is
+    published has x and y of the child frame, and as its yaw that of the x axis seen from above the
+    plane. The odometry itself is free: held to the plane it would take a bump, or an extrinsic that
+    is a degree off, for motion along the plane.
     """
 
     @staticmethod
     def of_robot(T_robot_camera: Float64) -> PlanarExtrinsics:
-        """As of any robot, in its plane."""
+        """As ``Extrinsics.of_robot``, for a robot that keeps to its plane."""
         return PlanarExtrinsics(T_robot_camera, se3.inverse(T_robot_camera))
 
     def starting_at(self, T_odom_start: Float64) -> PlanarExtrinsics:
-        """The same from another start, whose x and y axes span the plane."""
+        """As ``Extrinsics.starting_at``; the x and y axes of the start span the plane."""
         return PlanarExtrinsics(T_odom_start @ self.T_fixed_odom, self.T_camera_child)
 
     @property
@@ -155,7 +155,7 @@ class PlanarExtrinsics(Extrinsics):
 
 # x, y and yaw among x y z rx ry rz
 _IN_PLANE = np.array([True, True, False, False, False, True])
-# What a filter is told of the rest, in m² and rad²: certain, but none fails to invert it.
+# Variance of height, roll and pitch, m² and rad²: next to none, yet filters can invert it.
 _CERTAIN = 1e-6
 
 
@@ -178,7 +178,7 @@ def _kept_in_plane(covariance: Float64) -> Float64:
 
 
 def robot_extrinsics(T_robot_camera: Float64, *, planar: bool) -> Extrinsics:
-    """Those of a robot, from the pose [4, 4] of its camera; ``planar`` for one on wheels."""
+    """The extrinsics of a robot by its camera's pose [4, 4]; ``planar`` for one on wheels."""
     kind = PlanarExtrinsics if planar else Extrinsics
     return kind.of_robot(T_robot_camera)
 
@@ -186,7 +186,7 @@ def robot_extrinsics(T_robot_camera: Float64, *, planar: bool) -> Extrinsics:
 def parse_extrinsics(
     frame_id: str, camera_pose: str, camera_axes: str, *, planar: bool = False
 ) -> Extrinsics:
-    """The framing that the parameters of these names ask for.
+    """The extrinsics that the parameters of these names ask for.
 
     Args:
         frame_id: robot frame to publish the pose of; "" for the camera's optical frame.

@@ -1,4 +1,4 @@
-"""How memory for images is kept, so that those of a frame lie where those of the one before lay."""
+"""Keeps freed memory in the process, so that each frame's images take that of earlier ones."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from rgbd_glue_ros.messages.stamps import explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS
 
-# Fewer drops than this part of all frames are told in the counts alone.
+# Part of all frames from which on drops are worth a warning; fewer are told in the counts alone.
 WORTH_A_WARNING = 0.1
 # Images of this width are processed at 30 Hz on two cores.
 SMALL_WIDTH = 640
@@ -24,7 +24,7 @@ class Input:
         topic: its full name.
         publishers: who publishes it, in words; none if there is no publisher.
         received: messages that came.
-        rate_hz: of these.
+        rate_hz: messages a second.
     """
 
     channel: Channel
@@ -87,7 +87,7 @@ def explain_silence(
 
 
 def explain_queue(queue_needed: int) -> str:
-    """That images of one time come so far apart that the first gives way; and what to do.
+    """Why images of one time miss each other though their stamps are equal, and what to do.
 
     Args:
         queue_needed: messages that would have to wait.
@@ -180,7 +180,7 @@ def explain_slowness(
         return None
     hertz = NANOSECONDS / period_ns if period_ns else 0.0
     rate = f" at {hertz:.0f} Hz" if hertz else ""
-    # while the first is in work, all that is known is that the rate is lower than one in all these
+    # while the first frame is in work, it is only known that less than one is processed in the time
     bound = "" if processed else "below "
     kept = f" ({bound}{hertz * max(processed, 1) / frames:.1f} Hz)" if hertz else ""
     return (

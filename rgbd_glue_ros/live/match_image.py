@@ -16,17 +16,18 @@ from rgbd_glue_ros.types import (
     UInt8,
 )
 
-# RGB, told apart by people who do not see red and green too.
+# Colours (RGB) that people who cannot tell red from green tell apart, too.
 VISUAL = (255, 210, 0)
 CREDIBLE = (70, 160, 255)
 REJECTED = (230, 50, 40)
 _TEXT = (255, 255, 255)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-# Fractions of a pixel that OpenCV draws with.
+# Binary digits after the point in coordinates that OpenCV draws at.
 _SHIFT = 4
+# Brightness of the image, so that lines stand out.
 _DIMMED = 0.6
-# Of each kind; more would hide the image, and the robot has better to do.
-_DRAWN = 200
+# Matches of a kind that are drawn, at most: more would hide the image and take time.
+_MOST_DRAWN = 200
 
 
 def match_image(frame: RgbdFrame, estimate: OdometryEstimate) -> UInt8:
@@ -56,16 +57,16 @@ def match_image(frame: RgbdFrame, estimate: OdometryEstimate) -> UInt8:
 
 
 def rejected(result: RegistrationResult) -> Correspondences:
-    """The geometric matches that are not credible: those that equation 8 takes away."""
+    """The geometric matches that are not credible, which equation 8 takes away."""
     credible = {row.tobytes() for row in _rows(result.credible)}
     rows = [row.tobytes() not in credible for row in _rows(result.geometric)]
     return result.geometric.select(np.array(rows, bool))
 
 
 def drawn(matches: Correspondences) -> Correspondences:
-    """Those that are drawn: some of what is in front of both cameras."""
+    """The matches that are drawn: every n-th of those in front of both cameras."""
     visible = matches.select((matches.source[:, 2] > 0) & (matches.target[:, 2] > 0))
-    return visible.select(np.arange(0, len(visible), max(1, -(-len(visible) // _DRAWN))))
+    return visible.select(np.arange(0, len(visible), max(1, -(-len(visible) // _MOST_DRAWN))))
 
 
 def _rows(matches: Correspondences) -> NDArray[np.float64]:

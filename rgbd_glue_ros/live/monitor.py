@@ -11,7 +11,7 @@ from enum import Enum
 
 import numpy as np
 
-from rgbd_glue_ros.live.fault_news import FaultNews
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     ImuCalibration,
@@ -24,7 +24,7 @@ from rgbd_glue_ros.types import (
 # Frames that the latency is taken over: the last half minute.
 LATENCY_WINDOW = 1000
 RATE_WINDOW_NS = 5 * NANOSECONDS
-# Without a pose for so long, what became of the last frame is the state of the node.
+# Seconds without a pose after which a dropped last frame is told as what is wrong with the node.
 NO_POSE_S = 2.0
 
 
@@ -50,12 +50,12 @@ class Summary:
     Attributes:
         state: tracking state after the last frame.
         frames: frames with an estimate.
-        tracked: those of them with a pose.
+        tracked: frames with an estimate that holds a pose.
         drops: frames without an estimate, by reason.
         rate_hz: estimates per second, lately.
         latency_p50_ms: median time from the arrival of a frame's last message to the publication
             of its pose, milliseconds; NaN before the first frame.
-        latency_p95_ms: the same, 95th percentile.
+        latency_p95_ms: 95th percentile of these times, milliseconds.
     """
 
     state: TrackingState
@@ -113,7 +113,7 @@ class Monitor:
         """Begins to count.
 
         Args:
-            clock: the time in nanoseconds, which never goes back; that of all times given.
+            clock: tells the time in nanoseconds and never goes back; all times given are by it.
         """
         self.is_paused = False
         self.width = 0
@@ -161,7 +161,7 @@ class Monitor:
                 self._evidence |= _evidence(estimate.registration)
 
     def learnt(self, imu: ImuCalibration) -> None:
-        """What is known of the IMU now."""
+        """Takes in what is known of the IMU now."""
         with self._lock:
             self._imu = imu
 
@@ -190,7 +190,7 @@ class Monitor:
             }
 
     def why_refused(self, now_ns: int) -> str:
-        """What keeps the frames that come from being processed; "" while they are."""
+        """Why the frames that come are not processed; "" while they are."""
         with self._lock:
             refused, seconds = self._refused, self._without_pose_ns(now_ns) / NANOSECONDS
             if refused is None or seconds < NO_POSE_S:

@@ -12,7 +12,7 @@ class OdometryTopic:
     Attributes:
         topic: its full name.
         publishers: who publishes it, in words; none if there is no publisher.
-        received: messages that came: of poses lately, of keyframes and edges so far.
+        received: messages that came: since the last look for poses, in all for the others.
     """
 
     topic: str
@@ -32,7 +32,7 @@ def explain_no_keyframes(
         keyframe: poses of keyframes.
         edge: between keyframes; none for the first.
     """
-    unpublished = [of.topic for of in (pose, keyframe, edge) if not of.publishers]
+    unpublished = [each.topic for each in (pose, keyframe, edge) if not each.publishers]
     if unpublished:
         have = "has" if len(unpublished) == 1 else "have"
         return (
@@ -48,8 +48,8 @@ def explain_no_keyframes(
     return None
 
 
-def _silent(of: OdometryTopic) -> str:
-    return f"no message of {of.topic} came from {', '.join(of.publishers)}"
+def _silent(silent: OdometryTopic) -> str:
+    return f"no message of {silent.topic} came from {', '.join(silent.publishers)}"
 
 
 def _listed(words: list[str]) -> str:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - it is where DDS has its memory
-# The driver's and the node's.
+# Processes with a segment each: the driver's and the node's.
 _PROCESSES = 2
 _SEGMENT = re.compile(r"<segment_size>\s*(\d+)\s*</segment_size>")
 

@@ -35,7 +35,7 @@ MAP_PATH = "map/path"
 KEYFRAME_FRAME = "keyframe_{}"
 """The frame of a keyframe in ``KEYFRAME_EDGES``, by its number."""
 
-# No odometry makes more keyframes
+# Digits of a keyframe's number, at most: no odometry makes more keyframes.
 _DIGITS = 9
 
 RAW = "raw"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,13 +28,6 @@ from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame, UInt8
 
 
-# Depth is decoded beside colour: compressed, each takes milliseconds, and neither holds the
-# interpreter's lock.
-@lru_cache(maxsize=1)
-def _beside() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(1, thread_name_prefix="depth")
-
-
 @dataclass(frozen=True)
 class FrameTopics:
     """Names of the topics that a frame comes from, for errors."""
@@ -52,6 +45,7 @@ def frame_from_messages(
     topics: FrameTopics,
     depth_camera: DepthCamera | None = None,
     depth_scale: float | None = None,
+    background: Executor | None = None,
 ) -> RgbdFrame:
     """The frame made of three messages.
 
@@ -68,13 +62,17 @@ def frame_from_messages(
         topics: where they are from.
         depth_camera: that took the depth image; None if it is registered to the colour image.
         depth_scale: as of ``depth_from_message``.
+        background: decodes depth while this thread decodes colour: compressed, each takes
+            milliseconds, and neither holds the interpreter's lock. None decodes one after the
+            other.
 
     Raises:
         InputError: one of them cannot be used, or the sizes have different aspects.
     """
-    decoded = _beside().submit(depth_from_message, depth, topics.depth, depth_scale)
+    decode_depth = partial(depth_from_message, depth, topics.depth, depth_scale)
+    decoded = None if background is None else background.submit(decode_depth)
     color_pixels = color_from_message(color, topics.color)
-    depth_pixels = decoded.result()
+    depth_pixels = decode_depth() if decoded is None else decoded.result()
     height, width = color_pixels.shape[:2]
     camera = of_image_size(
         intrinsics_of(info, topics.color, topics.info), (height, width), topics.info, topics.color
@@ -137,10 +135,11 @@ def frame_of_match(
     topics: FrameTopics,
     depth_camera: DepthCamera | None,
     depth_scale: float | None,
+    background: Executor | None = None,
 ) -> RgbdFrame:
     """``frame_from_messages`` of messages that were paired, with the stamps they were paired by."""
     frame = frame_from_messages(
-        match.color, match.depth, match.info, topics, depth_camera, depth_scale
+        match.color, match.depth, match.info, topics, depth_camera, depth_scale, background
     )
     return replace(frame, stamp_ns=match.stamp_ns, depth_delay_ns=match.interval_ns)
 

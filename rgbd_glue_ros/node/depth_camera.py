@@ -23,7 +23,7 @@ from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
-# Drivers send the info after its image: how long the first frame waits for it.
+# How long the first frame waits for the info, which drivers send after the image.
 FIRST_INFO_S = 1.0
 
 
@@ -31,7 +31,7 @@ class DepthCameraInput:
     """Listens to the depth camera's info.
 
     Attributes:
-        topic: its full name.
+        topic: the full name of the info's topic.
     """
 
     def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
@@ -66,7 +66,7 @@ class DepthCameraInput:
         )
 
     def _publishers_changed(self, _event: object) -> None:
-        """An info that is published once, before the node was there, is heard transient local."""
+        """Subscribes anew where the info is offered transient local: it may be sent only once."""
         publishers = self._node.get_publishers_info_by_topic(self.topic)
         if not publishers or offered_durability(publishers) == self._durability:
             return
@@ -82,8 +82,8 @@ class DepthCameraInput:
         """The camera that took the depth image; None if the image is registered to colour.
 
         Raises:
-            InputError: the image is not registered, and the depth camera or its place is not
-                known.
+            InputError: the image is not registered, and it is not known which camera took it, or
+                where that camera is.
         """
         if self._is_registered:
             return None

@@ -9,17 +9,18 @@ from rclpy.node import Node
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.camera_frame import explain_moved_camera
 from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics, robot_extrinsics
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
-# How often TF is asked whether the camera is where it was.
-LOOK_S = 1.0
+# How often TF is asked whether the camera is still where it was on the robot.
+MOUNT_LOOK_S = 1.0
 
 
 class NodeExtrinsics:
-    """The frames of what is published, as soon as they are known."""
+    """The extrinsics of what is published, as soon as they are known."""
 
     def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
         """Takes what the parameters say.
@@ -35,8 +36,7 @@ class NodeExtrinsics:
         self._looked_s = 0.0
         self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
         self._level: Extrinsics | None = None
-        self._said: set[str] = set()
-        self._moved: set[str] = set()
+        self._news = FaultNews()
         if config.guess_frame_id and not (config.frame_id and transforms):
             raise InputError(
                 "guess_frame_id",
@@ -45,7 +45,7 @@ class NodeExtrinsics:
             )
 
     def _given(self) -> Extrinsics | None:
-        """The framing that the parameters give; None if TF has to."""
+        """The extrinsics that the parameters give; None if TF has to tell them."""
         config = self._config
         if config.frame_id and not config.camera_pose and self._transforms is not None:
             return None
@@ -54,7 +54,7 @@ class NodeExtrinsics:
         )
 
     def start_at(self, T_odom_start: Float64 | None) -> None:
-        """Sets the pose [4, 4] that the next start is at; None for the origin."""
+        """Sets the pose [4, 4] in odom that the next start is at; None for the origin."""
         self._T_odom_start = T_odom_start
         self._level = None
 
@@ -66,7 +66,7 @@ class NodeExtrinsics:
                 known.
 
         Returns:
-            The framing.
+            The extrinsics, if they are known.
         """
         config = self._config
         is_optical = not config.frame_id and config.camera_axes == "optical"
@@ -78,14 +78,14 @@ class NodeExtrinsics:
 
     @property
     def known(self) -> Extrinsics | None:
-        """The framing; None if it is not known yet."""
+        """The extrinsics; None if they are not known yet."""
         extrinsics = self._level or self._at_origin
         if extrinsics is None or self._T_odom_start is None:
             return extrinsics
         return extrinsics.starting_at(self._T_odom_start)
 
     def of(self, camera_frame: str) -> Extrinsics | None:
-        """The framing of a camera, looked up if need be; None if it is not known.
+        """The extrinsics of a camera, looked up if need be; None if they are not known.
 
         Args:
             camera_frame: the optical frame of the camera.
@@ -96,7 +96,7 @@ class NodeExtrinsics:
                 self._looked_up, self._looked_s = T_robot_camera, time.monotonic()
                 self._at_origin = robot_extrinsics(T_robot_camera, planar=self._config.planar)
                 self._node.get_logger().info(f"TF: found {camera_frame}. {self.description}")
-        elif self._looked_up is not None and time.monotonic() - self._looked_s > LOOK_S:
+        elif self._looked_up is not None and time.monotonic() - self._looked_s > MOUNT_LOOK_S:
             self._watch_mount(self._looked_up, camera_frame)
         return self.known
 
@@ -111,8 +111,7 @@ class NodeExtrinsics:
             return
         T_now = self._transforms.lookup(self._config.frame_id, camera_frame, None, 0.0)
         moved = None if T_now is None else explain_moved_camera(T_robot_camera, T_now)
-        if moved is not None and camera_frame not in self._moved:
-            self._moved.add(camera_frame)
+        if moved is not None and self._news.is_news(camera_frame, "moves on the robot"):
             self._node.get_logger().warning(moved)
 
     def guess(self, stamp_ns: int) -> Float64 | None:
@@ -127,8 +126,7 @@ class NodeExtrinsics:
         wait_s = self._config.wait_for_transform
         found = self._transforms.lookup(target, source, stamp_ns, wait_s)
         what = f"from {source or 'images without a frame'} to {target}"
-        if found is None and what not in self._said:
-            self._said.add(what)
+        if found is None and self._news.is_news("TF", what):
             self._node.get_logger().error(
                 f"TF: there is no transform {what}, waited {wait_s} s (said once): see that "
                 "robot_state_publisher, static_transform_publisher or the odometry runs"

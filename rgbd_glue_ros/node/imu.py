@@ -12,6 +12,7 @@ from sensor_msgs.msg import Imu
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
@@ -21,18 +22,21 @@ from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
-# Messages that wait for the next frame, and for TF to tell how the sensor is turned: seconds of it.
+# Messages that wait for the next frame, and until TF tells how the sensor is turned: ten seconds
+# at 200 Hz.
 _MOST_WAITING = 2000
 # How long the first frame waits for samples of its time, where there is a publisher: odom is to
-# start level. They have come when one is as little before the frame as this.
-_FIRST_WAIT_S, _OF_ITS_TIME_NS = 1.0, NANOSECONDS // 20
+# start level.
+_FIRST_WAIT_S = 1.0
+# Samples reach a frame's time if the last is no more than this before it.
+_REACH_NS = NANOSECONDS // 20
 
 
 class ImuInput:
     """Listens to an IMU, where there is one.
 
     Attributes:
-        topic: its full name.
+        topic: the full name of the IMU's topic.
     """
 
     def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
@@ -45,13 +49,14 @@ class ImuInput:
         self._node = node
         self._goes_by_receipt = config.stamps == RECEIPT
         self._transforms = transforms
-        self._given = pose_parameter("imu_pose", config.imu_pose)
-        self._found: dict[tuple[str, str], Float64] = {}
+        self._given_pose = pose_parameter("imu_pose", config.imu_pose)
+        self._known_poses: dict[tuple[str, str], Float64] = {}
         self._readings: deque[ImuReading] = deque(maxlen=_MOST_WAITING)
         self._imu_frame = ""
         self._changed = threading.Condition()
         self._has_waited = False
-        self._said: set[str] = set()
+        self._is_used = False
+        self._news = FaultNews()
         # best effort hears every publisher, and of so many samples one may be lost
         qos = QoSProfile(depth=_MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(Imu, self.topic, self._receive, qos)
@@ -63,7 +68,8 @@ class ImuInput:
         try:
             reading = imu_reading(message, stamp, self.topic)
         except InputError as fault:
-            self._say_once(f"{fault} (said once)")
+            if self._news.is_news(fault.where, fault.cause):
+                self._node.get_logger().warning(f"{fault} (said once)")
             return
         with self._changed:
             if self._readings and stamp < self._readings[-1].stamp_ns - BACKWARD_JUMP_NS:
@@ -73,10 +79,10 @@ class ImuInput:
             self._changed.notify_all()
 
     def take(self, camera_frame: str, stamp_ns: int) -> ImuSamples:
-        """What came since the last call, in the axes of the camera's optical frame.
+        """The samples since the last call, in the axes of the camera's optical frame.
 
-        None of it as long as it is not known how the sensor is turned there. The first call waits
-        a while for samples of the frame's time; later ones take what is there.
+        Without samples as long as it is not known how the sensor is turned in that frame. The
+        first call waits a while for samples of the frame's time; later ones take what is there.
 
         Args:
             camera_frame: the optical frame of the camera.
@@ -88,7 +94,7 @@ class ImuInput:
             self._has_waited = True
         if not self._readings:
             return ImuSamples.empty()
-        T_camera_imu = self._place(camera_frame)
+        T_camera_imu = self._pose_in(camera_frame)
         if T_camera_imu is None:
             return ImuSamples.empty()
         with self._changed:
@@ -98,32 +104,36 @@ class ImuInput:
 
     def _reaches(self, stamp_ns: int) -> bool:
         newest = self._readings[-1].stamp_ns if self._readings else None
-        return newest is not None and newest >= stamp_ns - _OF_ITS_TIME_NS
+        return newest is not None and newest >= stamp_ns - _REACH_NS
 
-    def _place(self, camera_frame: str) -> Float64 | None:
-        """The pose [4, 4] of the sensor in the camera's optical frame; None if it is not known."""
+    def _pose_in(self, camera_frame: str) -> Float64 | None:
+        """The IMU's pose [4, 4] in the camera's optical frame; None if it is not known."""
         imu_frame = self._imu_frame
-        T_camera_imu = self._given
-        if T_camera_imu is None:
-            T_camera_imu = self._found.get((camera_frame, imu_frame))
+        T_camera_imu = self._given_pose
         if T_camera_imu is None and imu_frame and imu_frame == camera_frame:
             T_camera_imu = np.eye(4)
-        if T_camera_imu is None and self._transforms is not None:
-            T_camera_imu = self._transforms.lookup(camera_frame, imu_frame, None, 0.0)
         if T_camera_imu is None:
-            self._say_once(
-                f"{self.topic}: TF does not tell how {imu_frame or 'its frame without a name'} is "
-                f"turned in {camera_frame}, so the IMU is not used yet (said once): publish it, or "
-                "set imu_pose"
+            T_camera_imu = self._look_up(camera_frame, imu_frame)
+        if T_camera_imu is None:
+            cause = (
+                f"TF does not tell how {imu_frame or 'its frame without a name'} is turned in "
+                f"{camera_frame}, so the IMU is not used yet"
             )
+            if self._news.is_news(self.topic, cause):
+                self._node.get_logger().warning(
+                    f"{self.topic}: {cause} (said once): publish it, or set imu_pose"
+                )
             return None
-        self._found[camera_frame, imu_frame] = T_camera_imu
-        self._say_once(f"Turning with {self.topic}", is_fault=False)
+        if not self._is_used:
+            self._is_used = True
+            self._node.get_logger().info(f"Turning with {self.topic}")
         return T_camera_imu
 
-    def _say_once(self, line: str, *, is_fault: bool = True) -> None:
-        if line in self._said:
-            return
-        self._said.add(line)
-        logger = self._node.get_logger()
-        (logger.warning if is_fault else logger.info)(line)
+    def _look_up(self, camera_frame: str, imu_frame: str) -> Float64 | None:
+        """The IMU's pose [4, 4] in the camera by TF, as it was when it was first known."""
+        T_camera_imu = self._known_poses.get((camera_frame, imu_frame))
+        if T_camera_imu is None and self._transforms is not None:
+            T_camera_imu = self._transforms.lookup(camera_frame, imu_frame, None, 0.0)
+            if T_camera_imu is not None:
+                self._known_poses[camera_frame, imu_frame] = T_camera_imu
+        return T_camera_imu

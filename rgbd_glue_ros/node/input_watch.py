@@ -10,7 +10,6 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_gaps,
@@ -21,11 +20,13 @@ from rgbd_glue_ros.live.input_faults import (
     explain_slowness,
 )
 from rgbd_glue_ros.live.monitor import Drop, Monitor
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
 from rgbd_glue_ros.parameters import profiles_file
 
+# Time between two looks at what arrives.
 LOOK_S = 5.0
 
 
@@ -36,8 +37,8 @@ class _Counts:
     Attributes:
         matches: complete frames.
         received: messages of each channel that came.
-        missing: messages of each channel that did not, by gaps in the stamps.
-        backward: messages of each channel with stamps before those of the one before.
+        missing: messages of each channel that did not come, by gaps in the stamps.
+        backward: messages of each channel whose stamp is before that of an earlier message.
         processed: frames with an estimate.
         left_out: frames that gave way to a newer one.
     """
@@ -55,7 +56,7 @@ class NodeWatch:
 
     Attributes:
         silence: why no frame was complete lately; "" if some were.
-        drops: why more than a tenth of the frames got no pose lately; "" if fewer.
+        drops: why more than a tenth of the frames got no pose lately; "" if fewer got none.
     """
 
     def __init__(
@@ -82,8 +83,8 @@ class NodeWatch:
         self._node = node
         self._synchronizer = synchronizer
         self._before = self._counts()
-        self._said: set[str] = set()
-        self._silences: set[str] = set()
+        self._warned: set[str] = set()
+        self._silences = FaultNews()
 
     def start(self, inputs: Sequence[NodeInput]) -> None:
         """Watches subscriptions from now on."""
@@ -122,27 +123,25 @@ class NodeWatch:
             self._monitor.width,
             self._learned,
         )
-        self._say_if_new("lost", lost)
-        self._say_if_new("gaps", gaps)
-        self._say_if_new("slow", slow)
+        self._warn_if_new("lost", lost)
+        self._warn_if_new("gaps", gaps)
+        self._warn_if_new("slow", slow)
         self.drops = "; ".join(line for line in (lost, gaps, slow) if line)
-        self._say_if_new(
+        self._warn_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
         queue_needed = synchronizer.queue_needed
         if now.matches > before.matches:  # else it is why there is silence
-            self._say_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
-        self._say_if_new("name", explain_namesakes(self._node))
+            self._warn_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
+        self._warn_if_new("name", explain_namesakes(self._node))
         if now.matches > before.matches:
             self.silence = ""
-            self._silences.clear()
+            self._silences.forget()
             return
         backward = [c for c in Channel if 2 * (now.backward[c] - before.backward[c]) > received[c]]
         self.silence = self._explain_silence(inputs, received, backward)
-        # counts differ from look to look, and are no news; nor is a cause that comes again
-        kind = without_numbers(self.silence)
-        if kind not in self._silences:
-            self._silences.add(kind)
+        # counts differ from look to look, and are no news
+        if self._silences.is_news("silence", self.silence):
             self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {self.silence}")
 
     def _explain_silence(
@@ -166,17 +165,17 @@ class NodeWatch:
             backward,
         )
 
-    def _say_if_new(self, what: str, line: str | None) -> None:
-        """Logs a line unless the last look gave one of the same kind."""
+    def _warn_if_new(self, what: str, line: str | None) -> None:
+        """Logs what is wrong unless the last look found the same kind wrong."""
         if line is None:
-            self._said.discard(what)
-        elif what not in self._said:
-            self._said.add(what)
+            self._warned.discard(what)
+        elif what not in self._warned:
+            self._warned.add(what)
             self._node.get_logger().warning(line)
 
 
 def explain_namesakes(node: Node) -> str | None:
-    """That other nodes have a node's name; None while none has."""
+    """Warns of other nodes with the name of a node; None where there are none."""
     own = node.get_fully_qualified_name()
     namesakes = node.get_fully_qualified_node_names().count(own) - 1
     if namesakes < 1:

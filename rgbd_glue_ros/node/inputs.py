@@ -88,14 +88,14 @@ class NodeInput:
         reliability = self._offered_reliability(publishers)
         if (reliability, durability) == (self._reliability, self._durability):
             return
-        words = f"{_words(reliability)}, {_words(durability)}"
-        self._node.get_logger().info(f"{self.topic}: subscribing {words}, as published")
+        settings = f"{_policy_name(reliability)}, {_policy_name(durability)}"
+        self._node.get_logger().info(f"{self.topic}: subscribing {settings}, as published")
         self._reliability, self._durability = reliability, durability
         self._node.destroy_subscription(self._subscription)
         self._subscription = self._subscribe()
 
     def _offered_reliability(self, publishers: list[TopicEndpointInfo]) -> ReliabilityPolicy:
-        """What all publishers offer; what was set, if it was, which may fit none of them."""
+        """What all publishers offer; or what a parameter asks for, which may fit none of them."""
         offered = {info.qos_profile.reliability for info in publishers}
         best = (
             ReliabilityPolicy.RELIABLE
@@ -117,24 +117,24 @@ class NodeInput:
 
     @property
     def publishers(self) -> tuple[str, ...]:
-        """Who publishes the topic, its type and its reliability."""
-        return publisher_words(self._node, self.topic, self._type)
+        """Each publisher of the topic in words: its node, type and reliability."""
+        return describe_publishers(self._node, self.topic, self._type)
 
 
-def publisher_words(node: Node, topic: str, message_type: type) -> tuple[str, ...]:
-    """Who publishes a topic, its type and its reliability.
+def describe_publishers(node: Node, topic: str, message_type: type) -> tuple[str, ...]:
+    """Each publisher of a topic in words: its node, type and reliability.
 
     Args:
-        node: asks.
+        node: whose view of the graph is taken.
         topic: its full name.
-        message_type: that it should have.
+        message_type: the type that the topic should have.
     """
     expected = message_type.__module__.split(".")[0] + "/msg/" + message_type.__name__
     words = []
     for info in node.get_publishers_info_by_topic(topic):
         name = topics.full_name(info.node_namespace, info.node_name)
         wrong = "" if info.topic_type == expected else f", not {expected}"
-        words.append(f"{name} ({info.topic_type}{wrong}, {_offer(info.qos_profile)})")
+        words.append(f"{name} ({info.topic_type}{wrong}, {_describe_offer(info.qos_profile)})")
     return tuple(words)
 
 
@@ -158,24 +158,24 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeI
 
 
 def offered_durability(publishers: list[TopicEndpointInfo]) -> DurabilityPolicy:
-    """Transient local where all publishers are: what was published before is then heard too."""
+    """Transient local if all publishers offer that: earlier messages are then received, too."""
     offered = {info.qos_profile.durability for info in publishers}
     if offered == {DurabilityPolicy.TRANSIENT_LOCAL}:
         return DurabilityPolicy.TRANSIENT_LOCAL
     return DurabilityPolicy.VOLATILE
 
 
-def qos_words(profile: QoSProfile) -> str:
-    """What publisher and subscription have to agree on, as ``reliable, volatile``."""
-    return f"{_words(profile.reliability)}, {_words(profile.durability)}"
+def describe_qos(profile: QoSProfile) -> str:
+    """Reliability and durability, which have to fit, as ``reliable, volatile``."""
+    return f"{_policy_name(profile.reliability)}, {_policy_name(profile.durability)}"
 
 
-def _offer(profile: QoSProfile) -> str:
+def _describe_offer(profile: QoSProfile) -> str:
     """The reliability, and the durability where it is not what nearly all cameras have."""
     if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-        return qos_words(profile)
-    return _words(profile.reliability)
+        return describe_qos(profile)
+    return _policy_name(profile.reliability)
 
 
-def _words(policy: ReliabilityPolicy | DurabilityPolicy) -> str:
+def _policy_name(policy: ReliabilityPolicy | DurabilityPolicy) -> str:
     return str(policy.name).lower().replace("_", " ")

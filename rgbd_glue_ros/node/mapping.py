@@ -11,7 +11,7 @@ import sys
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Sequence
-from types import TracebackType
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,42 +26,49 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
-from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.messages.stamps import StampSource
-from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
-from rgbd_glue_ros.node.depth_camera import DepthCameraInput
+from rgbd_glue_ros.messages.synchronizer import Match
+from rgbd_glue_ros.node.base_node import CLOSE_S, BaseNode
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
-from rgbd_glue_ros.node.input_watch import NodeWatch
-from rgbd_glue_ros.node.inputs import node_inputs
-from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.node.odometry_input import OdometryInput
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
+from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
-from rgbd_glue_ros.types import NANOSECONDS, Float64, PoseGraphEdge, RgbdFrame
+from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame
 
 logger = logging.getLogger(f"{cfg.PACKAGE}.mapping")
 
 NODE_NAME = "rgbd_mapping"
-# Frames kept until the odometry says which of them are keyframes: two seconds of a usual camera.
-FRAMES_KEPT = 60
+# Images kept until the odometry says which of them are keyframes: two seconds of a usual camera.
+MATCHES_KEPT = 60
 KEYFRAMES_WAITING = 100
-CLOSE_S = 4.0
-# What keyframes are compared by holds for the whole map.
+# All others are fixed: the keyframes of a map are comparable if one set of parameters made them.
 CHANGEABLE = ("save_map_file",)
 
 
-class MappingNode(LoggedNode):
-    """Publishes ``map`` -> ``odom`` and ``map/path``; a context manager, as it owns a thread."""
+@dataclass(frozen=True)
+class _SeenKeyframe:
+    """A keyframe and its messages, which are decoded on the worker's thread."""
+
+    keyframe: NewKeyframe
+    match: Match[Any]
+
+
+@dataclass(frozen=True)
+class _NewGraph:
+    """The odometry has started anew: what follows has nothing to do with what came before."""
+
+
+class MappingNode(BaseNode):
+    """Publishes ``map`` -> ``odom`` and ``map/path``."""
 
     def __init__(self) -> None:
         """Subscribes.
@@ -71,54 +78,33 @@ class MappingNode(LoggedNode):
             MissingExtraError: the libraries of the extra slam are not installed.
         """
         super().__init__(NODE_NAME)
-        self._log_handler = RosLogHandler(self)
-        logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
         self._config, config = declare_parameters(self, CHANGEABLE)
-        self._config.check_map_frame()
+        self._config.check_for_mapping()
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
-        self._map = LiveMap(config, _map_before(self._config))
+        self._map = LiveMap(config, _given_map(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
-        self._monitor = Monitor()
-        self._frames: OrderedDict[int, Match[Any]] = OrderedDict()
-        self._synchronizer: Synchronizer[Any] = Synchronizer(
-            round(self._config.max_interval_s * NANOSECONDS), self._config.sync_queue_size
-        )
-        self._depth_camera = DepthCameraInput(self, self._config, transforms)
+        self._matches: OrderedDict[int, Match[Any]] = OrderedDict()
+        self._input = RgbdInput(self, self._config, transforms, self._receive)
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
-        self._worker: QueueWorker[tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge] = QueueWorker(
+        self._worker: QueueWorker[_NewGraph | _SeenKeyframe | PoseGraphEdge] = QueueWorker(
             self._process, KEYFRAMES_WAITING
         )
-        self._waiting: deque[NewKeyframe | PoseGraphEdge] = deque()
-        self._inputs = node_inputs(self, self._config, self._receive)
+        self._waiting: deque[_NewGraph | NewKeyframe | PoseGraphEdge] = deque()
         self._odometry = OdometryInput(self, self._broadcast, self._take_keyframe, self._take_edge)
-        NodeWatch(self, self._synchronizer, self._monitor, StampSource(cfg.HEADER), ()).start(
-            self._inputs
-        )
+        self._input.subscribe()
         create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
         follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
         self.get_logger().info(self._description())
 
-    def __enter__(self) -> MappingNode:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Ends the thread."""
-        ended = self._worker.close(CLOSE_S)
-        logging.getLogger(cfg.PACKAGE).removeHandler(self._log_handler)
-        if ended:
-            self.destroy_node()
-
-    def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault deserves a line in the log."""
-        return self._monitor.is_news(where, cause)
+    def _finish(self) -> bool:
+        """Finishes the keyframe in work."""
+        has_ended = self._worker.close(CLOSE_S)
+        if has_ended:
+            self._input.close()
+        return has_ended
 
     def _take_parameters(self, config: cfg.NodeConfig, _: cfg.Config) -> None:
         self._config = config
@@ -134,12 +120,12 @@ class MappingNode(LoggedNode):
 
     # Input
 
-    def _receive(self, channel: Channel, message: Any) -> None:
-        at_ns = stamp_ns(message.header.stamp)
-        for match in self._synchronizer.add(channel, at_ns, message):
-            self._frames[match.stamp_ns] = match
-            while len(self._frames) > FRAMES_KEPT:
-                self._frames.popitem(last=False)
+    def _receive(self, match: Match[Any], _arrived_ns: int) -> None:
+        if match.restarted:
+            self._matches.clear()
+        self._matches[match.stamp_ns] = match
+        while len(self._matches) > MATCHES_KEPT:
+            self._matches.popitem(last=False)
         self._submit([])
 
     def _take_keyframe(self, message: PoseStamped) -> None:
@@ -154,49 +140,58 @@ class MappingNode(LoggedNode):
         self._submit([*keyframes, *([] if late is None else [late])])
 
     def _submit(self, items: Sequence[NewKeyframe | PoseGraphEdge]) -> None:
-        """Leaves what came for the worker, as soon as its images are there."""
-        self._waiting.extend(items)
+        """Leaves keyframes and edges for the worker, in order, once their images are there."""
+        for item in items:
+            if isinstance(item, NewKeyframe) and item.is_anew:
+                # images of the graph before may never come, as where time went back
+                self._waiting.clear()
+                self._waiting.append(_NewGraph())
+            self._waiting.append(item)
         while self._waiting and not self._is_awaited(self._waiting[0]):
-            item = self._waiting.popleft()
-            if isinstance(item, PoseGraphEdge):
-                self._worker.submit(item)
+            oldest = self._waiting.popleft()
+            if isinstance(oldest, NewKeyframe):
+                self._submit_keyframe(oldest)
             else:
-                self._submit_keyframe(item)
+                self._worker.submit(oldest)
 
-    def _is_awaited(self, item: NewKeyframe | PoseGraphEdge) -> bool:
+    def _is_awaited(self, item: _NewGraph | NewKeyframe | PoseGraphEdge) -> bool:
         """Whether the images of a keyframe may yet come."""
-        if isinstance(item, PoseGraphEdge) or item.stamp_ns in self._frames:
+        if not isinstance(item, NewKeyframe) or item.stamp_ns in self._matches:
             return False
-        return not self._frames or next(reversed(self._frames)) < item.stamp_ns
+        return not self._matches or next(reversed(self._matches)) < item.stamp_ns
 
     def _submit_keyframe(self, keyframe: NewKeyframe) -> None:
-        match = self._frames.get(keyframe.stamp_ns)
-        if match is None:
-            self.get_logger().warning(
-                f"Keyframe {keyframe.number} has no image at its stamp; it is left out"
-            )
+        match = self._matches.get(keyframe.stamp_ns)
+        if match is not None:
+            self._worker.submit(_SeenKeyframe(keyframe, match))
             return
-        try:
-            self._worker.submit((keyframe, self._frame(match)))
-        except InputError as fault:
-            if self.is_news(fault.where, fault.cause):
-                self.get_logger().error(str(fault))
-
-    def _frame(self, match: Match[Any]) -> RgbdFrame:
-        color, depth, info = (i.topic for i in self._inputs)
-        names = FrameTopics(color, depth, info, self._depth_camera.topic)
-        taken_by = self._depth_camera.of(match, names)
-        return frame_of_match(match, names, taken_by, self._config.metres_per_unit)
+        why = (
+            "images bear no stamp, and each process receives them at a time of its own: have the "
+            "driver stamp them"
+            if self._input.is_by_receipt
+            else "it was lost on the way, or this node's topics are not those of the odometry"
+        )
+        self.warn_once(
+            f"keyframe {keyframe.number}",
+            f"no image has its stamp, so it is left out; {why} (said once)",
+        )
 
     # Work, on the worker's thread
 
-    def _process(self, item: tuple[NewKeyframe, RgbdFrame] | PoseGraphEdge) -> None:
+    def _process(self, item: _NewGraph | _SeenKeyframe | PoseGraphEdge) -> None:
         try:
+            # not while frames are decoded, which may wait for TF
+            frame = self._input.frame(item.match) if isinstance(item, _SeenKeyframe) else None
             with self._map_lock:
-                if isinstance(item, PoseGraphEdge):
+                if isinstance(item, _NewGraph):
+                    self._map.clear()
+                elif isinstance(item, PoseGraphEdge):
                     self._add_edge(item)
-                else:
-                    self._add(*item)
+                elif frame is not None:
+                    self._add(item.keyframe, frame)
+        except InputError as fault:
+            if self.is_news(fault.where, fault.cause):
+                self.get_logger().error(f"{fault} (said once)")
         except Exception as error:
             if self.is_news("a keyframe", repr(error)):
                 logger.exception("A keyframe could not be mapped; going on")
@@ -212,8 +207,6 @@ class MappingNode(LoggedNode):
         if extrinsics is None:
             return
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
-        if keyframe.is_anew:
-            self._map.clear()
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
         before, was_placed = self._map.loops, self._map.is_placed
         keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)
@@ -247,7 +240,7 @@ class MappingNode(LoggedNode):
         self._path.publish(path)
 
     def _broadcast(self, pose: PoseStamped) -> None:
-        """Publishes map -> odom at the stamp of every pose, once it is known."""
+        """Publishes map -> odom at the stamp of a pose, once the transform is known."""
         T_map_odom = self._map.T_map_odom
         if self._broadcaster is not None and T_map_odom is not None:
             at_ns = stamp_ns(pose.header.stamp)
@@ -257,7 +250,7 @@ class MappingNode(LoggedNode):
 
     def _description(self) -> str:
         """What is subscribed and published."""
-        subscribed = ", ".join([*(i.topic for i in self._inputs), *self._odometry.topics])
+        subscribed = ", ".join([*self._input.topics, *self._odometry.topics])
         path = self._path.topic_name
         frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
         if self._broadcaster is None:
@@ -269,11 +262,11 @@ class MappingNode(LoggedNode):
         return f"Subscribed to {subscribed}; publishing {published}"
 
 
-def _map_before(config: cfg.NodeConfig) -> SavedMap | None:
-    """The map to begin with, if one is given.
+def _given_map(config: cfg.NodeConfig) -> SavedMap | None:
+    """The map of ``map_file``, to begin with; None if no file is given.
 
     Raises:
-        InputError: it cannot be read, or there is none where one is needed.
+        InputError: the map cannot be read, or ``localize_only`` needs one and none is given.
     """
     if config.map_file:
         return read_map(expanded(config.map_file, "map_file"))
@@ -286,7 +279,7 @@ def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
     """The edge that ``NodeOutputs.publish_edge`` put into a message.
 
     Raises:
-        InputError: its pose or its covariance is none, or it is between no keyframes.
+        InputError: the pose or the covariance is none, or a frame's name is not that of a keyframe.
     """
     T = pose_from_message(message, topics.KEYFRAME_EDGES)
     parent, child = (

@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from queue import SimpleQueue
-from types import TracebackType
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -26,28 +25,22 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.weights import learned_features
 from rgbd_glue_ros.files.user_paths import file_to_write
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.camera_frame import CameraFrame
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
-from rgbd_glue_ros.live.monitor import Drop, Monitor
+from rgbd_glue_ros.live.monitor import Drop
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
-from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.poses import pose_from_message, pose_parameter
-from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.messages.stamps import StampSource
-from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
-from rgbd_glue_ros.node.depth_camera import DepthCameraInput
+from rgbd_glue_ros.messages.synchronizer import Match
+from rgbd_glue_ros.node.base_node import CLOSE_S, BaseNode
 from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
 from rgbd_glue_ros.node.imu import ImuInput
-from rgbd_glue_ros.node.input_watch import NodeWatch
-from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
-from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
+from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import listen
@@ -62,8 +55,6 @@ from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, Tracki
 logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
 
 NODE_NAME = "rgbd_odometry"
-# Long enough for the slowest frame; a launch system kills what takes longer to end.
-CLOSE_S = 4.0
 # Frames that come this much before their turn by max_update_rate are taken: stamps jitter.
 EARLY_FRACTION = 0.1
 
@@ -76,12 +67,8 @@ class _Arrival:
     arrived_ns: int
 
 
-class OdometryNode(LoggedNode):
-    """RGB-D odometry as a node; a context manager, since it owns a thread.
-
-    Attributes:
-        monitor: counts what becomes of frames.
-    """
+class OdometryNode(BaseNode):
+    """RGB-D odometry as a node."""
 
     def __init__(self, give_up: Callable[[], None]) -> None:
         """Declares the parameters; subscribes as soon as the first frame would not be slow.
@@ -94,35 +81,26 @@ class OdometryNode(LoggedNode):
         """
         super().__init__(NODE_NAME)
         self._give_up = give_up
-        self._log_handler = RosLogHandler(self)
-        logging.getLogger(cfg.PACKAGE).addHandler(self._log_handler)
-
         self._node_config, self._config = declare_parameters(self)
         transforms = listen(self, self._node_config)
         self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
         glue = Glue(self._config)
         self._odometry = Odometry(self._config, glue)
-        self.monitor = Monitor()
         self._camera_frame = CameraFrame()
         self._last_stamp_ns: int | None = None
         self._last_taken_ns: int | None = None
-        self._stamps = StampSource(self._node_config.stamps)
-        self._synchronizer: Synchronizer[Any] = Synchronizer(
-            round(self._node_config.max_interval_s * NANOSECONDS),
-            self._node_config.sync_queue_size,
-        )
         # what is to be done on the worker's thread, before the next frame
         self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._worker = self._create_worker()
-        self._inputs: tuple[NodeInput, ...] = ()
-        self._depth_camera = DepthCameraInput(self, self._node_config, transforms)
+        learned = learned_features(self._config.features)
+        self._input = RgbdInput(self, self._node_config, transforms, self._receive, learned)
         self._imu = ImuInput(self, self._node_config, transforms)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
         self._viewer = NodeViewer(self._node_config.rerun)
-        learned = learned_features(self._config.features)
-        self._watch = NodeWatch(self, self._synchronizer, self.monitor, self._stamps, learned)
-        self._diagnostics = NodeDiagnostics(self, self.monitor, self._synchronizer, self._watch)
+        self._diagnostics = NodeDiagnostics(
+            self, self.monitor, self._input.synchronizer, self._input.watch
+        )
         for name, serve in (
             (topics.RESET_SERVICE, self._serve_reset),
             (topics.PAUSE_SERVICE, self._serve_pause),
@@ -135,27 +113,15 @@ class OdometryNode(LoggedNode):
         # compiling for the first time takes long, and the process is to end when it is told to
         threading.Thread(target=self._warm_up, args=[glue], name="warm-up", daemon=True).start()
 
-    def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault deserves a line in the log."""
-        return self.monitor.is_news(where, cause)
-
-    def __enter__(self) -> OdometryNode:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Finishes the frame in work and ends the thread."""
-        ended = self._worker.close(CLOSE_S)
+    def _finish(self) -> bool:
+        """Finishes the frame in work, and logs what became of all."""
+        has_ended = self._worker.close(CLOSE_S)
         self.get_logger().info(str(self.monitor.summary(time.monotonic_ns())))
-        logging.getLogger(cfg.PACKAGE).removeHandler(self._log_handler)
-        if ended:
+        if has_ended:
+            self._input.close()
             self._odometry.close()
             self._viewer.close()
-            self.destroy_node()
+        return has_ended
 
     def _create_worker(self) -> Worker[_Arrival]:
         if self._node_config.always_process_most_recent_frame:
@@ -163,10 +129,15 @@ class OdometryNode(LoggedNode):
         return QueueWorker(self._process, self._node_config.sync_queue_size)
 
     def _take_parameters(self, node_config: cfg.NodeConfig, config: cfg.Config) -> None:
-        """Goes on by changed parameters, from the next frame on."""
+        """Lets changed parameters hold from the next frame on."""
         self._node_config = node_config
         self._outputs.reconfigure(node_config)
-        self._requests.put(lambda: self._odometry.reconfigure(config))
+        # both on the worker's thread: what explains a missing pose are the limits it was missed by
+        self._requests.put(lambda: self._reconfigure(config))
+
+    def _reconfigure(self, config: cfg.Config) -> None:
+        self._config = config
+        self._odometry.reconfigure(config)
 
     # Services
 
@@ -191,7 +162,7 @@ class OdometryNode(LoggedNode):
     # Input
 
     def _warm_up(self, glue: Glue) -> None:
-        self.get_logger().info("Warming up; where nothing is compiled yet, it takes some seconds")
+        self.get_logger().info("Warming up; the very first time it compiles, for a minute or two")
         try:
             # no frame comes before it has ended, so both may use the features
             warm_up(self._config, glue)
@@ -203,28 +174,20 @@ class OdometryNode(LoggedNode):
             self._warmed_up.trigger()
 
     def _subscribe(self) -> None:
-        self._inputs = node_inputs(self, self._node_config, self._receive)
-        self._watch.start(self._inputs)
+        self._input.subscribe()
         self.get_logger().info(self._description())
 
-    def _receive(self, channel: Channel, message: Any) -> None:
-        arrived_ns = time.monotonic_ns()
-        stamp = self._stamps.of(
-            channel, stamp_ns(message.header.stamp), self.get_clock().now().nanoseconds
-        )
-        if channel in self._stamps.unstamped:
-            self._say_once(channel.value, "bears no stamp; that of its receipt is taken")
-        for match in self._synchronizer.add(channel, stamp, message):
-            if self.monitor.is_paused:
-                self.monitor.dropped(Drop.PAUSED)
-            elif self._is_too_soon(match.stamp_ns):
-                self.monitor.dropped(Drop.TOO_SOON)
-            else:
-                self._last_taken_ns = match.stamp_ns
-                self._worker.submit(_Arrival(match, arrived_ns))
+    def _receive(self, match: Match[Any], arrived_ns: int) -> None:
+        if self.monitor.is_paused:
+            self.monitor.dropped(Drop.PAUSED)
+        elif self._is_too_soon(match.stamp_ns):
+            self.monitor.dropped(Drop.TOO_SOON)
+        else:
+            self._last_taken_ns = match.stamp_ns
+            self._worker.submit(_Arrival(match, arrived_ns))
 
     def _is_too_soon(self, stamp_ns: int) -> bool:
-        """Whether a frame is to be left out for ``max_update_rate``."""
+        """Whether a frame comes sooner than ``max_update_rate`` allows, so that it is left out."""
         if self._last_taken_ns is None or self._node_config.max_update_rate <= 0:
             return False
         period_ns = NANOSECONDS / self._node_config.max_update_rate
@@ -237,9 +200,9 @@ class OdometryNode(LoggedNode):
             self._requests.get()()
         state_before = self._odometry.state
         try:
-            frame = self._frame(arrival.match)
+            frame = self._camera_frame.named(self._input.frame(arrival.match))
             if state_before is TrackingState.INITIALIZING:
-                self._say_once("depth", doubt_of_scale(frame.depth))
+                self.warn_once("depth", doubt_of_scale(frame.depth))
             self._reset_if_other_camera(frame)
             self._reset_if_earlier(frame)
             extrinsics = self._extrinsics.of(frame.frame_id)
@@ -270,7 +233,7 @@ class OdometryNode(LoggedNode):
                 logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
             return
         self.monitor.learnt(self._odometry.imu_calibration)
-        self._say_once("imu", explain_distrust(self._odometry.imu_calibration))
+        self.warn_once("imu", explain_distrust(self._odometry.imu_calibration))
         why = explain_no_pose(estimate, self._config.camera)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
         self._announce(state_before, estimate, why)
@@ -308,17 +271,8 @@ class OdometryNode(LoggedNode):
                 self._outputs.publish_edge(between_children, stamp_ns)
         return is_keyframe
 
-    def _frame(self, match: Match[Any]) -> RgbdFrame:
-        color, depth, info = (i.topic for i in self._inputs)
-        names = FrameTopics(color, depth, info, self._depth_camera.topic)
-        taken_by = self._depth_camera.of(match, names)
-        frame = frame_of_match(match, names, taken_by, self._node_config.metres_per_unit)
-        frame = self._camera_frame.named(reduced(frame, self._node_config.max_width))
-        self.monitor.width = frame.intrinsics.width
-        return frame
-
     def _reset_if_other_camera(self, frame: RgbdFrame) -> None:
-        """Starts anew, with a place of its own, when the images are of another camera."""
+        """Starts anew, and looks up where the camera is, when the images are of another camera."""
         before = self._camera_frame.changes_to(frame.frame_id)
         if before is None:
             return
@@ -347,11 +301,6 @@ class OdometryNode(LoggedNode):
         self._graph.clear()
         self._last_stamp_ns = None
 
-    def _say_once(self, what: str, line: str | None) -> None:
-        """Logs what is doubtful, unless a line that differs in numbers alone was logged before."""
-        if line is not None and self.monitor.is_news(what, line):
-            self.get_logger().warning(f"{what}: {line}")
-
     def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
         """Logs what has changed, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
@@ -371,7 +320,7 @@ class OdometryNode(LoggedNode):
 
     def _description(self) -> str:
         """What is subscribed and published, in the frames as the user would check them."""
-        subscribed = ", ".join(i.topic for i in self._inputs)
+        subscribed = ", ".join(self._input.topics)
         child = self._node_config.frame_id or "the camera's optical frame"
         return (
             f"Subscribed to {subscribed}; publishing {self._node_config.odom_frame_id} -> {child}. "

@@ -13,15 +13,17 @@ from rclpy.node import Node
 
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
+from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.node.input_watch import LOOK_S
-from rgbd_glue_ros.node.inputs import publisher_words
+from rgbd_glue_ros.node.inputs import describe_publishers
 
-_DEPTH = 100
+# Messages of a topic that wait for the node.
+_QUEUE_SIZE = 100
 
 
 @dataclass
 class _Subscribed:
-    """A topic, and how many of its messages came."""
+    """A topic, and how many of its messages came: in all, and by the last look."""
 
     topic: str
     type: type
@@ -44,11 +46,11 @@ class OdometryInput:
         Args:
             node: subscribes, has the timer and the log.
             take_pose: called with the pose of each frame.
-            take_keyframe: called with that of each keyframe.
+            take_keyframe: called with the pose of each keyframe.
             take_edge: called with each edge between keyframes.
         """
         self._node = node
-        self._said: set[str] = set()
+        self._news = FaultNews()
         self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
         self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
         self._edge = self._subscribe(OdometryMessage, topics.KEYFRAME_EDGES, take_edge)
@@ -57,8 +59,8 @@ class OdometryInput:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The full names of what is subscribed."""
-        return tuple(of.topic for of in (self._pose, self._keyframe, self._edge))
+        """The full names of the subscribed topics."""
+        return tuple(s.topic for s in (self._pose, self._keyframe, self._edge))
 
     def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None]) -> _Subscribed:
         subscribed = _Subscribed(self._node.resolve_topic_name(topic), kind)
@@ -67,7 +69,7 @@ class OdometryInput:
             subscribed.received += 1
             take(message)
 
-        self._node.create_subscription(kind, topic, receive, _DEPTH)
+        self._node.create_subscription(kind, topic, receive, _QUEUE_SIZE)
         return subscribed
 
     def _look(self) -> None:
@@ -75,11 +77,11 @@ class OdometryInput:
         line = explain_no_keyframes(*map(self._seen, (self._pose, self._keyframe, self._edge)))
         self._pose.received_before = self._pose.received
         if line is None:
-            self._said.clear()
-        elif line not in self._said:
-            self._said.add(line)
+            self._news.forget()
+        elif self._news.is_news("keyframes", line):
             self._node.get_logger().warning(line)
 
-    def _seen(self, of: _Subscribed) -> OdometryTopic:
-        by = publisher_words(self._node, of.topic, of.type)
-        return OdometryTopic(of.topic, by, of.received - of.received_before)
+    def _seen(self, subscribed: _Subscribed) -> OdometryTopic:
+        publishers = describe_publishers(self._node, subscribed.topic, subscribed.type)
+        lately = subscribed.received - subscribed.received_before
+        return OdometryTopic(subscribed.topic, publishers, lately)

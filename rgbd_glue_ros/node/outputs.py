@@ -20,13 +20,13 @@ from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.node.inputs import qos_words
+from rgbd_glue_ros.node.inputs import describe_qos
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.node.tf import Broadcaster
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, PoseGraphEdge, RgbdFrame
 
-# As rtabmap_odom has it.
+# On the diagonals of both covariances where there is no pose, as rtabmap_odom has it.
 NULL_VARIANCE = 9999.0
 
 
@@ -52,7 +52,7 @@ class NodeOutputs:
         self._edges = self._publisher(OdometryMessage, topics.KEYFRAME_EDGES)
         self._path = self._publisher(Path, topics.PATH)
         self._matches = self._publisher(Image, topics.MATCHES)
-        self._way: deque[PoseStamped] = deque(maxlen=config.path_poses)
+        self._path_poses: deque[PoseStamped] = deque(maxlen=config.path_poses)
 
     def reconfigure(self, config: NodeConfig) -> None:
         """Goes on by parameters of which no fixed one differs."""
@@ -62,11 +62,11 @@ class NodeOutputs:
         def refusal() -> str:
             subscriptions = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
             asked = ", ".join(
-                f"{topics.full_name(i.node_namespace, i.node_name)} ({qos_words(i.qos_profile)})"
+                f"{topics.full_name(i.node_namespace, i.node_name)} ({describe_qos(i.qos_profile)})"
                 for i in subscriptions
             )
             return (
-                f"{publisher.topic_name} is published {qos_words(publisher.qos_profile)}, and a "
+                f"{publisher.topic_name} is published {describe_qos(publisher.qos_profile)}, and a "
                 f"subscription that asks for more gets nothing; subscribed by {asked}"
             )
 
@@ -88,7 +88,7 @@ class NodeOutputs:
         Args:
             estimate: what is known after a frame.
             extrinsics: from the camera to the frames that are published.
-            frame: that it is of.
+            frame: that the estimate is of.
             T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
 
         Returns:
@@ -151,18 +151,18 @@ class NodeOutputs:
         self._odom.publish(odom)
 
     def forget_path(self) -> None:
-        """Begins the path anew, as after a reset."""
-        self._way.clear()
+        """Begins a new path, as after a reset."""
+        self._path_poses.clear()
 
     def _extend_path(self, pose: PoseStamped) -> None:
         """Adds the pose where it is time, and publishes the path while somebody listens."""
-        if self._way:
-            since_ns = stamp_ns(pose.header.stamp) - stamp_ns(self._way[-1].header.stamp)
+        if self._path_poses:
+            since_ns = stamp_ns(pose.header.stamp) - stamp_ns(self._path_poses[-1].header.stamp)
             if since_ns < self._config.path_period * NANOSECONDS:
                 return
-        self._way.append(pose)
+        self._path_poses.append(pose)
         if self._path.get_subscription_count():
-            self._path.publish(Path(header=pose.header, poses=list(self._way)))
+            self._path.publish(Path(header=pose.header, poses=list(self._path_poses)))
 
     def _show_matches(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Draws the matches while somebody looks."""
@@ -174,7 +174,7 @@ class NodeOutputs:
     def _broadcast(
         self, T_fixed_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
     ) -> None:
-        """Publishes /tf, where that leaves every frame with one parent."""
+        """Publishes on /tf, so that every frame keeps a single parent."""
         config = self._config
         if self._broadcaster is None:
             return
@@ -200,7 +200,7 @@ class NodeOutputs:
 
 
 def _check(*values: Float64 | None) -> None:
-    """Refuses to publish what is no number, whatever made it.
+    """Refuses to publish what is not finite, whatever made it.
 
     Raises:
         InputError: a value is not finite.

@@ -121,20 +121,22 @@ class _Changes:
         return SetParametersResult(successful=True)
 
     def take(self, parameters: list[RosParameter]) -> None:
-        """Goes on by these values, and tells whom it concerns."""
+        """Lets these values hold from now on, and hands all of them on."""
         if any(p.name in self._fixed for p in parameters):
             self._node_config, self._config = self._with(parameters)
             self._changed(self._node_config, self._config)
 
     def _with(self, parameters: list[RosParameter]) -> tuple[cfg.NodeConfig, cfg.Config]:
         return (
-            cfg.with_values(self._node_config, _of(self._node_config, parameters)),
-            cfg.with_values(self._config, _of(self._config, parameters)),
+            cfg.with_values(self._node_config, _values_for(self._node_config, parameters)),
+            cfg.with_values(self._config, _values_for(self._config, parameters)),
         )
 
 
-def _of(part: cfg.NodeConfig | cfg.Config, parameters: list[RosParameter]) -> dict[str, object]:
-    """The values of those parameters that belong to one part; ROS has some of its own."""
+def _values_for(
+    part: cfg.NodeConfig | cfg.Config, parameters: list[RosParameter]
+) -> dict[str, object]:
+    """The values of the parameters that one part declares: ROS has some that neither does."""
     names = cfg.values(part)
     return {p.name: p.value for p in parameters if p.name in names}
 

@@ -1,4 +1,4 @@
-"""What runs a node and outlives its faults: start of ROS, executor."""
+"""Starts ROS, and runs a node through all faults of what it receives."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -22,13 +20,14 @@ from rclpy.signals import SignalHandlerOptions
 from rgbd_glue_ros.errors import BAD_INPUT, InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memory
+from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.log import WITHOUT_FILE, PrintableLogger, explain_no_file
 
-# DDS tells of a node's topics before it tells its name.
+# Time after which the name of a node just met is known: DDS tells of its topics before.
 NAMES_S = 1.0
 # How long the callback that is being run when the node is told to end may take.
 END_S = 2.0
-# The last whose ports there are (RTPS 2.2, 9.6.1.1).
+# The highest ROS domain that there are ports for (RTPS 2.2, 9.6.1.1).
 LAST_DOMAIN = 232
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -74,7 +73,7 @@ def check_domain(domain: str) -> None:
 
 
 def _init_fault(error: Exception) -> InputError:
-    """What kept ROS from starting, with the place that it is to be mended at."""
+    """What kept ROS from starting, as an error that says what to mend."""
     # what follows are places in rcl's source
     cause = str(error).partition(", at /")[0]
     return InputError("ROS arguments", cause, "give --ros-args -p name:=value")
@@ -129,25 +128,9 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
                 logger.exception("A callback failed; going on")
 
 
-class RunningNode(Protocol):
-    """A node that ends in order when it is left."""
-
-    def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault deserves a line in the log."""
-
-    def __enter__(self) -> RunningNode: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
-
-
 def run_node(
     name: str,
-    create: Callable[[Callable[[], None]], RunningNode],
+    create: Callable[[Callable[[], None]], BaseNode],
     args: list[str] | None,
     end_signals: EndSignals | None = None,
 ) -> int:
@@ -199,14 +182,14 @@ def run_node(
         return BAD_INPUT
     finally:
         rclpy.try_shutdown()
-    return _ended(1 if has_failed.is_set() else 0)
+    return _end_process(1 if has_failed.is_set() else 0)
 
 
-def _ended(code: int) -> int:
-    """The exit code; where a thread is still in work, the process ends by it here.
+def _end_process(code: int) -> int:
+    """Returns the exit code; ends the process with it here if a thread is still at work.
 
-    The interpreter's end stops such a thread in the middle of a library's C++, as of PyTorch, which
-    aborts the process.
+    The interpreter's end would stop such a thread in the middle of a library's C++, as of PyTorch,
+    which aborts the process.
     """
     if any(thread.daemon for thread in threading.enumerate()):
         logging.shutdown()

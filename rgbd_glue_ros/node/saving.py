@@ -20,8 +20,8 @@ def create_save_service(node: Node, name: str, what: str, save: Callable[[], str
     Args:
         node: has the service and the log.
         name: of the service.
-        what: is saved, in a word.
-        save: does it, and returns what to answer; an InputError is what to answer, too.
+        what: what is saved, in a word.
+        save: saves it, and returns the answer; of an InputError the message is the answer.
     """
 
     def serve(_request: object, response: Trigger.Response) -> Trigger.Response:

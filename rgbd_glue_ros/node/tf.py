@@ -27,15 +27,16 @@ from rgbd_glue_ros.types import Float64
 if TYPE_CHECKING:
     from tf2_msgs.msg import TFMessage
 
-# As tf2 has them.
+# Topics and their QoS as tf2 has them.
 TF, TF_STATIC = "/tf", "/tf_static"
 TF_QOS = QoSProfile(depth=100)
 TF_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# How often tf2's buffer is asked while a look-up waits.
 POLL_S = 0.005
 
 
 class Transforms(Protocol):
-    """What is known of the frames."""
+    """What TF has told of the frames."""
 
     def lookup(
         self, target: str, source: str, stamp_ns: int | None, timeout_s: float

@@ -1,4 +1,4 @@
-"""Whether what planes and pixels say of a pose is enough to believe it."""
+"""Whether planes and pixels support a pose enough to accept it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from rgbd_glue_ros.refinement.gauss_newton import Refinement
 
 
 def is_plausible(found: Refinement, asked: int, config: OdometryConfig) -> bool:
-    """Whether planes or pixels speak for a pose and the planes do not speak against it.
+    """Whether planes or pixels support a pose and the planes do not contradict it.
 
     Args:
         found: the pose.
-        asked: planes of which a part has to agree.
-        config: how much it takes.
+        asked: planes of which a fraction has to agree.
+        config: thresholds.
     """
     enough = asked >= config.min_planes
     agreement = found.planes_agreeing / max(asked, 1)
@@ -27,9 +27,9 @@ def is_plausible(found: Refinement, asked: int, config: OdometryConfig) -> bool:
 
 
 def is_conclusive(found: Refinement, config: OdometryConfig) -> bool:
-    """Whether to believe a pose that is unlikely: one that a camera hardly gets to, or was at.
+    """Whether to accept an unlikely pose: one that a camera can hardly reach, or was at before.
 
-    Planes and pixels must speak for it, those too that something may hide.
+    Both planes and pixels must support it, including those that may be occluded.
     """
     return (
         found.planes_seen >= config.min_planes
@@ -39,9 +39,9 @@ def is_conclusive(found: Refinement, config: OdometryConfig) -> bool:
 
 
 def sceptical(config: OdometryConfig) -> OdometryConfig:
-    """What to ask of a pose that no motion leads to: as after frames that have none.
+    """Stricter thresholds for a pose that no motion leads to, as after frames without a pose.
 
-    Of the many poses that a camera may have got to, some agree with a few planes or pixels.
+    Of the many poses that a camera may have reached, some agree with a few planes or pixels.
     """
     return replace(
         config,

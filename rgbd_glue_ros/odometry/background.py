@@ -1,4 +1,4 @@
-"""The one owner of background work: a second thread, and the values that it brings up to date."""
+"""The only owner of background work: a second thread, and the values that it updates."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ V = TypeVar("V")
 
 
 class BackgroundThread:
-    """One thread for work that the caller does not need at once, done in the order submitted.
+    """One thread for work that the caller does not need at once, done in the order of submission.
 
-    No job waits for another: what a job needs is there before it is submitted.
+    No job waits for another: its inputs are complete before it is submitted.
     """
 
     def __init__(self) -> None:
@@ -24,14 +24,22 @@ class BackgroundThread:
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="odometry_background")
 
     def submit(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Future[R]:
-        """Calls a function later; whoever asks the future for its result waits.
+        """Calls a function later; the future's ``result`` waits for it.
+
+        Raises:
+            InputError: the thread has ended.
+        """
+        self.check_open()
+        return self._executor.submit(function, *args, **kwargs)
+
+    def check_open(self) -> None:
+        """Checks that jobs can still be submitted.
 
         Raises:
             InputError: the thread has ended.
         """
         if self._is_closed:
-            raise InputError("the odometry", "was closed", "make another one for more frames")
-        return self._executor.submit(function, *args, **kwargs)
+            raise InputError("the odometry", "was closed", "create another one for more frames")
 
     def close(self) -> None:
         """Ends the thread once its jobs are done; nothing can be submitted after that."""
@@ -48,13 +56,13 @@ class BackgroundValue(Generic[V]):
         self._update: Future[V] | None = None
 
     def current(self) -> V:
-        """The value; waits for the update that is under way, if one is."""
+        """The value; waits for a running update."""
         if self._update is not None:
             self._value, self._update = self._update.result(), None
         return self._value
 
     def replace(self, value: V) -> None:
-        """Another value; an update that is under way is dropped."""
+        """Sets another value; a running update is dropped."""
         self._value, self._update = value, None
 
     def update_later(

@@ -1,94 +1,82 @@
-"""Whether a coherent part of the view contradicts a pose: somebody who walks by, or the room.
+"""Which of two poses to believe, where a coherent part of the view contradicts the one chosen.
 
-Robust residuals leave out what does not fit. Where that fits together, in another motion of the
-camera, one of the two motions is that of something that moves. The larger surface is believed: a
-person fills an image from near by, but the room has more square metres. As long as both are seen,
-the pose is no more certain than that.
+One of them may be of somebody who walks by. The larger surface is believed: a person fills an image
+from near by, but the room has more square metres. As long as both are seen, the pose is no more
+certain than that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem, is_near
+from rgbd_glue_ros.odometry.acceptance import is_plausible
+from rgbd_glue_ros.odometry.alternative import (
+    Alternative,
+    agreeing_pixels,
+    agreeing_planes,
+    find_alternative,
+    is_contradicted,
+)
+from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
+from rgbd_glue_ros.odometry.pose_choice import Candidate
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
+from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.parameters import OdometryConfig
-from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
-from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
-from rgbd_glue_ros.refinement.model import Mask, pyramid
-from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows
-from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.model import LEVELS
 from rgbd_glue_ros.types import Float64
-
-# Three standard deviations reach an alternative that this part of the evidence is for: what less
-# speaks for is beyond them, and is not looked for.
-_SUBSTANTIAL = 1 / 9
 
 
 @dataclass(frozen=True)
-class Alternative:
-    """Another pose of a frame, that a part of what it shows agrees with.
+class SettledPose:
+    """The pose that is believed, and what else the frame may show.
 
     Attributes:
-        T_track_camera: float64 [4, 4].
-        share: of the surface that agrees with one of the two poses alone, the part that agrees
-            with this one; from 0 to 1.
+        estimate: the pose.
+        alternative: what a part of the frame agrees on instead; None where nothing contradicts.
+        T_shift: float64 [4, 4], multiplied on the left of poses as tracked from this frame on,
+            where those before turned out to be carried along; None in all other frames.
     """
 
-    T_track_camera: Float64
-    share: float
-
-    @property
-    def is_larger(self) -> bool:
-        """Whether more of the surface agrees with it than with the pose that it is beside."""
-        return self.share > 1 / 2
+    estimate: PoseEstimate
+    alternative: Alternative | None = None
+    T_shift: Float64 | None = None
 
 
-def is_contradicted(pose: Refinement) -> bool:
-    """Whether a substantial part of the planes that a frame shows lies elsewhere than at a pose."""
-    return 1 - pose.plane_agreement >= _SUBSTANTIAL
+def settle_contradiction(
+    chosen: Candidate, problem: PoseProblem, last: LastPose, config: OdometryConfig
+) -> SettledPose:
+    """The chosen pose and what contradicts it; the other way round where more speaks for that.
 
-
-def find_alternative(
-    problem: PoseProblem, pose: Refinement, before: Alternative | None, config: OdometryConfig
-) -> Alternative | None:
-    """The pose that what contradicts a pose agrees on.
+    That takes the larger surface and one more witness: the frame before, or the camera's motion.
 
     Args:
+        chosen: the pose.
         problem: the frame, and what its pose was refined by.
-        pose: the one that is believed, at the coarse levels.
-        before: that of the frame before: what moves has not moved far since.
-        config: how much it takes to believe a pose.
-
-    Returns:
-        None where little contradicts, or each part of it something else.
+        last: the last frame with a pose; its alternative, if that was contradicted too.
+        config: when a pose is believed.
     """
-    if not is_contradicted(pose):
-        return None
-    images = pyramid(problem.view.grey, 1 + max(COARSE_LEVELS))
-    levels = [
-        (level, level_problem(problem.model, images[level], level, problem.view, problem.config))
-        for level in COARSE_LEVELS
-    ]
-    rest = [(level, _contradicting(of_level, pose)) for level, of_level in levels]
-    predicted = problem.predicted.T_track_camera
-    starts = [pose.T_model_source]
-    if not is_near(predicted, pose.T_model_source, config):
-        starts.append(predicted)
-    if before is not None:
-        starts.append(before.T_track_camera)
-    best = None
-    for start in starts:
-        T = _coherent(rest, start, pose, problem.config.iterations, config)
-        if T is None or is_near(T, pose.T_model_source, config):
-            continue
-        share = _share(levels[-1][1], T, pose.T_model_source)
-        if share >= _SUBSTANTIAL and (best is None or share > best.share):
-            best = Alternative(T, share)
-    return best
+    pose = chosen.estimate
+    # The coarse levels may see a contradiction that the finest one resolves; ask the finest first.
+    if not is_contradicted(chosen.refinement):
+        return SettledPose(pose)
+    alternative = find_alternative(problem, chosen.coarse, last.alternative, config)
+    if alternative is None:
+        return SettledPose(pose)
+    distance_squared = problem.predicted.distance_squared(alternative.T_track_camera)
+    is_likelier = distance_squared < chosen.distance_squared
+    has_witness = last.alternative is not None or is_likelier
+    if alternative.is_larger and has_witness:
+        larger = preferred(problem, alternative, chosen.coarse, config)
+        if is_plausible(larger.refinement, larger.refinement.planes_visible, config):
+            alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
+            pose = larger
+    T, T_other = pose.T_track_camera, alternative.T_track_camera
+    was_carried_along = _goes_on_from_alternative(T, last, problem.predicted)
+    return SettledPose(pose, alternative, T @ se3.inverse(T_other) if was_carried_along else None)
 
 
 def preferred(
@@ -106,14 +94,12 @@ def preferred(
     """
     brightness = pose.affine_brightness
     kept = []
-    for level, image in enumerate(pyramid(problem.view.grey)):
-        at = level_problem(problem.model, image, level, problem.view, problem.config)
+    for level in range(LEVELS):
+        at = problem.at_level(level)
         own, other = alternative.T_track_camera, pose.T_model_source
         if level == 0:
-            kept.append(_agreeing_planes(at, own) | ~_agreeing_planes(at, other))
-        kept.append(
-            _agreeing_pixels(at, own, brightness) | ~_agreeing_pixels(at, other, brightness)
-        )
+            kept.append(agreeing_planes(at, own) | ~agreeing_planes(at, other))
+        kept.append(agreeing_pixels(at, own, brightness) | ~agreeing_pixels(at, other, brightness))
     planes, *pixels = kept
     model = problem.model.selected(planes, pixels)
     of_the_rest = replace(problem, model=model)
@@ -149,75 +135,14 @@ def doubt(
     return np.asarray((1 - agreeing) * se3.transported_covariance(T, spread), np.float64)
 
 
-def _coherent(
-    rest: Sequence[tuple[int, LevelProblem]],
-    start: Float64,
-    pose: Refinement,
-    iterations: int,
-    config: OdometryConfig,
-) -> Float64 | None:
-    """The pose that what contradicts another one agrees on; None if it does not agree.
+def _goes_on_from_alternative(
+    T_track_camera: Float64, last: LastPose, predicted: PredictedMotion
+) -> bool:
+    """Whether a pose goes on where the last alternative was, and not where the last pose was.
 
-    Of any noise some part agrees with some pose. So more of the rest has to agree than of all that
-    a pose is believed by: half of what may disagree there.
-
-    Args:
-        rest: each level, coarse to fine, and what contradicts there.
-        start: of the search, float64 [4, 4].
-        pose: that is contradicted.
-        iterations: at each level, at most.
-        config: what it takes to believe a pose.
+    Then tracking had been carried along by something that moves.
     """
-    T, found = start, pose
-    for level, of_the_rest in rest:
-        found = refine_at(T, of_the_rest, pose.affine_brightness, iterations)
-        T = found.T_model_source
-        if found.planes_agreeing * 2**level < config.min_planes:
-            return None
-        if found.visible_agreement < config.plane_agreement:
-            return None
-    if found.visible_agreement < (1 + config.plane_agreement) / 2:
-        return None
-    blank = found.pixels_seen < config.min_pixels
-    return T if blank or found.brightness_correlation >= config.brightness_correlation else None
-
-
-def _share(of_level: LevelProblem, T: Float64, T_other: Float64) -> float:
-    """The part of the surface that agrees with T, of that which agrees with one of two poses."""
-    agrees, agrees_with_other = (_agreeing_planes(of_level, pose) for pose in (T, T_other))
-    # the surface behind a pixel grows with the square of its depth
-    area = se3.transform(se3.inverse(T), of_level.points)[:, 2] ** 2
-    alone = float(area[agrees & ~agrees_with_other].sum())
-    other_alone = float(area[agrees_with_other & ~agrees].sum())
-    return alone / max(alone + other_alone, np.finfo(float).tiny)
-
-
-def _contradicting(of_level: LevelProblem, pose: Refinement) -> LevelProblem:
-    """The problem of the planes and pixels that do not agree with a pose."""
-    planes = ~_agreeing_planes(of_level, pose.T_model_source)
-    pixels = ~_agreeing_pixels(of_level, pose.T_model_source, pose.affine_brightness)
-    return of_level._replace(
-        points=of_level.points[planes],
-        normals=of_level.normals[planes],
-        pixels=of_level.pixels[pixels],
-        brightness=of_level.brightness[pixels],
-    )
-
-
-def _agreeing_planes(of_level: LevelProblem, T: Float64) -> Mask:
-    """Which planes agree with a pose."""
-    rows = plane_rows(T, of_level)
-    # the weight is that of Cauchy, divided by the variance of the residual
-    weighted = rows.weight * rows.residual**2
-    squared = weighted / (1 - weighted / of_level.plane_cauchy**2)
-    agrees = np.zeros(len(of_level.points), np.bool_)
-    agrees[rows.point[squared < AGREEING_SIGMAS**2]] = True
-    return agrees
-
-
-def _agreeing_pixels(of_level: LevelProblem, T: Float64, affine_brightness: Float64) -> Mask:
-    """Which pixels agree with a pose."""
-    rows = pixel_rows(T, of_level, affine_brightness)
-    agrees = np.zeros(len(of_level.pixels), np.bool_)
-    agrees[rows.point[np.abs(rows.residual) < AGREEING_SIGMAS * affine_brightness[2]]] = True
-    return agrees
+    if last.alternative is None or predicted.expects(T_track_camera):
+        return False
+    T_shift = last.alternative.T_track_camera @ se3.inverse(last.motion.T_track_camera)
+    return predicted.shifted(T_shift).expects(T_track_camera)

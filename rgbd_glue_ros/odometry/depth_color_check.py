@@ -1,9 +1,9 @@
 """Whether depth is registered to colour: whether edges of the one lie on edges of the other.
 
-Where a surface ends before another one, brightness mostly changes too. A depth camera has another
-focal length than the colour camera and sits beside it, so that unregistered depth has its edges
-elsewhere. Depth edges are laid over colour edges, magnified and shifted in steps, as in calibration
-by the alignment of edges (Levinson and Thrun 2013). Registered depth fits best as it is.
+Where a surface ends in front of another one, brightness mostly changes too. A depth camera has
+another focal length than the colour camera and another position, so that unregistered depth has its
+edges elsewhere. Depth edges are overlaid on colour edges, magnified and shifted in steps, as in
+calibration by edge alignment (Levinson and Thrun 2013). Registered depth fits best unchanged.
 """
 
 from __future__ import annotations
@@ -23,37 +23,37 @@ logger = logging.getLogger(__name__)
 
 # Depth edges are searched for in every fourth row and column.
 _SPACING_PX = 4
-# Widest gap of unknown depth across a depth edge. Projectors and stereo cameras leave such shadows.
+# Widest gap of unknown depth across a depth edge. Projectors and stereo cameras cause such shadows.
 _GAP_PX = 30
-# Least step of a depth edge, as a part of the nearer depth.
+# Least step of a depth edge, as a fraction of the nearer depth.
 _STEP = 0.1
 # Magnifications of depth against colour that are tried.
 _SCALES = np.linspace(0.85, 1.15, 11)
 # Shifts of depth against colour that are tried, along u and along v.
 _SHIFTS_PX = np.linspace(-15.0, 15.0, 11)
-# Where in the grid of these the identity is.
+# The index of the identity in the grid of these.
 _IDENTITY = len(_SCALES) // 2, len(_SHIFTS_PX) // 2, len(_SHIFTS_PX) // 2
-# Gradients are cut off here, grey levels a pixel, so that one strong edge does not outweigh many.
+# Gradients are clipped here, grey levels per pixel, so that one strong edge does not outweigh many.
 _STRONGEST_EDGE = 12.0
 # Blur of colour edges: the steps of _SHIFTS_PX are 3 pixels, at half the size 1.5.
 _EDGE_SIGMA_PX = 1.5
-# Side of the surroundings that an edge must stand out from, at half the size.
+# Side of the neighbourhood that an edge must stand out from, at half the size.
 _SURROUNDINGS_PX = 21
-# Distance from the centre, a quarter of 640 columns, at which a magnification is told in pixels.
+# Distance from the centre, a quarter of 640 columns, at which a magnification is stated in pixels.
 _QUARTER_WIDTH_PX = 160.0
-# A view with fewer depth edges is left out.
+# A view with fewer depth edges is skipped.
 _MIN_EDGES = 150
-# Of a view with more, this many are used.
+# If a view has more, this many are used.
 _ENOUGH_EDGES = 2000
 # Views that decide.
 _VIEWS = 8
-# Least motion between two of them, metres and radians added.
+# Least motion between two such views, metres and radians added.
 _APART = 0.05
 # Another place has to fit this many times better than the identity.
 _BETTER = 2.0
-# The least score that is believed. Edges of other rooms, laid over each other, reached 0.08.
+# The least accepted score. Overlaid edges of different rooms reached 0.08.
 _LEAST_SCORE = 0.12
-# Standard deviations of all scores that the best one has to stand out by. Other rooms reached 3.9.
+# The best score has to stand out by this many standard deviations of all. Other rooms reached 3.9.
 _OUTSTANDING_SIGMAS = 4.0
 
 
@@ -63,7 +63,7 @@ class DepthColorCheck:
 
     Attributes:
         score: float64 [S, U, V], mean over the views, for scales and shifts along u and v.
-        views: how many.
+        views: the number of views.
         T_track_camera: of the last view, float64 [4, 4]; None before the first.
     """
 
@@ -73,11 +73,11 @@ class DepthColorCheck:
 
     @staticmethod
     def start() -> DepthColorCheck:
-        """Before anything was seen."""
+        """The check before any view."""
         return DepthColorCheck(np.zeros((len(_SCALES), len(_SHIFTS_PX), len(_SHIFTS_PX))))
 
     def needs(self, view: View, T_track_camera: Float64) -> bool:
-        """Whether a view from there would tell anything new."""
+        """Whether a view from there would add information."""
         if self.views >= _VIEWS or not _is_of_one_moment(view):
             return False
         if self.T_track_camera is None:
@@ -85,7 +85,7 @@ class DepthColorCheck:
         return se3.difference(self.T_track_camera, T_track_camera) > _APART
 
     def after_view(self, view: View, T_track_camera: Float64) -> DepthColorCheck:
-        """The check after another view. Logs a warning when it is known to be wrong."""
+        """The check after another view. Logs a warning once depth is known to be unregistered."""
         along_rows, along_columns = _depth_edges(view.depth)
         count = len(along_rows) + len(along_columns)
         if count < _MIN_EDGES:
@@ -108,14 +108,14 @@ class DepthColorCheck:
 
     @cached_property
     def offset_px(self) -> float | None:
-        """How far edges of depth are from those of colour, in pixels, half way to the border.
+        """Distance between edges of depth and colour, in pixels, half way to the border.
 
-        None where depth is registered, and as long as too little was seen to tell.
+        None if depth is registered, or as long as too little was seen to decide.
         """
         s, i, j = np.unravel_index(int(np.argmax(self.score)), self.score.shape)
         best = self.score[s, i, j]
         scale, right, down = _IDENTITY
-        # images that are not taken at quite the same time differ by a few pixels
+        # images that are not taken at exactly the same time differ by a few pixels
         at_identity = self.score[scale, right - 1 : right + 2, down - 1 : down + 2].max()
         if (
             self.views < _VIEWS
@@ -135,7 +135,7 @@ def _is_of_one_moment(view: View) -> bool:
 
 
 def _depth_edges(depth: Float32) -> tuple[Float32, Float32]:
-    """Pixels where a surface ends before another one, met along rows and along columns.
+    """Pixels where a surface ends in front of another one, along rows and along columns.
 
     Returns:
         Column and row, float32 [N, 2] and [M, 2].
@@ -168,7 +168,7 @@ def _edges_along_rows(depth: Float32, spacing: int, gap: int, step: float) -> Fl
 
 
 def _contrasts(grey: UInt8) -> tuple[Float32, Float32]:
-    """How much more the brightness changes along u and along v than around, at half the size."""
+    """How much more brightness changes along u and v than around there, at half the size."""
     small = cv2.pyrDown(grey)
     along_u, along_v = (
         np.minimum(np.abs(cv2.Scharr(small, cv2.CV_32F, du, 1 - du)) / 32.0, _STRONGEST_EDGE)

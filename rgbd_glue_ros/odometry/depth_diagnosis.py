@@ -1,4 +1,4 @@
-"""What a depth image is good for, and in words what is wrong with it."""
+"""How usable a depth image is, and what is wrong with it in words."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import numpy as np
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import DepthSummary, Float32, OdometryEstimate
 
-# One pixel of so many rows and columns is looked at: shares to within a percent.
+# One pixel in this many rows and columns is sampled: shares to within a percent.
 _STEP = 4
-# With less than this share of the pixels, the image itself is the reason that there is no pose.
+# With less than this share of the pixels, the image itself is the reason for a missing pose.
 _USABLE_SHARE = 0.03
-# Rooms are neither nearer nor farther as a whole; by the unit of another format, they seem to be:
-# five times as far where 1/5000 m are taken for millimetres, and as near the other way round.
+# No room is nearer or farther as a whole; in the unit of another format, it seems to be: five times
+# as far if 1/5000 m is taken for millimetres, and five times as near the other way round.
 _DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 5.0
-# In a room, something is farther away than this.
+# In any room, something is farther away than this.
 _NEAR_PERCENTILE, _DOUBTFUL_WITHIN_M = 95, 1.0
-# What rooms would be in metres, if these were millimetres
+# The size of rooms in metres if these were millimetres
 _MILLIMETRES = (300.0, 8000.0)
 
 _SET_SCALE = (
-    "depth_scale, on the command line --depth-scale (metres of a unit: 0.001 for millimetres, "
-    "0.0002 for 5000 to a metre, 0.0001 for tenths of a millimetre)"
+    "depth_scale (node: -p depth_scale:=M, commands: --depth-scale M) to the metres per unit: "
+    "0.001 for millimetres, 0.0002 for 5000 per metre, 0.0001 for tenths of a millimetre"
 )
 
 
@@ -30,7 +30,7 @@ def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
 
     Args:
         depth: float32 [H, W], metres, NaN where unknown.
-        limits: between which depth is used.
+        limits: range of depth that is used.
     """
     values = depth[::_STEP, ::_STEP]
     known = values[np.isfinite(values)]
@@ -43,17 +43,17 @@ def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
 
 
 def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
-    """Why a frame has no pose, and what to do where that is known; "" if it has one."""
+    """Why a frame has no pose, and what to do if that is known; "" if it has one."""
     depth = estimate.depth
     if depth is None:
         return ""
     if depth.in_range >= _USABLE_SHARE:
         result = estimate.registration
-        return "too little is seen to start" if result is None else result.status.value
+        return "too little is visible to start" if result is None else result.status.value
     if depth.known < _USABLE_SHARE:
         return (
-            f"{depth.known:.0%} of the pixels have a depth: see that the topic is that of the "
-            "depth images, and that the camera looks at something within its range"
+            f"{depth.known:.0%} of the pixels have a depth: check that the topic is that of the "
+            "depth images, and that the camera views something within its range"
         )
     seen = (
         f"{depth.known:.0%} of the pixels have a depth, but {depth.in_range:.0%} one from "
@@ -66,7 +66,7 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
 
 
 def doubt_of_scale(depth: Float32) -> str | None:
-    """Why the unit of depth may be another than it is taken for; None if nothing speaks for it.
+    """Why the unit of depth may be another than assumed; None if nothing suggests it.
 
     Args:
         depth: float32 [H, W], metres, NaN where unknown.

@@ -1,9 +1,9 @@
-"""Takes drift out again where the camera comes back to what it saw before.
+"""Corrects drift when the camera returns to what it saw before.
 
-Tracking compares a frame with the latest few keyframes, and their errors add up. A keyframe that
-sees what a much earlier one saw is compared with that one, too: what the two disagree by has
-drifted in between. The pose follows bit by bit, by a small part of the way that the camera makes
-anyway, so that it is as smooth as before (REP-105) and stands still where the camera does.
+Tracking compares a frame with the latest few keyframes, whose errors accumulate. A keyframe that
+sees what a much earlier one saw is compared with that one too: their disagreement is drift. The
+pose is corrected gradually, by a small fraction of the camera's own motion, so that it is as smooth
+as before (REP-105) and stands still when the camera does.
 """
 
 from __future__ import annotations
@@ -14,26 +14,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
+from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import is_conclusive
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
-# The finest level costs half of the time and adds a digit that the anchor's own pose has not.
+# The finest level costs half of the time and adds a digit that the anchor's own pose does not have.
 _LEVELS = COARSE_TO_FINE[:-1]
 
 
 @dataclass(frozen=True)
 class DriftCorrection:
-    """What takes the drift out of poses as tracked, multiplied on the left.
+    """Correction of the drift of tracked poses, multiplied on the left.
 
     Attributes:
-        T_odom_track: that of now, float64 [4, 4].
-        target: where it goes.
-        edges: what the comparisons that have just been made measured.
+        T_odom_track: the current correction, float64 [4, 4].
+        target: the correction that it moves towards.
+        edges: measured by the latest comparisons.
     """
 
     T_odom_track: Float64
@@ -42,19 +43,19 @@ class DriftCorrection:
 
     @staticmethod
     def at(T_odom_track: Float64) -> DriftCorrection:
-        """Drift that is taken out already."""
+        """A correction that is already complete."""
         return DriftCorrection(T_odom_track, T_odom_track)
 
     @property
     def left(self) -> Float64:
-        """What is known and not yet taken out, twist [6] on the left of poses."""
+        """Known drift that is not yet corrected, twist [6] on the left of poses."""
         return se3.log(self.target @ se3.inverse(self.T_odom_track))
 
     def after_shift(self, T_shift: Float64) -> DriftCorrection:
-        """The drift after poses as tracked were shifted, so that those given out are not.
+        """The drift after tracked poses were shifted, so that published ones are not.
 
         Args:
-            T_shift: float64 [4, 4], multiplied on the left of poses as tracked.
+            T_shift: float64 [4, 4], multiplied on the left of tracked poses.
         """
         return replace(self, T_odom_track=self.T_odom_track @ se3.inverse(T_shift))
 
@@ -63,9 +64,9 @@ class DriftCorrection:
 
         Args:
             T_before: T_track_camera, float64 [4, 4].
-            T_now: the same, later.
-            rate: by which part of the camera's way, metres and radians added, the pose is moved to
-                where it is wanted, at most.
+            T_now: T_track_camera, later.
+            rate: maximum correction of the pose, as a fraction of the camera's motion, metres and
+                radians added.
         """
         corrected = self.T_odom_track @ T_now
         left = se3.log(se3.inverse(corrected) @ self.target @ T_now)
@@ -79,15 +80,15 @@ class DriftCorrection:
     def after_revisit(
         self, keyframe: Keyframe, anchors: Sequence[Anchor], config: Config
     ) -> DriftCorrection:
-        """The drift after a keyframe was compared with some of long ago.
+        """The drift after a keyframe was compared with much earlier ones.
 
-        What a single one says may be its own error. What several say is believed where they
-        disagree by less than they correct.
+        What a single anchor indicates may be its own error. What several indicate is accepted if
+        they disagree by less than they correct.
 
         Args:
             keyframe: the newest.
-            anchors: see the same part of the room.
-            config: how they are compared, and when that is believed.
+            anchors: keyframes that see the same part of the room.
+            config: how they are compared, and when the result is accepted.
         """
         compared = [self._compared(keyframe, anchor, config) for anchor in anchors]
         comparisons = [comparison for comparison in compared if comparison is not None]
@@ -99,27 +100,28 @@ class DriftCorrection:
         return DriftCorrection(self.T_odom_track, target, edges)
 
     def _compared(self, keyframe: Keyframe, anchor: Anchor, config: Config) -> _Comparison | None:
-        """What one anchor says; None where it is not believed."""
+        """The comparison with one anchor; None if it is not accepted."""
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
-        found = refine(start, anchor.model, keyframe.features.view, config.refine, _LEVELS)
+        problem = RefinementProblem(anchor.model, keyframe.features.view, config.refine)
+        found = refine(start, problem, _LEVELS)
         if not is_conclusive(found, config.odometry):
             return None
         T_seen = anchor.T_odom_track @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
         in_odom = se3.transported_covariance(self.target, keyframe.covariance)
-        # drift that the covariance finds less likely is a place that looks like another
-        if not mahalanobis_squared(off, in_odom) <= SURPRISE:
+        # drift that is less likely by the covariance is a place that looks like another
+        if not mahalanobis_squared(off, in_odom) <= POSE_GATE:
             return None
         return _Comparison(off, revisit_edge(anchor, keyframe, found, config))
 
 
 @dataclass(frozen=True)
 class _Comparison:
-    """What one anchor says of a keyframe.
+    """Comparison of a keyframe with one anchor.
 
     Attributes:
-        correction: float64 [6], the twist that takes the drift out, on the left.
+        correction: float64 [6], the twist that corrects the drift, on the left.
         edge: between the two.
     """
 
@@ -128,7 +130,7 @@ class _Comparison:
 
 
 def _agree(corrections: Float64) -> bool:
-    """Whether there are several corrections [N, 6], which disagree by less than they correct."""
+    """Whether there are several corrections [N, 6] that disagree by less than they correct."""
     if len(corrections) < 2:
         return False
     mean = corrections.mean(axis=0)

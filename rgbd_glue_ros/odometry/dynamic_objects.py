@@ -1,7 +1,7 @@
-"""What moves in a frame: surfaces where keyframes saw that nothing was.
+"""Moving objects in a frame: surfaces where keyframes saw free space.
 
-Frames that see a person elsewhere would be pulled along by a keyframe that shows them. So the depth
-of whatever has come between the camera and a surface seen before is taken out of a frame before it
+A keyframe that shows a person would pull along frames that see them elsewhere. So the depth of
+whatever has come between the camera and a surface seen before is removed from a frame before it
 becomes a keyframe.
 """
 
@@ -15,14 +15,14 @@ import numpy as np
 from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces, dense, pixels_of, widened
 from rgbd_glue_ros.types import Float64, View
 
-# When more than this part of a frame seems to have moved, it is the pose that is wrong.
+# If more than this fraction of a frame seems to have moved, the pose is wrong instead.
 _MOST = 0.7
 
 
 def without_dynamic_objects(
     view: View, T_track_camera: Float64, others: Sequence[tuple[View, Float64]]
 ) -> View | None:
-    """The view without the depth of what moves.
+    """The view without the depth of moving objects.
 
     Args:
         view: a frame.
@@ -30,10 +30,10 @@ def without_dynamic_objects(
         others: frames that saw the same room before, each with its T_track_camera.
 
     Returns:
-        None where nothing moves, or almost everything seems to.
+        None if nothing moves, or almost everything seems to.
     """
     if min(size for v in (view, *(o for o, _ in others)) for size in v.depth.shape) < BLOCK_PX:
-        return None  # nothing to tell by
+        return None  # nothing to compare with
     surfaces = Surfaces.seen(view, T_track_camera)
     blocks = np.zeros(surfaces.depth.shape, np.uint8)
     for other, T_track_other in others:

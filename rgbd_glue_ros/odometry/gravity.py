@@ -1,4 +1,4 @@
-"""Which way is up, by an accelerometer."""
+"""Which way is up, from an accelerometer."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
-# What a hand or a robot does to the sensor averages out over this time.
+# The accelerations of a hand or a robot average out over this time.
 _WINDOW_NS = NANOSECONDS // 2
-# The mean of less is no gravity: the sensor falls, is pushed, or counts in other units; m/s².
+# A mean outside this is not gravity: the sensor falls, is pushed, or uses other units; m/s².
 _LEAST, _MOST = 9.81 - 1.0, 9.81 + 1.0
 
 
 def up_direction(samples: ImuSamples, gyroscope: Gyroscope, stamp_ns: int) -> Float64 | None:
     """The direction away from the earth's centre at a stamp of the camera.
 
-    It is that of the mean acceleration of the time before, each turned to where the camera is at
-    the stamp, as far as a gyroscope tells.
+    It is that of the mean acceleration of the preceding time, with each sample rotated to the
+    camera's orientation at the stamp, as far as the gyroscope covers that.
 
     Args:
         samples: in the axes of the camera's optical frame.
-        gyroscope: what is known of it.
+        gyroscope: what is known about it.
         stamp_ns: of an image, nanoseconds.
 
     Returns:
-        A unit vector [3] in the camera's optical frame; None where no acceleration was measured,
-        or another than that of a sensor at rest.
+        A unit vector [3] in the camera's optical frame; None if no acceleration was measured, or
+        not that of a sensor at rest.
     """
     offset_ns = round(gyroscope.time_offset * NANOSECONDS)
     recent = samples.between(stamp_ns + offset_ns - _WINDOW_NS, stamp_ns + offset_ns)

@@ -1,9 +1,9 @@
-"""How a camera turned between two images, by a gyroscope whose errors are learnt from the images.
+"""The rotation of a camera between two images, by a gyroscope calibrated with the images.
 
-A gyroscope knows better than images how a camera turned from one to the next; but it turns a
-little by itself (bias), and its clock is not the camera's. Both are states of a Kalman filter that
-compares its turns with those of tracked poses, as in visual-inertial odometry (Mourikis and
-Roumeliotis 2007, Li and Mourikis 2014), with nothing coupled but that.
+A gyroscope measures the rotation between images better than they do; but it has a bias, and its
+clock is not the camera's. Both are states of a Kalman filter that compares its rotations with those
+of tracked poses, as in visual-inertial odometry (Mourikis and Roumeliotis 2007, Li and Mourikis
+2014), but without any other coupling.
 """
 
 from __future__ import annotations
@@ -16,36 +16,36 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import chi_squared, mahalanobis_squared
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
-# What consumer sensors have at worst: noise, rad/s/√Hz, and scale and axes, as a part of the turn.
+# The worst of consumer sensors: noise, rad/s/√Hz, and scale and axes, as a fraction of the turn.
 _NOISE, _SCALE = 5e-4, 0.01
-# Before anything is known: bias, rad/s, and time offset, seconds.
+# Initial standard deviations: bias, rad/s, and time offset, seconds.
 _START_BIAS, _START_OFFSET = 0.03, 0.03
-# How the bias wanders with the temperature, rad/s/√s.
+# Random walk of the bias with temperature, rad/s/√s.
 _BIAS_WALK = 1e-4
-# No rotation between two frames is tracked better than this, radians, whatever its residuals say.
+# No rotation between two frames is tracked better than this, radians, whatever the residuals say.
 _TRACKED = 0.002
-# No sensor on a camera turns faster, rad/s: what says so is broken.
+# No sensor on a camera turns faster, rad/s: greater values are faults.
 _FASTEST = 100.0
-# Samples farther apart than this leave open what was between them.
+# Samples farther apart than this say nothing about the time between them.
 _LONGEST_GAP_S = 0.05
-# How fast a hand changes a rotation, rad/s²: beyond the last sample it is taken to go on.
+# How fast a hand changes a rotation, rad/s²: beyond the last sample the rotation is held.
 _CHANGE = 10.0
-# What a turn and the images disagree by at most, if all is well.
+# Maximum disagreement between a turn and the images in normal operation.
 _SURPRISE = chi_squared(0.999, 3)
-# Of the last so many turns, half may surprise before the gyroscope is not believed.
+# Of this many latest turns, half may disagree before the gyroscope is no longer used.
 _JUDGED, _DOUBTFUL = 20, 0.5
 
 
 @dataclass(frozen=True)
 class Turn:
-    """What a gyroscope says of the time between two images, in the camera's optical frame.
+    """Measurement of a gyroscope between two images, in the camera's optical frame.
 
     Attributes:
         rotation_vector: float64 [3], of the camera's rotation R_first_last, radians.
-        covariance: float64 [3, 3] of it.
+        covariance: float64 [3, 3] of ``rotation_vector``.
         angular_velocity: float64 [3], at the later image, rad/s.
-        angular_velocity_covariance: float64 [3, 3] of it.
-        jacobian: float64 [3, 4] of the rotation for bias and time offset.
+        angular_velocity_covariance: float64 [3, 3] of ``angular_velocity``.
+        jacobian: float64 [3, 4] of the rotation with respect to bias and time offset.
     """
 
     rotation_vector: Float64
@@ -57,13 +57,13 @@ class Turn:
 
 @dataclass(frozen=True)
 class Gyroscope:
-    """What is known of a gyroscope's errors; replaced as a whole, never changed.
+    """What is known about a gyroscope's errors; replaced as a whole, never changed.
 
     Attributes:
-        bias: float64 [3], what it shows at rest, in the camera's optical frame, rad/s.
-        time_offset: its stamp of a moment less the camera's, seconds.
+        bias: float64 [3], its reading at rest, in the camera's optical frame, rad/s.
+        time_offset: its stamp of a moment minus the camera's, seconds.
         covariance: float64 [4, 4] of both.
-        doubt: part of the latest turns that surprised the images, 0 to 1.
+        doubt: fraction of the latest turns that disagreed with the images, 0 to 1.
     """
 
     bias: Float64
@@ -73,13 +73,13 @@ class Gyroscope:
 
     @staticmethod
     def start() -> Gyroscope:
-        """One that nothing is known of."""
+        """A gyroscope about which nothing is known."""
         covariance = np.diag([_START_BIAS**2] * 3 + [_START_OFFSET**2])
         return Gyroscope(np.zeros(3), 0.0, covariance)
 
     @property
     def is_trusted(self) -> bool:
-        """Whether it turns as the images do; if not, its axes or its clock are others."""
+        """Whether it agrees with the images; if not, its axes or its clock are wrong."""
         return self.doubt < _DOUBTFUL
 
     def turn(self, samples: ImuSamples, first_ns: int, last_ns: int) -> Turn | None:
@@ -88,10 +88,10 @@ class Gyroscope:
         Args:
             samples: in the axes of the camera's optical frame.
             first_ns: stamp of the earlier image, nanoseconds.
-            last_ns: of the later one.
+            last_ns: stamp of the later image.
 
         Returns:
-            None where the samples do not cover the time in between.
+            None if the samples do not cover the time in between.
         """
         elapsed = (last_ns - first_ns) / NANOSECONDS
         if elapsed <= 0 or not len(samples):
@@ -124,24 +124,24 @@ class Gyroscope:
         )
 
     def _around(self, samples: ImuSamples, first_ns: int, last_ns: int) -> tuple[Float64, Float64]:
-        """Seconds [N] since the first of two stamps, and what the camera turned with then [N, 3].
+        """Seconds [N] since the first of two stamps, and the angular velocities [N, 3] then.
 
-        Of the samples between the stamps, and of as many before and after as a gap may hold.
+        For the samples between the stamps, and as many before and after as a gap may contain.
         """
         offset_ns = round(self.time_offset * NANOSECONDS)
         gap_ns = round(_LONGEST_GAP_S * NANOSECONDS)
         samples = samples.between(first_ns + offset_ns - gap_ns, last_ns + offset_ns + gap_ns)
-        # NaN is not below it either
+        # NaN is not below the limit either
         measured = (np.abs(samples.angular_velocity) < _FASTEST).all(axis=1)
         seconds = (samples.stamps_ns[measured] - first_ns) / NANOSECONDS - self.time_offset
         return seconds, samples.angular_velocity[measured] - self.bias
 
     def compared(self, turn: Turn, rotation: Float64, covariance: Float64) -> Gyroscope:
-        """What is known after a turn was compared with that of the images.
+        """The gyroscope after a turn was compared with that of the images.
 
         Args:
-            turn: by ``turn`` of this.
-            rotation: float64 [4, 4], whose rotation is R_first_last as tracked.
+            turn: result of this gyroscope's ``turn``.
+            rotation: float64 [4, 4] with the tracked rotation R_first_last.
             covariance: float64 [3, 3] of that rotation, radians².
         """
         by_gyroscope = se3.exp(np.concatenate([np.zeros(3), turn.rotation_vector]))
@@ -149,7 +149,7 @@ class Gyroscope:
         expected = turn.covariance + covariance + _TRACKED**2 * np.eye(3)
         surprise = mahalanobis_squared(innovation, expected) / _SURPRISE
         doubt = self.doubt + (float(surprise > 1) - self.doubt) / _JUDGED
-        # what is all but impossible counts for little: a pose that is wrong, or a push
+        # an almost impossible disagreement has little weight: a wrong pose, or a push
         noise = expected * max(1.0, surprise) - turn.jacobian @ self.covariance @ turn.jacobian.T
         gain = self.covariance @ turn.jacobian.T @ np.linalg.inv(expected * max(1.0, surprise))
         change = gain @ innovation

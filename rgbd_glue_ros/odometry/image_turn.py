@@ -1,7 +1,7 @@
-"""How far the camera has turned, by whole images: blur takes keypoints away before it takes that.
+"""How far the camera has turned, from whole images: blur removes keypoints before it hides that.
 
-A turn moves all of an image alike, whatever is seen, and so much that refinement does not find back
-from where the camera was expected. Small images show it (Klein and Murray 2008).
+A turn shifts all of an image alike, whatever it shows, and so far that refinement from the expected
+pose fails. Small images show it (Klein and Murray 2008).
 """
 
 from __future__ import annotations
@@ -12,28 +12,28 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
-# Of the longer side. Fewer pixels see through more blur, more see a turn more exactly; refinement
-# reaches some degrees.
+# Of the longer side. Fewer pixels tolerate more blur, more measure a turn more exactly; refinement
+# covers some degrees.
 _LENGTH_PX = 128
 
 
 def turn_between(before: View, now: View) -> Float64:
-    """The rotation R_before_now [3, 3] that lays one image over the other, without roll.
+    """The rotation R_before_now [3, 3] that aligns one image with the other, without roll.
 
-    By phase correlation (Kuglin and Hines 1975), which gives some rotation of any two images:
-    whether it is right is for its user to see. Errs by a pixel of a small image, half a degree, and
-    by what the camera's way does to a scene that is near.
+    By phase correlation (Kuglin and Hines 1975), which gives some rotation for any two images: the
+    caller has to check whether it is right. The error is a pixel of a small image, half a degree,
+    plus the effect of translation on a near scene.
 
     Args:
         before: a view, for its image.
-        now: another one of the same camera, if perhaps of another size.
+        now: another view of the same camera, possibly of another size.
     """
     K = now.intrinsics
     width, height = (max(2, n * _LENGTH_PX // max(K.width, K.height)) for n in (K.width, K.height))
     small_before, small_now = (_resized(view.grey, width, height) for view in (before, now))
     window = cv2.createHanningWindow((width, height), cv2.CV_32F)
     (du, dv), _ = cv2.phaseCorrelate(small_before, small_now, window)
-    # where the middle of the image before is seen now
+    # where the middle of the previous image is now
     ray = np.array([du * K.width / width / K.fx, dv * K.height / height / K.fy, 1.0])
     across = np.hypot(ray[0], ray[1])
     axis = np.array([ray[1], -ray[0], 0.0]) / max(across, 1e-12)

@@ -1,4 +1,4 @@
-"""What an IMU on the camera adds to the images: how it turns, and which way is up."""
+"""What an IMU on the camera adds to the images: its rotation, and which way is up."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gravity import up_direction
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, camera_covariance
 from rgbd_glue_ros.parameters import MotionConfig, RefineConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuCalibration, ImuSamples, ImuUse
 
-# A turn over a longer time has gathered more of the bias than it is worth.
+# Over a longer time a turn accumulates too much bias to be useful.
 _LONGEST_TURN_NS = 10 * NANOSECONDS
-# Samples are kept for that, and as long again as clocks may be apart.
+# Samples are kept for that time, plus the possible difference of clocks.
 _KEPT_NS = _LONGEST_TURN_NS + NANOSECONDS
 # Poses farther apart are not compared with a turn: the camera was lost in between.
 _LONGEST_COMPARED_NS = NANOSECONDS // 2
@@ -24,7 +24,7 @@ _LONGEST_COMPARED_NS = NANOSECONDS // 2
 
 @dataclass(frozen=True)
 class _TrackedRotation:
-    """How a frame is turned by the images alone."""
+    """The rotation of a frame by the images alone."""
 
     stamp_ns: int
     T_track_camera: Float64
@@ -37,7 +37,7 @@ class Inertial:
 
     Attributes:
         samples: the latest, in the axes of the camera's optical frame.
-        gyroscope: what is known of its errors.
+        gyroscope: what is known about its errors.
     """
 
     samples: ImuSamples = field(default_factory=ImuSamples.empty)
@@ -45,18 +45,18 @@ class Inertial:
     _last: _TrackedRotation | None = None
 
     def with_samples(self, samples: ImuSamples) -> Inertial:
-        """After more samples; those that are not later than all before are left out."""
+        """The state with more samples; those that are not later than all before are ignored."""
         return replace(self, samples=self.samples.with_later(samples))
 
     def at_frame(self, stamp_ns: int) -> Inertial:
-        """Without samples that no frame from this stamp on has any use for."""
+        """The state without samples that no frame from this stamp on needs."""
         if not len(self.samples) or self.samples.stamps_ns[0] >= stamp_ns - 2 * _KEPT_NS:
             return self
         newest_ns = int(self.samples.stamps_ns[-1])
         return replace(self, samples=self.samples.between(stamp_ns - _KEPT_NS, newest_ns))
 
-    def predicted(self, motion: Motion, stamp_ns: int, config: MotionConfig) -> Motion:
-        """The motion at a later stamp: turned by the gyroscope, or by itself without."""
+    def predicted(self, motion: Motion, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
+        """The motion at a later stamp, predicted with the gyroscope or, failing that, without."""
         elapsed_ns = stamp_ns - motion.stamp_ns
         if elapsed_ns > _LONGEST_TURN_NS or not self.gyroscope.is_trusted:
             return motion.predicted(stamp_ns, config)
@@ -67,7 +67,7 @@ class Inertial:
 
     @property
     def calibration(self) -> ImuCalibration:
-        """What was learnt of the IMU so far, and what it is used for."""
+        """What was learnt about the IMU so far, and what it is used for."""
         sigmas = np.sqrt(np.diag(self.gyroscope.covariance))
         return ImuCalibration(
             self._use(),
@@ -85,15 +85,15 @@ class Inertial:
         return ImuUse.TURNS if self.gyroscope.is_trusted else ImuUse.DISTRUSTED
 
     def up(self, stamp_ns: int) -> Float64 | None:
-        """The direction away from the earth at a stamp, as of ``up_direction``."""
+        """The direction away from the earth at a stamp, as in ``up_direction``."""
         return up_direction(self.samples, self.gyroscope, stamp_ns)
 
     def after_pose(self, stamp_ns: int, pose: PoseEstimate, config: RefineConfig) -> Inertial:
-        """What is known after a frame has its pose.
+        """The state after a frame has its pose.
 
         Args:
             stamp_ns: of the frame.
-            pose: by its images.
+            pose: from its images.
             config: how it was refined.
         """
         if not len(self.samples):
@@ -112,10 +112,10 @@ class Inertial:
 
 
 def explain_distrust(imu: ImuCalibration) -> str | None:
-    """Why a gyroscope is not used, and what to do about it; None where it is."""
+    """Why a gyroscope is not used, and what to do about it; None if it is used."""
     if imu.use is not ImuUse.DISTRUSTED:
         return None
     return (
-        "the gyroscope turns otherwise than the images do, and is not used until it turns as they "
-        "do: check how the IMU is turned in the camera (imu_pose, TF), and its stamps"
+        "the gyroscope disagrees with the images, and is not used until they agree: check the "
+        "IMU's orientation in the camera (imu_pose, TF), and its stamps"
     )

@@ -1,9 +1,9 @@
 """What tracking measures between keyframes: the edges of a pose graph.
 
-An edge is of poses as tracked, from which no drift is taken out: what an anchor says of that is an
-edge of its own, and no edge contains another. Still, a frame is refined on the models of a few
-keyframes at once, and only the nearest is the parent, so that edges of neighbours err alike to
-some degree.
+An edge is between poses as tracked, without drift correction: what an anchor indicates is a
+separate edge, and no edge contains another. Still, a frame is refined on the models of a few
+keyframes at once, and only the nearest is the parent, so that errors of neighbouring edges are
+somewhat correlated.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def edge_from(
     covariance: Float64,
     origin: EdgeOrigin = EdgeOrigin.TRACKING,
 ) -> PoseGraphEdge:
-    """The edge to a frame whose pose is known beside its parent's.
+    """The edge to a frame whose pose and whose parent's pose are known.
 
     Args:
         parent: keyframe that the pose was found from.
@@ -72,12 +72,12 @@ def refined_covariance(
 def tracked_covariance(motion: Motion, reference: Keyframe, config: OdometryConfig) -> Float64:
     """Covariance [6, 6] of a tracked pose, perturbation on the left, track frame.
 
-    That of its keyframe, that of the motion, and what no residual shows.
+    The sum of that of its keyframe, that of the motion, and what no residual shows.
 
     Args:
         motion: with the pose.
         reference: keyframe that the pose was found from.
-        config: how large errors of time and of scale are.
+        config: sizes of errors of time and scale.
     """
     T = motion.T_track_camera
     distance = float(np.linalg.norm(T[:3, 3] - reference.T_track_camera[:3, 3]))
@@ -87,23 +87,23 @@ def tracked_covariance(motion: Motion, reference: Keyframe, config: OdometryConf
 
 
 def timing_covariance(motion: Motion, config: OdometryConfig) -> Float64:
-    """What of ``tracked_covariance`` is of the time of this image alone, float64 [6, 6].
+    """The part of ``tracked_covariance`` due to the time of this image alone, float64 [6, 6].
 
     Args:
         motion: with the pose.
-        config: how large errors of time are.
+        config: size of errors of time.
     """
     late = _late_covariance(motion.twist, config)
     return se3.transported_covariance(motion.T_track_camera, late)
 
 
 def unseen_covariance(twist: Float64, distance: float, config: OdometryConfig) -> Float64:
-    """What no residual shows of a relative pose: errors of time and of scale.
+    """The part of a relative pose's covariance that no residual shows: errors of time and scale.
 
     Args:
         twist: velocity [6] of the camera.
         distance: from the keyframe, metres.
-        config: how large they are.
+        config: sizes of these errors.
 
     Returns:
         float64 [6, 6], in the camera's frame.
@@ -113,6 +113,6 @@ def unseen_covariance(twist: Float64, distance: float, config: OdometryConfig) -
 
 
 def _late_covariance(twist: Float64, config: OdometryConfig) -> Float64:
-    """What an image of another moment is off by, float64 [6, 6], in the camera's frame."""
+    """Covariance of an error in the time of an image, float64 [6, 6], in the camera's frame."""
     late = config.timing_error * np.linalg.norm(twist.reshape(2, 3), axis=1)
     return np.diag([late[0] ** 2] * 3 + [late[1] ** 2] * 3)

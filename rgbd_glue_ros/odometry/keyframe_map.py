@@ -1,4 +1,4 @@
-"""The keyframes as a map: when a frame becomes one, what is measured between them, their drift."""
+"""The keyframe map: when a frame becomes a keyframe, the edges between keyframes, their drift."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge, View
 
-# The first pose is exact by definition; filters need a covariance that is not singular.
+# The first pose is exact by definition; filters need a non-singular covariance.
 _ORIGIN_COVARIANCE = np.eye(6) * 1e-8
-# A keyframe is compared with so many anchors at most, while the next frame is tracked.
+# Anchors compared with a new keyframe, at most, while the next frame is tracked.
 _ANCHORS_COMPARED = 3
 
 
@@ -35,10 +35,10 @@ class KeyframeCandidate:
         stamp_ns: of the frame.
         T_track_camera: float64 [4, 4].
         covariance: float64 [6, 6] of the pose, perturbation on the left, track frame.
-        timing: float64 [6, 6], the part of it that is of the time of this image alone.
+        timing: float64 [6, 6], the part of it due to the time of this image alone.
         features: of the frame.
         reference: the keyframe that the pose was found from.
-        overlap: the part of what it shows that the keyframes showed too.
+        overlap: the fraction of the view that the keyframes showed too.
     """
 
     stamp_ns: int
@@ -51,7 +51,7 @@ class KeyframeCandidate:
 
 
 class KeyframeMap:
-    """Keyframes, the edges measured between them, and the drift that those show.
+    """Keyframes, the edges measured between them, and the drift that these show.
 
     The background thread compares a new keyframe with an anchor while the next frame is tracked;
     ``finish_revisit`` waits for it.
@@ -69,7 +69,7 @@ class KeyframeMap:
         return len(self._keyframes)
 
     def reconfigure(self, config: Config) -> None:
-        """Takes other parameters; the keyframes stay."""
+        """Sets other parameters; the keyframes remain."""
         self._config = config
 
     def newest(self) -> Keyframe | None:
@@ -77,11 +77,11 @@ class KeyframeMap:
         return next(iter(self._keyframes.latest(1)), None)
 
     def nearest(self, T_track_camera: Float64) -> list[Keyframe]:
-        """The keyframes that a frame there is compared with, the nearest first."""
+        """The keyframes that a frame at a pose is compared with, the nearest first."""
         return self._keyframes.nearest(T_track_camera)[: self._config.odometry.references]
 
     def in_turn(self, turn: int) -> list[Keyframe]:
-        """The keyframes to relocalise by: the latest first, and every turn others."""
+        """The keyframes for relocalisation: the latest first, then different ones at every turn."""
         return self._keyframes.in_turn(self._config.odometry.relocalisation_attempts, turn)
 
     def take_edges(self) -> tuple[PoseGraphEdge, ...]:
@@ -90,7 +90,7 @@ class KeyframeMap:
         return edges
 
     def model_if_enough(self, features: FrameFeatures) -> Model | None:
-        """The planes and pixels of a frame; None where it shows too few planes for a keyframe."""
+        """The planes and pixels of a frame; None if it shows too few planes for a keyframe."""
         model = model_of(features.view, self._config.refine.grid_step)
         return model if self._shows_enough(model) else None
 
@@ -107,12 +107,12 @@ class KeyframeMap:
     ) -> Keyframe:
         """Tracks from a new keyframe at the last pose, where the camera is assumed to be.
 
-        The keyframes before it become anchors: where the camera comes back to one, the error of
-        the assumption shows, and is taken out as drift.
+        The keyframes before it become anchors: when the camera returns to one, the error of the
+        assumption shows, and is corrected as drift.
 
         Args:
             stamp_ns: of its frame.
-            last_motion: at the last frame with a pose.
+            last_motion: motion at the last frame with a pose.
             features: of its frame.
             model: of its frame.
         """
@@ -131,16 +131,16 @@ class KeyframeMap:
 
         Args:
             candidate: the frame.
-            calibration: says how the keyframe is refined on an anchor.
+            calibration: determines how the keyframe is refined on an anchor.
 
         Returns:
-            Whether it became one.
+            Whether the frame became a keyframe.
         """
         shown = self._shown_if_due(candidate)
         if shown is None:
             return False
         T, covariance = candidate.T_track_camera, candidate.covariance
-        # a keyframe of another moment is off, and what is tracked from it comes back by as much
+        # a keyframe with a wrong time is off, and what is tracked from it is off by the opposite
         keyframe = self._add(candidate.stamp_ns, T, covariance - candidate.timing, *shown)
         relative = covariance - candidate.reference.covariance
         self._edges.append(edge_from(candidate.reference, keyframe.number, T, relative))
@@ -148,20 +148,20 @@ class KeyframeMap:
         return True
 
     def finish_revisit(self) -> None:
-        """Takes over what the comparisons with anchors measured, if there were any."""
+        """Applies what the comparisons with anchors measured, if there were any."""
         drift = self._drift.current()
         if drift.edges:
             self._edges.extend(drift.edges)
             self._drift.replace(replace(drift, edges=()))
 
     def advance_correction(self, reference: Keyframe, T_before: Float64, T_now: Float64) -> None:
-        """Moves the correction on towards its target, as the camera has moved.
+        """Moves the correction towards its target, according to the camera's motion.
 
         Args:
-            reference: keyframe that the pose was found from. A pose found from an anchor has
-                drifted as much as that has, and no more.
-            T_before: T_track_camera of the pose before, float64 [4, 4].
-            T_now: the same of this one.
+            reference: keyframe that the pose was found from. A pose found from an anchor has the
+                same drift as that anchor.
+            T_before: T_track_camera of the previous pose, float64 [4, 4].
+            T_now: T_track_camera of this pose.
         """
         drift = self._drift.current()
         if isinstance(reference, Anchor):
@@ -169,15 +169,15 @@ class KeyframeMap:
         self._drift.replace(drift.advanced(T_before, T_now, self._config.odometry.drift_rate))
 
     def pose_in_odom(self, T_track_camera: Float64, covariance: Float64) -> tuple[Float64, Float64]:
-        """A pose as it is given out, with the drift taken out that is known.
+        """The published pose: a tracked one with the drift correction applied.
 
         Args:
             T_track_camera: as tracked, float64 [4, 4].
             covariance: float64 [6, 6] of it, perturbation on the left, track frame.
 
         Returns:
-            T_odom_camera [4, 4] and its covariance [6, 6] as in nav_msgs/Odometry, to which drift
-            that is known and not taken out yet adds.
+            T_odom_camera [4, 4] and its covariance [6, 6] as in nav_msgs/Odometry, including drift
+            that is known but not yet corrected.
         """
         T_odom_camera = self._drift.current().T_odom_track @ T_track_camera
         left = self._drift.current().left
@@ -189,7 +189,7 @@ class KeyframeMap:
         return se3.transported_covariance(self._drift.current().T_odom_track, covariance)
 
     def shift_track(self, T_shift: Float64) -> None:
-        """Goes on with poses that are shifted, and without a jump of those given out.
+        """Continues with shifted tracked poses, without a jump of the published ones.
 
         Args:
             T_shift: float64 [4, 4], multiplied on the left of tracked poses from now on.
@@ -208,7 +208,7 @@ class KeyframeMap:
         return self._keyframes.add(stamp_ns, T_track_camera, covariance, features, model, target)
 
     def _compare_with_anchors(self, keyframe: Keyframe, calibration: SelfCalibration) -> None:
-        """Starts to look for drift where anchors saw the same part of the room."""
+        """Starts comparisons with anchors that saw the same part of the room."""
         T_odom_camera = self._drift.current().target @ keyframe.T_track_camera
         radius = self._config.odometry.drift_radius
         anchors = self._keyframes.anchors(T_odom_camera, radius)[:_ANCHORS_COMPARED]
@@ -217,17 +217,17 @@ class KeyframeMap:
             self._drift.update_later(DriftCorrection.after_revisit, keyframe, anchors, learnt)
 
     def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
-        """What a frame that should become a keyframe shows of the room; None if it should not."""
+        """What a frame due as a keyframe shows of the room; None if it is not due."""
         reference = candidate.reference
-        progress = _progress(reference, candidate, self._config.odometry)
-        if progress < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap:
+        distance = _keyframe_distance(reference, candidate, self._config.odometry)
+        if distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap:
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):
             return None
-        # a blurred image is a poor keyframe: a sharper one is probably on its way
+        # a blurred image is a poor keyframe: a sharper one will probably follow
         is_blurred = 2 * len(model.pixels[0].points) < len(reference.model.pixels[0].points)
-        return None if is_blurred and progress < 2 else (features, model)
+        return None if is_blurred and distance < 2 else (features, model)
 
     def _shown_of_the_room(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model]:
         """A frame's features and model without dynamic objects."""
@@ -248,7 +248,7 @@ class KeyframeMap:
 
 
 def overlap(view: View, refinement: Refinement, config: RefineConfig) -> float:
-    """The part of what a frame shows that the keyframes showed too.
+    """The fraction of a frame's view that the keyframes showed too.
 
     Args:
         view: the frame.
@@ -260,8 +260,10 @@ def overlap(view: View, refinement: Refinement, config: RefineConfig) -> float:
     return refinement.planes_seen / max(int(known), 1)
 
 
-def _progress(reference: Keyframe, candidate: KeyframeCandidate, config: OdometryConfig) -> float:
-    """How far a frame is from its keyframe, in the distances at which it becomes one itself."""
+def _keyframe_distance(
+    reference: Keyframe, candidate: KeyframeCandidate, config: OdometryConfig
+) -> float:
+    """Distance of a frame from its keyframe, in units of that at which it becomes one itself."""
     T = se3.inverse(reference.T_track_camera) @ candidate.T_track_camera
     return max(
         float(np.linalg.norm(T[:3, 3])) / config.keyframe_translation,

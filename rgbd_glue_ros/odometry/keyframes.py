@@ -22,7 +22,7 @@ class Keyframe:
         stamp_ns: of the frame.
         T_track_camera: float64 [4, 4].
         covariance: float64 [6, 6] of the pose, perturbation on the left, track frame; without the
-            error of its image's time, which those of later poses do not add to.
+            error of its image's time, which does not accumulate in later poses.
         features: of the frame.
         model: its planes and pixels, in the track frame.
     """
@@ -40,23 +40,23 @@ class Anchor(Keyframe):
     """A keyframe that tracking has left behind.
 
     Attributes:
-        T_odom_track: float64 [4, 4], what takes the drift out of ``T_track_camera``.
+        T_odom_track: float64 [4, 4], the drift correction of ``T_track_camera``.
     """
 
     T_odom_track: Float64
 
     @property
     def T_odom_camera(self) -> Float64:
-        """The pose without the drift, float64 [4, 4]."""
+        """The drift-corrected pose, float64 [4, 4]."""
         return self.T_odom_track @ self.T_track_camera
 
 
 class Keyframes:
-    """The latest keyframes, and of those before them the ones that know the room.
+    """The latest keyframes, and earlier ones that cover the room.
 
     The latest are the window that tracking chooses from. One that leaves it becomes an anchor,
-    unless there is an earlier one near, which has drifted less. Where room is short the oldest
-    anchor goes.
+    unless an earlier one is near, which has drifted less. If there are too many, the oldest anchor
+    is dropped.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -89,7 +89,7 @@ class Keyframes:
             covariance: float64 [6, 6] of it.
             features: of the frame.
             model: in its camera's frame.
-            T_odom_track: what takes out the drift as it is known now, float64 [4, 4].
+            T_odom_track: the current drift correction, float64 [4, 4].
         """
         moved = model.moved(T_track_camera)
         number, self._count = self._count, self._count + 1
@@ -110,16 +110,16 @@ class Keyframes:
         """Makes anchors of the whole window, so that tracking starts without it.
 
         Args:
-            T_odom_track: what takes out the drift as it is known now, float64 [4, 4].
+            T_odom_track: the current drift correction, float64 [4, 4].
         """
         while self._window:
             self._leave(self._window.popleft(), T_odom_track)
 
     def anchors(self, T_odom_camera: Float64, radius: float) -> list[Anchor]:
-        """The anchors that saw the room from nearer there than ``radius``, the earliest first.
+        """The anchors whose views are nearer to a pose than ``radius``, the earliest first.
 
         Args:
-            T_odom_camera: pose of a camera, without the drift, float64 [4, 4].
+            T_odom_camera: drift-corrected pose of a camera, float64 [4, 4].
             radius: metres plus radians.
         """
         return [k for k in self._anchors if se3.difference(k.T_odom_camera, T_odom_camera) < radius]
@@ -129,17 +129,17 @@ class Keyframes:
         return list(self)[::-1][:count]
 
     def in_turn(self, count: int, turn: int) -> list[Keyframe]:
-        """``count`` of all keyframes, newest first and other ones every turn, until all had theirs.
+        """``count`` of all keyframes, newest first and others at every turn, until all were used.
 
         Args:
-            count: how many.
-            turn: from 0, which has the newest.
+            count: number of keyframes.
+            turn: from 0, which starts with the newest.
         """
         newest_first = self.latest(len(self))
         start = turn * count % max(len(newest_first), 1)
         return (newest_first[start:] + newest_first[:start])[:count]
 
     def nearest(self, T_track_camera: Float64) -> list[Keyframe]:
-        """The window, those first that saw the room from most nearly there."""
+        """The window, ordered by nearness of the view to a pose."""
         newest_first = reversed(self._window)
         return sorted(newest_first, key=lambda k: se3.difference(k.T_track_camera, T_track_camera))

@@ -1,42 +1,45 @@
 """How a camera moves between frames: a Kalman filter of pose and velocity.
 
-Poses of single frames jitter, above all along directions that the images hardly fix; a camera has
-mass and does not. The filter follows the images where they are precise and the motion where not.
+Poses of single frames jitter, above all in directions that the images hardly constrain; a camera
+has mass and does not. The filter follows the images where they are precise, otherwise the motion.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import SURPRISE, mahalanobis_squared
+from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.gyroscope import Turn
 from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
-# A velocity is worth something for this long; after it the camera is expected where it was.
-_MEMORY_S = 0.25
-# Before anything is known: a camera on a robot or in a hand, m/s and rad/s.
+# A velocity is meaningful for this long; after that the camera is expected where it was.
+MEMORY_S = 0.25
+# Initial standard deviations: a camera on a robot or in a hand, m/s and rad/s.
 _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
-# How much a camera that shows anything may change its speed between two frames, m/s and rad/s.
+# How much a camera with a usable image may change its speed between two frames, m/s and rad/s.
 _CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
-# No camera is moved faster and sees anything: it was found again elsewhere.
+# No camera with a usable image moves faster: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
 LOST_SPREAD = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
 """How far a pose may be off a second after it was lost, float64 [6, 6], m² and rad².
 
 A hand-held camera or a robot indoors.
 """
-# No pose is off by more, and a clock that jumped by months would leave a covariance no digit.
+# No pose is off by more; after a clock jump of months, a covariance would have no digits left.
 _FARTHEST_SPREAD = np.diag([1e3] * 3 + [np.pi] * 3) ** 2
+_EXACT = np.zeros((6, 6))
+M = TypeVar("M", bound="Motion")
 # The two parts of the filter's state.
 _POSE, _TWIST = slice(0, 6), slice(6, 12)
 
 
 def lost_spread(seconds: float) -> Float64:
-    """How far a pose may be off so long after it was lost, float64 [6, 6], m² and rad²."""
+    """How far a pose may be off after being lost for a time, float64 [6, 6], m² and rad²."""
     spread: Float64 = np.minimum(LOST_SPREAD * seconds**2, _FARTHEST_SPREAD)
     return spread
 
@@ -46,7 +49,7 @@ class Motion:
     """Pose and velocity at a time.
 
     Attributes:
-        stamp_ns: of the last frame that had a pose.
+        stamp_ns: of a frame.
         T_track_camera: float64 [4, 4].
         twist: float64 [6], linear and angular velocity, in the camera's frame (m/s, rad/s).
         covariance: float64 [12, 12] of pose and velocity; perturbations on the right of the pose,
@@ -59,123 +62,88 @@ class Motion:
     covariance: Float64
 
     @staticmethod
-    def start(stamp_ns: int, T_track_camera: Float64) -> Motion:
-        """A pose that is known, and a velocity that is not."""
+    def start(stamp_ns: int, T_track_camera: Float64, pose_covariance: Float64 = _EXACT) -> Motion:
+        """A known pose, by default exactly, with unknown velocity."""
         covariance = np.diag(np.concatenate([np.zeros(6), _START_SPEED**2]))
+        covariance[_POSE, _POSE] = pose_covariance
         return Motion(stamp_ns, T_track_camera, np.zeros(6), covariance)
 
-    def predicted(self, stamp_ns: int, config: MotionConfig) -> Motion:
-        """The motion at a later stamp, at constant velocity but for random accelerations."""
+    def predicted(self, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
+        """The motion at a later stamp, at constant velocity plus random accelerations."""
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
-        moving = min(elapsed, _MEMORY_S)
+        moving = min(elapsed, MEMORY_S)
         step = se3.exp(self.twist * moving)
         F = np.eye(12)
         F[:6, :6] = se3.adjoint(se3.inverse(step))
         F[:6, 6:] = moving * np.eye(6)
         # the velocity changes at the start of the step: a change spread over it would have to be
-        # twice as great, and a filter that believes its measurements would swing
+        # twice as large, and a filter that trusts its measurements would oscillate
         G = np.concatenate([np.eye(6) * elapsed**2, np.eye(6) * elapsed])
         acceleration = np.diag([config.acceleration**2] * 3 + [config.angular_acceleration**2] * 3)
         covariance = F @ self.covariance @ F.T + G @ acceleration @ G.T
-        # the velocity at the end is not the mean of the step, which is all that poses tell
+        # the velocity at the end is not the mean of the step, which is all that poses show
         covariance[6:, 6:] += acceleration * (elapsed / 2) ** 2
-        # what the camera does after the memory has faded, nobody knows
+        # what the camera does after that time is unknown
         twist = self.twist * (moving / elapsed)
-        return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
+        return PredictedMotion(stamp_ns, self.T_track_camera @ step, twist, covariance, elapsed)
 
-    def predicted_by(self, turn: Turn, stamp_ns: int, config: MotionConfig) -> Motion:
-        """The motion at a later stamp, at constant linear velocity and turned by a gyroscope.
+    def predicted_by(self, turn: Turn, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
+        """The motion at a later stamp, at constant linear velocity and with a gyroscope's rotation.
 
-        The pose is no more certain than without: what images leave open couples rotation and
-        position, and with a rotation that is held fast it is the position that errs.
+        The pose is no more certain than without it: what images leave open couples rotation and
+        position, so fixing the rotation would move the error to the position.
 
         Args:
             turn: between this motion's stamp and the later one.
-            stamp_ns: the later one.
+            stamp_ns: the later stamp.
             config: how the linear velocity changes.
         """
         predicted = self.predicted(stamp_ns, config)
-        moving = min((stamp_ns - self.stamp_ns) / NANOSECONDS, _MEMORY_S)
+        moving = min(predicted.elapsed_s, MEMORY_S)
         step = se3.exp(np.concatenate([self.twist[:3] * moving, turn.rotation_vector]))
-        # nothing of the angular velocity before is left: it was measured
+        # the measured angular velocity replaces the previous one
         covariance = predicted.covariance.copy()
         covariance[9:, :] = covariance[:, 9:] = 0.0
         covariance[9:, 9:] = turn.angular_velocity_covariance
         twist = np.concatenate([predicted.twist[:3], turn.angular_velocity])
-        return Motion(stamp_ns, self.T_track_camera @ step, twist, covariance)
-
-    def shifted(self, T_shift: Float64) -> Motion:
-        """The same motion elsewhere: poses that have T_shift [4, 4] multiplied on the left."""
-        return replace(self, T_track_camera=T_shift @ self.T_track_camera)
-
-    def expects(self, T_track_camera: Float64) -> bool:
-        """Whether the filter finds it possible that the camera is there, at its stamp."""
-        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, self.covariance[_POSE, _POSE]) < SURPRISE
-
-    def reaches(self, T_track_camera: Float64, predicted: Motion) -> bool:
-        """Whether a camera that was last here can be there now, as ``surprise`` takes the two."""
-        return self.surprise(T_track_camera, predicted) < SURPRISE
-
-    def surprise(self, T_track_camera: Float64, predicted: Motion) -> float:
-        """How far a camera that was last here is from where it is expected now.
-
-        Args:
-            T_track_camera: where it is, float64 [4, 4].
-            predicted: where it is expected.
-
-        Returns:
-            The squared Mahalanobis distance; ``SURPRISE`` is what no camera exceeds.
-        """
-        way = se3.log(se3.inverse(predicted.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, self.spread(predicted))
-
-    def spread(self, predicted: Motion) -> Float64:
-        """How far from where it is expected a camera that was last here may be.
-
-        Args:
-            predicted: where it is expected.
-
-        Returns:
-            The covariance [6, 6], perturbation on the right of the predicted pose.
-        """
-        elapsed = (predicted.stamp_ns - self.stamp_ns) / NANOSECONDS
-        covariance: Float64 = predicted.covariance[_POSE, _POSE] + np.diag(
-            (_CHANGE_OF_SPEED * elapsed) ** 2
+        return replace(
+            predicted, T_track_camera=self.T_track_camera @ step, twist=twist, covariance=covariance
         )
-        return covariance
+
+    def shifted(self: M, T_shift: Float64) -> M:
+        """The same motion elsewhere: poses multiplied by T_shift [4, 4] on the left."""
+        return replace(self, T_track_camera=T_shift @ self.T_track_camera)
 
     def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
         """The motion after a measured pose.
 
-        A measurement that the prediction finds all but impossible is believed: the camera was
-        pushed, or found again, and the prediction was too sure of itself.
+        A measurement that is almost impossible according to the prediction is accepted: the camera
+        was pushed, or found again, and the prediction was too confident.
 
         Args:
             T_measured: T_track_camera, float64 [4, 4].
-            covariance: float64 [6, 6] of it, perturbation on the right.
+            covariance: float64 [6, 6] of the pose, perturbation on the right.
         """
         innovation = se3.log(se3.inverse(self.T_track_camera) @ T_measured)
-        surprise = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
-        P = self.covariance * max(1.0, (surprise / SURPRISE) ** 2)
+        distance = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
+        P = self.covariance * max(1.0, (distance / POSE_GATE) ** 2)
         corrected = self._updated(P, _POSE, innovation, covariance)
         if (np.abs(corrected.twist) < _FASTEST).all():
             return corrected
-        start = Motion.start(self.stamp_ns, corrected.T_track_camera)
-        start.covariance[:6, :6] = corrected.covariance[:6, :6]
-        return start
+        pose_covariance = corrected.covariance[_POSE, _POSE]
+        return Motion.start(self.stamp_ns, corrected.T_track_camera, pose_covariance)
 
     def corrected_by_twist(self, twist: Float64, covariance: Float64) -> Motion:
-        """The motion after a measured velocity; as it was, where the two disagree altogether.
+        """The motion after a measured velocity; unchanged if the two disagree completely.
 
         Args:
             twist: float64 [6], linear and angular, in the camera's frame.
-            covariance: float64 [6, 6] of it.
+            covariance: float64 [6, 6] of ``twist``.
         """
         innovation = twist - self.twist
         expected = self.covariance[_TWIST, _TWIST] + covariance
-        # the comparison with NaN is false, too
-        if not mahalanobis_squared(innovation, expected) <= SURPRISE:
+        # a comparison with NaN is false, too
+        if not mahalanobis_squared(innovation, expected) <= POSE_GATE:
             return self
         return self._updated(self.covariance, _TWIST, innovation, covariance)
 
@@ -185,19 +153,62 @@ class Motion:
         """The update of a Kalman filter.
 
         Args:
-            P: float64 [12, 12], how uncertain the motion is before it.
+            P: float64 [12, 12], covariance of the motion before the update.
             measured: which of pose and velocity was measured.
-            innovation: float64 [6], how far off the measurement is.
+            innovation: float64 [6], difference of the measurement from the prediction.
             covariance: float64 [6, 6] of the measurement.
         """
         gain = P[:, measured] @ np.linalg.inv(P[measured, measured] + covariance)
         change = gain @ innovation
-        # Joseph's form: the difference P - gain P has no digit left after a minute without a pose
+        # Joseph's form: the difference P - gain P has no digits left after a minute without a pose
         kept = np.eye(12)
         kept[:, measured] -= gain
-        return replace(
-            self,
-            T_track_camera=self.T_track_camera @ se3.exp(change[_POSE]),
-            twist=self.twist + change[_TWIST],
-            covariance=kept @ P @ kept.T + gain @ covariance @ gain.T,
+        return Motion(
+            self.stamp_ns,
+            self.T_track_camera @ se3.exp(change[_POSE]),
+            self.twist + change[_TWIST],
+            kept @ P @ kept.T + gain @ covariance @ gain.T,
         )
+
+
+@dataclass(frozen=True)
+class PredictedMotion(Motion):
+    """The motion at a frame's stamp before its images are looked at.
+
+    Attributes:
+        elapsed_s: since the last pose, from which it is predicted, seconds.
+    """
+
+    elapsed_s: float
+
+    def expects(self, T_track_camera: Float64) -> bool:
+        """Whether a pose is possible according to the filter."""
+        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
+        return mahalanobis_squared(way, self.covariance[_POSE, _POSE]) < POSE_GATE
+
+    def reaches(self, T_track_camera: Float64) -> bool:
+        """Whether the camera can have got to a pose."""
+        return self.distance_squared(T_track_camera) < POSE_GATE
+
+    def distance_squared(self, T_track_camera: Float64) -> float:
+        """The squared Mahalanobis distance of a pose from the predicted one.
+
+        Args:
+            T_track_camera: float64 [4, 4].
+
+        Returns:
+            The distance with ``reach_covariance``; no camera gets beyond ``POSE_GATE``.
+        """
+        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
+        return mahalanobis_squared(way, self.reach_covariance())
+
+    def reach_covariance(self) -> Float64:
+        """How far from its predicted pose the camera can have got, float64 [6, 6].
+
+        The filter's covariance and a change of speed as sudden as a hand can make it; perturbation
+        on the right of the predicted pose.
+        """
+        covariance: Float64 = self.covariance[_POSE, _POSE] + np.diag(
+            (_CHANGE_OF_SPEED * self.elapsed_s) ** 2
+        )
+        return covariance

@@ -1,4 +1,4 @@
-"""Keyframe odometry: gives every frame a pose, or says that it has none."""
+"""Keyframe odometry: gives every frame a pose, or reports that it has none."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_edges import timing_covariance, tracked_covariance
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.parameters import Config, load_preset
 from rgbd_glue_ros.refinement.model import blend
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
@@ -39,20 +39,21 @@ from rgbd_glue_ros.types import (
 )
 from rgbd_glue_ros.types.checks import check_guess
 
-# Between frames farther apart than this the twist says too little of the moment of one of them.
+# Between frames farther apart than this the twist says too little about the moment of one of them.
 _TWIST_IS_CERTAIN_NS = NANOSECONDS // 10
 
 
 class Odometry(Closing):
     """Turns RGB-D frames into poses T_odom_camera.
 
-    Deterministic: the same frames and configuration give the same bits. Not thread-safe: one
-    thread calls. It has one of its own, which ``close`` or the end of a ``with`` ends. A ``Glue``
-    of the same configuration may be given to it. Ctrl-C interrupts when a frame is done.
+    Deterministic: the same frames and configuration give the same bits. Not thread-safe: call it
+    from one thread. It has its own background thread, which ``close`` or the end of a ``with``
+    ends. By default it uses the preset ``live``, and creates the ``Glue`` of its configuration.
     """
 
-    def __init__(self, config: Config, glue: Glue | None = None) -> None:
-        self._config, self._glue = config, glue or Glue(config)
+    def __init__(self, config: Config | None = None, glue: Glue | None = None) -> None:
+        self._config = config or load_preset("live")
+        self._glue = glue or Glue(self._config)
         self._background = BackgroundThread()
         self.reset()
 
@@ -61,7 +62,7 @@ class Odometry(Closing):
         self._background.close()
 
     def reconfigure(self, config: Config) -> None:
-        """Uses other parameters from the next frame on; fixed ones must be as before."""
+        """Uses other parameters from the next frame on; fixed ones must be unchanged."""
         self._config = config
         self._glue.reconfigure(config)
         self._map.reconfigure(config)
@@ -76,16 +77,16 @@ class Odometry(Closing):
         self._inertial = Inertial()
 
     def add_imu(self, samples: ImuSamples) -> None:
-        """Takes samples of an IMU, in the axes of the camera's optical frame; optional.
+        """Adds samples of an IMU, in the axes of the camera's optical frame; optional.
 
-        Those around the next frames are of use, before ``track`` or ``process`` is called with the
-        frame. Of frames that they do not cover, the motion is predicted without.
+        Samples are used if they are added before ``track`` or ``process`` is called with the frame
+        that they lead up to. For frames that they do not cover, motion is predicted without them.
         """
         self._inertial = self._inertial.with_samples(samples)
 
     @property
     def imu_calibration(self) -> ImuCalibration:
-        """What was learnt of the IMU so far, and what it is used for."""
+        """What was learnt about the IMU so far, and what it is used for."""
         return self._inertial.calibration
 
     def up(self, stamp_ns: int) -> Float64 | None:
@@ -98,10 +99,10 @@ class Odometry(Closing):
         return self._progress.state
 
     def process(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
-        """``track`` and ``update_map`` in one, for whom the pose alone is in no hurry.
+        """``track`` and ``update_map`` in one, for callers that do not need the pose early.
 
         Returns:
-            What ``track`` does, and what came of the frame in ``update_map`` and ``new_edges``.
+            The estimate of ``track``, completed by ``update_map`` and ``new_edges``.
         """
         estimate = self.track(frame, T_guess_camera)
         became_keyframe, ms = timed(self.update_map)
@@ -114,22 +115,22 @@ class Odometry(Closing):
 
     @uninterrupted()
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
-        """Registers a frame and returns what is known after it.
+        """Registers a frame and returns its estimate.
 
         Args:
-            frame: later than the one before.
-            T_guess_camera: float64 [4, 4], the camera's pose by another odometry, in a fixed frame
-                of its own; None if there is none. Its motion since the last pose is where the
-                search starts.
+            frame: later than the previous one.
+            T_guess_camera: float64 [4, 4], the camera's pose by another odometry, in its own fixed
+                frame; None if there is none. The search starts from its motion since the last pose.
 
         Returns:
-            The estimate; whether the frame becomes a keyframe is for ``update_map`` to say, except
-            of one that starts anew, which is one already.
+            The estimate; ``update_map`` decides whether the frame becomes a keyframe, except for
+            one at which the odometry starts or restarts, which already is one.
 
         Raises:
-            InputError: the frame is not later than the one before, or the guess is no pose. Nothing
-                else raises: an image that shows nothing gives an estimate without a pose.
+            InputError: the frame is not later than the previous one, the guess is not a pose, or
+                the odometry was closed. An image that shows nothing gives no pose.
         """
+        self._background.check_open()
         if T_guess_camera is not None:
             check_guess(T_guess_camera)
         self.update_map()
@@ -155,13 +156,13 @@ class Odometry(Closing):
 
     @uninterrupted()
     def update_map(self) -> bool:
-        """Makes a keyframe of the frame tracked last, where it is time.
+        """Makes a keyframe of the frame tracked last, if it is due.
 
-        That takes a while, and no pose waits for it but that of the next frame: call it when the
-        pose is on its way. Where nobody does, the next ``track`` does.
+        This takes a while, and only the next frame's pose waits for it: call it after publishing
+        the pose. Otherwise the next ``track`` calls it.
 
         Returns:
-            Whether the frame became one.
+            Whether the frame became a keyframe.
         """
         candidate, self._candidate = self._candidate, None
         return candidate is not None and self._map.add_if_due(candidate, self._calibration)
@@ -172,19 +173,19 @@ class Odometry(Closing):
         return self._map.newest()
 
     def learnt_config(self) -> Config:
-        """The parameters by what is known of the camera now: how poses are refined, and err."""
+        """The parameters adapted to this camera: refinement and errors of poses."""
         return self._calibration.learnt_config()
 
     def new_edges(self) -> tuple[PoseGraphEdge, ...]:
-        """What was measured between keyframes since the last call.
+        """The edges measured between keyframes since the last call.
 
-        A keyframe's edge to the one that it was tracked from is there after ``update_map``; that
-        to an anchor, after the next ``track``.
+        A keyframe's edge to the one that it was tracked from is available after ``update_map``;
+        that to an anchor, after the next ``track``.
         """
         return self._map.take_edges()
 
-    def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> Motion | None:
-        """The motion at a stamp as far as it is known before the images are; None at the start."""
+    def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> PredictedMotion | None:
+        """The motion at a stamp, predicted without its images; None at the start."""
         last, T_guess_last = self._progress.last, self._progress.T_guess_camera
         if last is None:
             return None
@@ -194,34 +195,34 @@ class Odometry(Closing):
         T_last_camera = se3.inverse(T_guess_last) @ T_guess_camera
         return replace(predicted, T_track_camera=last.motion.T_track_camera @ T_last_camera)
 
-    def _prepare(self, frame: RgbdFrame, predicted: Motion | None) -> View:
-        """The frame as it is registered, with the twist that it is expected to have."""
+    def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> View:
+        """The frame prepared for registration, with its expected twist."""
         if predicted is None:
             self._calibration.start(frame.frame_id)
         twist = np.zeros(6) if predicted is None else predicted.twist
         return self._calibration.prepare(frame, twist)
 
-    def _find_pose(self, view: View, last: LastPose, predicted: Motion) -> Attempt:
+    def _find_pose(self, view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
-        problem = PoseProblem(model, view, predicted, self._calibration.refine_config())
+        problem = PoseProblem(model, view, self._calibration.refine_config(), predicted=predicted)
         config, is_lost = self._config.odometry, self.state is TrackingState.LOST
-        asked = sceptical(config) if is_lost else config
+        asked = sceptical(config) if is_lost or self._progress.is_after_gap else config
         tracked = track(problem, references, last, self._glue, self._background, asked)
         self._map.finish_revisit()
         if tracked.fix is not None:
             return tracked
         keyframes = self._map.in_turn(self._progress.frames_missed)
         relocalised = relocalise(
-            tracked.features, keyframes, last.motion, problem, self._glue, config, is_lost=is_lost
+            tracked.features, keyframes, problem, self._glue, config, is_lost=is_lost
         )
         return tracked if relocalised is None else relocalised
 
     def _accept(
-        self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: Motion
+        self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: PredictedMotion
     ) -> OdometryEstimate:
-        """Takes a pose over into the motion, the drift, the calibration and the map."""
+        """Applies a pose to the motion, the drift, the calibration and the map."""
         if fix.T_shift is not None:
             predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
             self._map.shift_track(fix.T_shift)
@@ -232,9 +233,9 @@ class Odometry(Closing):
         learnt = self._calibration.learnt_config()
         said = corrected_motion(predicted, fix.estimate, learnt.refine)
         covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
-            fix.estimate.refinement, fix.alternative, last.spread(predicted), learnt.odometry
+            fix.estimate.refinement, fix.alternative, predicted.reach_covariance(), learnt.odometry
         )
-        # with its pose known, the twist of the frame is known better than when it was predicted
+        # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)
         self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
         is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
@@ -270,23 +271,22 @@ class Odometry(Closing):
         return self._start_at(self._map.start(stamp_ns, features, model), features.stages_ms)
 
     def _miss(self, attempt: Attempt, last: Motion, stamp_ns: int) -> OdometryEstimate:
-        """No pose for this frame; after enough of them, a new start at the last one."""
+        """No pose for this frame; after enough such frames, a restart at the last pose."""
         features = attempt.features
-        self._progress = replace(self._progress, state=TrackingState.LOST)
+        model = self._map.model_if_enough(features)
+        self._progress = self._progress.with_miss(shows_enough=model is not None)
         missed = OdometryEstimate(
             stamp_ns, self.state, registration=attempt.registration, stages_ms=features.stages_ms
         )
-        model = self._map.model_if_enough(features)
-        if model is None:
-            return missed  # a covered camera may yet come back to a place that is known
-        self._progress = self._progress.with_miss()
-        if not self._progress.is_long_without_pose(stamp_ns, self._config.odometry):
+        # a covered camera may still return to a known place
+        is_time = self._progress.is_long_without_pose(stamp_ns, self._config.odometry)
+        if model is None or not is_time:
             return missed
         anew = self._map.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, features.stages_ms)
 
     def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
-        """Starts anew at the pose of a keyframe, and says so."""
+        """Restarts at the pose of a keyframe, and reports it."""
         self._calibration.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))

@@ -1,8 +1,8 @@
-"""Parts of the robot in view: what stays where it is in the image while the camera moves.
+"""Parts of the robot in view: surfaces that stay in the image while the camera moves.
 
-A gripper or a bumper moves with the camera, speaks against every motion, and weighs most, as it is
-near. So a surface that is seen at the same depth in the same pixels from poses from which it, if it
-stood still, would have to be seen elsewhere, is taken for one, and left out of frames from then on.
+A gripper or a bumper moves with the camera, contradicts every motion, and has the most weight,
+since it is near. So a surface that keeps its depth at the same pixels, at poses from which a static
+surface would be seen elsewhere, is classified as such a part, and ignored from then on.
 """
 
 from __future__ import annotations
@@ -24,35 +24,35 @@ from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 logger = logging.getLogger(__name__)
 
-# Motion from one view that is compared to the next, metres and radians added.
+# Motion between views that are compared, metres and radians added.
 _APART = 0.04
-# The latest views are compared, and of those before as many that are farther apart: some parts
-# could stand still in a small motion.
+# The latest views are compared, and as many earlier ones that are farther apart: some parts could
+# stand still in a small motion.
 _LATEST, _EARLIER, _FAR_APART = 3, 2, 0.2
-# Depth that differs by fewer standard deviations has stayed, by more has changed.
+# Depth that differs by fewer standard deviations is unchanged, by more has changed.
 _STAYED_SIGMAS, _CHANGED_SIGMAS = 4.0, 10.0
-# An own part is nearer than this part of the median depth of what changes: of a room and somebody
-# who walks by, the room is the farther.
+# An own part is nearer than this fraction of the median depth of what changes: the room is farther
+# away than a passer-by.
 _NEARER = 2 / 3
-# Where almost everything is where it could not be, it is the pose that is wrong.
+# If almost everything is where it could not be, the pose is wrong instead.
 _MOST = 0.7
-# So many times a block has to be seen as an own part; beside blocks that were, once.
+# Times that a block has to be seen as an own part; once, if it is next to blocks that were.
 _VOTES = 3
 _MOST_VOTES = 100
-# Own parts are painted in this: an image without edges says nothing.
+# Own parts are painted in this grey: an image without edges says nothing.
 _GREY = 128
-# It is said when so much more of the view is left out.
+# It is logged when this much more of the view is ignored.
 _WORTH_SAYING = 0.05
 
 
 @dataclass(frozen=True)
 class OwnParts:
-    """What is known of own parts.
+    """What is known about own parts.
 
     Attributes:
         votes: int8 [R, C], how often each block was seen as one, since its depth changed.
-        views: that the next is compared with, the oldest first.
-        said: the part of the view that the log said is left out, from 0 to 1.
+        views: views that the next is compared with, the oldest first.
+        said: the fraction of the view that was logged as ignored, from 0 to 1.
     """
 
     votes: NDArray[np.int8] = field(default_factory=lambda: np.zeros((0, 0), np.int8))
@@ -60,14 +60,14 @@ class OwnParts:
     said: float = 0.0
 
     def needs(self, view: View, T_track_camera: Float64) -> bool:
-        """Whether a view from there would tell anything new."""
+        """Whether a view from there would add information."""
         if min(view.depth.shape) < BLOCK_PX:
             return False
         views = self.views
         return not views or se3.difference(views[-1].T_track_depth, T_track_camera) > _APART
 
     def after_view(self, view: View, T_track_camera: Float64) -> OwnParts:
-        """The same after another view, with own parts in it. Logs what is left out from now on.
+        """The own parts after another view that contains them. Logs what is ignored from now on.
 
         Args:
             view: as the camera gave it.
@@ -86,19 +86,19 @@ class OwnParts:
         if share < self.said + _WORTH_SAYING:
             return after
         logger.warning(
-            "%.0f %% of the view moves with the camera: taken for a part of the robot, and left "
-            "out; odometry.own_parts: false leaves it in",
+            "%.0f %% of the view moves with the camera: treated as a part of the robot, and "
+            "ignored; odometry.own_parts: false keeps it",
             100 * share,
         )
         return replace(after, said=share)
 
     def without_views(self) -> OwnParts:
-        """The same where the poses of earlier views cannot be compared with those to come."""
+        """The own parts without earlier views, whose poses cannot be compared with later ones."""
         return replace(self, views=())
 
     @cached_property
     def blocks(self) -> UInt8 | None:
-        """1 in the blocks of own parts, uint8 [R, C]; None where there are none."""
+        """1 in the blocks of own parts, uint8 [R, C]; None if there are none."""
         often = np.asarray(self.votes >= _VOTES, np.uint8)
         if not often.any():
             return None
@@ -109,7 +109,7 @@ class OwnParts:
         return widened(np.isin(labels, labels[sure]).astype(np.uint8))
 
     def left_out(self, view: View) -> View:
-        """A view without its own parts: their depth is unknown, and the image flat there."""
+        """A view without own parts: there depth is unknown, and the image flat."""
         blocks = self.blocks
         if blocks is None:
             return view
@@ -126,8 +126,8 @@ def _own(now: Surfaces, before: Surfaces, votes: NDArray[np.int8]) -> Mask:
 
     Args:
         now: a view.
-        before: another, whose own parts were in the same blocks.
-        votes: int8 [R, C]; what they know already says nothing about the pose.
+        before: another view, whose own parts were in the same blocks.
+        votes: int8 [R, C]; known own parts say nothing about the pose.
     """
     none = np.zeros(votes.shape, np.bool_)
     apart = _sigmas_apart(now.depth, before.depth)
@@ -135,7 +135,7 @@ def _own(now: Surfaces, before: Surfaces, votes: NDArray[np.int8]) -> Mask:
     if len(elsewhere) == 0:
         return none
     stayed = (apart < _STAYED_SIGMAS) & (now.depth < _NEARER * np.median(elsewhere))
-    # in most views nothing has, and where surfaces would be need not be looked at
+    # in most views nothing has, so projecting surfaces can be skipped
     if not stayed.any():
         return none
     displaced = now.in_front_of(before)
@@ -145,7 +145,7 @@ def _own(now: Surfaces, before: Surfaces, votes: NDArray[np.int8]) -> Mask:
 
 
 def _spaced(views: tuple[Surfaces, ...]) -> tuple[Surfaces, ...]:
-    """The views to go on with, the oldest first."""
+    """The views to keep, the oldest first."""
     earlier: list[Surfaces] = []
     for view in views[:-_LATEST]:
         if not earlier or _is_far(earlier[-1], view):
@@ -159,7 +159,7 @@ def _is_far(a: Surfaces, b: Surfaces) -> bool:
 
 @compiled
 def _sigmas_apart(depth: Float32, other: Float32) -> Float64:
-    """How far two depths differ, float64 [R, C], in standard deviations; NaN where unknown."""
+    """Difference of two depths, float64 [R, C], in standard deviations; NaN where unknown."""
     apart = np.full(depth.shape, np.nan)
     for r in range(depth.shape[0]):
         for c in range(depth.shape[1]):

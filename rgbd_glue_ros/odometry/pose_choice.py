@@ -1,8 +1,8 @@
-"""Which pose of a frame to believe: by all that tells two of them apart.
+"""Chooses the pose of a frame by all evidence that distinguishes the candidates.
 
-Along a corridor planes fit wherever one is, before a blank wall there are few pixels, and where
-everything repeats, matches are those of another place. So all of them are asked, and the camera's
-motion too.
+Along a corridor planes fit anywhere, in front of a blank wall there are few pixels, and where
+everything repeats, matches are with another place. So all of them are used, and the camera's motion
+too.
 """
 
 from __future__ import annotations
@@ -13,27 +13,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import SURPRISE, distances
+from rgbd_glue_ros.geometry.fitting import POSE_GATE, distances
 from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Correspondences
 
-# Refined from far apart, poses that end nearer than this, metres and radians added, are the same.
+# Poses refined from distant starts that end nearer than this, metres and radians added, are equal.
 _SAME = 0.01
-# Surfaces fill an image, but all its texture may be on somebody who walks through it: what the
-# correlation of brightness counts beside the agreement of planes.
+# The weight of brightness correlation relative to the agreement of planes: surfaces fill an image,
+# but all its texture may be on a passer-by.
 _TEXTURE = 0.3
-# A pose that the camera hardly gets to counts as much less as this part of the planes.
+# A pose that the camera can hardly reach is penalised by this fraction of the planes.
 _MOTION = 0.25
-# Visual matches decide between two poses from this many on, if one has this many times as many that
-# agree with it. Planes then speak against it only by this part more of them, and the motion where
-# one pose is likely and the other is not.
+# Visual matches decide between two poses from this number on, if this many times as many agree with
+# one of them. Planes then overrule them only by this further fraction, and the motion only if one
+# pose is likely and the other is not.
 _DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
 _PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
-# Blur and haste leave some planes where they are not; where more than the others are, or matches
-# decide, there is nothing to look for. Poses were up to 29 cm off with 77 % of the planes agreeing.
+# Blur and fast motion displace some planes; if more than this fraction agree, or matches decide, no
+# further start is needed. Poses were up to 29 cm off with 77 % of the planes agreeing.
 _CLEAR_AGREEMENT = 0.85
 
 
@@ -43,15 +43,15 @@ class Candidate:
 
     Attributes:
         estimate: the pose.
-        coarse: the same after the coarse levels alone, by which candidates are compared: the final
-            one seldom changes which is better.
-        surprise: squared Mahalanobis distance of the pose from where the camera was expected.
-        milliseconds: that its refinement took.
+        coarse: the pose after the coarse levels alone, by which candidates are compared: the final
+            level rarely changes which is better.
+        distance_squared: Mahalanobis distance of the pose from the predicted one, squared.
+        milliseconds: duration of its refinement.
     """
 
     estimate: PoseEstimate
     coarse: Refinement
-    surprise: float
+    distance_squared: float
     milliseconds: float
 
     @property
@@ -60,10 +60,10 @@ class Candidate:
         return self.estimate.refinement
 
     def is_believed(self, config: OdometryConfig) -> bool:
-        """Whether the pose is plausible, and within reach of the camera or beyond doubt."""
+        """Whether the pose is plausible, and within reach of the camera or conclusive."""
         if not is_plausible(self.refinement, self.refinement.planes_visible, config):
             return False
-        return self.surprise < SURPRISE or is_conclusive(self.refinement, config)
+        return self.distance_squared < POSE_GATE or is_conclusive(self.refinement, config)
 
 
 def choose(
@@ -72,13 +72,13 @@ def choose(
     inlier_threshold: float,
     config: OdometryConfig,
 ) -> Candidate | None:
-    """The pose that there is most evidence of, of those that are believed; None if none is.
+    """The accepted pose with the most evidence; None if none is accepted.
 
     Args:
-        candidates: of a frame; where there is no difference the first is taken.
-        matches: all visual ones of the frame, their targets in the frame of its poses.
+        candidates: of a frame; of equal ones the first is chosen.
+        matches: all visual matches of the frame, their targets in the frame of its poses.
         inlier_threshold: distance within which a match agrees with a pose, metres.
-        config: when a pose is believed.
+        config: when a pose is accepted.
     """
     believed = [c for c in candidates if c.is_believed(config)]
     if not believed:
@@ -91,11 +91,11 @@ def choose(
 
 
 def is_clear(candidate: Candidate, matches: Correspondences, inlier_threshold: float) -> bool:
-    """Whether planes or visual matches say enough for a pose, so that no other one is looked for.
+    """Whether planes or visual matches support a pose enough that no other start is needed.
 
     Args:
         candidate: the pose.
-        matches: all visual ones of the frame, their targets in the frame of its poses.
+        matches: all visual matches of the frame, their targets in the frame of its poses.
         inlier_threshold: distance within which a match agrees with a pose, metres.
     """
     if candidate.coarse.visible_agreement >= _CLEAR_AGREEMENT:
@@ -107,7 +107,7 @@ def is_clear(candidate: Candidate, matches: Correspondences, inlier_threshold: f
 def _is_better(
     candidate: Candidate, than: Candidate, matches: Correspondences, inlier_threshold: float
 ) -> bool:
-    """Whether there is more evidence of a pose than of another one of the same frame."""
+    """Whether there is more evidence for a pose than for another one of the same frame."""
     T, T_other = candidate.estimate.T_track_camera, than.estimate.T_track_camera
     if se3.difference(T, T_other) <= _SAME:
         return False
@@ -129,8 +129,8 @@ def _is_better(
 
 
 def _unlikeliness(candidate: Candidate) -> float:
-    """0 for what a hand does with a camera, 1 from the limit of what it can."""
-    return min(candidate.surprise / SURPRISE, 1.0) ** 2
+    """From 0 for normal motion of a hand-held camera to 1 at the limit of what is possible."""
+    return min(candidate.distance_squared / POSE_GATE, 1.0) ** 2
 
 
 def _fit(refinement: Refinement) -> float:

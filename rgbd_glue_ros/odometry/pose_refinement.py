@@ -1,15 +1,15 @@
-"""The pose of one frame, refined from a start: what it rests on and how far it is carried."""
+"""The pose of one frame, refined from a start: its inputs and its levels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import is_plausible
-from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
+from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion, PredictedMotion
 from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
     COARSE_TO_FINE,
@@ -18,17 +18,16 @@ from rgbd_glue_ros.refinement.gauss_newton import (
     evaluate_pose,
     refine,
 )
-from rgbd_glue_ros.refinement.level_problem import NO_MATCHES
-from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.refinement.reliability import without_feigned
+from rgbd_glue_ros.refinement.problem import RefinementProblem
+from rgbd_glue_ros.refinement.reliability import without_spurious_information
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
-from rgbd_glue_ros.types import Correspondences, Float64, View
+from rgbd_glue_ros.types import Float64
 
-# The way from the start is made at these.
+# Most of the distance from the start is covered at these levels.
 COARSE_LEVELS = COARSE_TO_FINE[:-1]
-# The twist is measured here: fine enough to see the distortion, and one level before it is used.
+# The twist is measured here: fine enough to show the distortion, and one level before it is used.
 VELOCITY_LEVEL = COARSE_TO_FINE[-2]
-# The pose ends here, with the twist that was measured: in fast motion its accuracy depends on that.
+# The pose is final here, with the measured twist: in fast motion its accuracy depends on that.
 FINAL_LEVEL = COARSE_TO_FINE[-1]
 
 
@@ -38,7 +37,7 @@ class PoseEstimate:
 
     Attributes:
         refinement: the pose, T_track_camera, and how well the frame agrees with it.
-        twist: None where it was not measured.
+        twist: None if it was not measured.
     """
 
     refinement: Refinement
@@ -51,22 +50,14 @@ class PoseEstimate:
 
 
 @dataclass(frozen=True)
-class PoseProblem:
-    """What the pose of a frame is refined by.
+class PoseProblem(RefinementProblem):
+    """The inputs for refining the pose of a frame; its model is in the track frame.
 
     Attributes:
-        model: what it is refined against, in the track frame.
-        view: the frame.
-        predicted: its motion before the images are looked at.
-        config: weights and steps.
-        matches: visual ones that hold the pose too, their targets in the track frame.
+        predicted: the frame's motion, predicted without its images.
     """
 
-    model: Model
-    view: View
-    predicted: Motion
-    config: RefineConfig
-    matches: Correspondences = NO_MATCHES
+    predicted: PredictedMotion = field(kw_only=True)
 
     def refined(
         self,
@@ -74,50 +65,37 @@ class PoseProblem:
         levels: Sequence[int],
         affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
     ) -> Refinement:
-        """A pose refined from a start, at some levels."""
-        return refine(
-            T_track_camera,
-            self.model,
-            self.view,
-            self.config,
-            levels,
-            affine_brightness,
-            self.matches,
-        )
+        """A pose refined from a start, at given levels."""
+        return refine(T_track_camera, self, levels, affine_brightness)
 
     def refined_further(self, coarse: Refinement, config: OdometryConfig) -> PoseEstimate:
-        """Carries a pose on from the coarse levels to the final one, with a better twist at each.
+        """Refines a pose from the coarse levels to the final one, with a better twist at each.
 
-        Where the final level is not plausible, the pose is left as it was.
+        If the result of the final level is not plausible, the pose is left unchanged.
         """
         moving = self.with_twist_of(PoseEstimate(coarse))
         finer = moving.refined(coarse.T_model_source, [VELOCITY_LEVEL])
-        twist = twist_from_distortion(
-            finer, moving.model, moving.view, moving.config, VELOCITY_LEVEL
-        )
+        twist = twist_from_distortion(finer, moving, VELOCITY_LEVEL)
         moving = self.with_twist_of(PoseEstimate(finer, twist))
         final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
         if is_plausible(final, final.planes_visible, config):
             return PoseEstimate(final, twist)
-        left = evaluate_pose(coarse.T_model_source, self.model, self.view, self.config)
-        return PoseEstimate(left)
+        return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
     def reliable(self, estimate: PoseEstimate, config: OdometryConfig) -> PoseEstimate:
-        """An estimate without what the images only seem to say, to where another search starts."""
-        reach, refinement = config.surprise_translation, estimate.refinement
-        left = without_feigned(
-            refinement, self.predicted.T_track_camera, self.model, self.view, self.config, reach
-        )
+        """An estimate without spurious information, relative to another start."""
+        expected, reach = self.predicted.T_track_camera, config.surprise_translation
+        left = without_spurious_information(estimate.refinement, expected, self, reach)
         return replace(estimate, refinement=left)
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
-        """The same, with the twist that the motion filter concludes from an estimate."""
+        """The problem with the twist that the motion filter infers from an estimate."""
         twist = corrected_motion(self.predicted, estimate, self.config).twist
         return replace(self, view=replace(self.view, twist=twist))
 
 
 def is_near(T_a: Float64, T_b: Float64, config: OdometryConfig) -> bool:
-    """Whether two poses are so near that refinement gets from one to the other."""
+    """Whether two poses are near enough for refinement to get from one to the other."""
     T = se3.inverse(T_b) @ T_a
     return bool(
         np.linalg.norm(T[:3, 3]) <= config.surprise_translation
@@ -126,7 +104,7 @@ def is_near(T_a: Float64, T_b: Float64, config: OdometryConfig) -> bool:
 
 
 def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
-    """The covariance [6, 6] of a refined pose, perturbation on the right: in the camera's frame."""
+    """Covariance [6, 6] of a refined pose, perturbation on the right, in the camera's frame."""
     information = estimate.refinement.information / config.residuals_per_independent_one
     covariance = np.asarray(np.linalg.inv(information + np.linalg.inv(LOST_SPREAD)), np.float64)
     to_camera = se3.adjoint(se3.inverse(estimate.T_track_camera))
@@ -135,7 +113,7 @@ def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
 
 
 def corrected_motion(predicted: Motion, estimate: PoseEstimate, config: RefineConfig) -> Motion:
-    """The predicted motion, corrected by a pose and by the twist where it was measured."""
+    """The predicted motion, corrected by a pose and, if it was measured, by the twist."""
     motion = predicted.corrected(estimate.T_track_camera, camera_covariance(estimate, config))
     if estimate.twist is None:
         return motion

@@ -1,4 +1,4 @@
-"""How far tracking has come: what one frame leaves for the next."""
+"""The state of tracking: what one frame passes to the next."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.odometry.contradiction import Alternative
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.alternative import Alternative
+from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState, View
 
-# Images that stay the same for longer are of a simulated camera that stands still.
+# Images that stay the same for longer come from a simulated camera that stands still.
 _REPEATED_WITHIN_NS = NANOSECONDS // 10
-# A camera that moves by no more metres and radians a second, added, is at rest.
+# A camera that moves by no more metres and radians per second, added, is at rest.
 _AT_REST = 0.02
-# Images are compared here first: two that differ mostly do so in any of their parts.
+# Frames are missing where one comes this many times as long after the last as that one did, and
+# after the motion before has become worthless.
+_GAP_INTERVALS, _GAP_NS = 3, int(MEMORY_S * NANOSECONDS)
+# Images are compared here first: two that differ mostly do so in every part.
 _SAMPLE = (slice(None, None, 16), slice(None, None, 16))
 
 
@@ -26,8 +29,8 @@ class LastPose:
 
     Attributes:
         motion: at that frame.
-        view: of it.
-        alternative: to its pose, if a part of it contradicted.
+        view: of that frame.
+        alternative: to its pose, if a part of the view contradicted it.
     """
 
     motion: Motion
@@ -37,15 +40,18 @@ class LastPose:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far tracking has come; replaced as a whole, never changed.
+    """The state of tracking; replaced as a whole, never changed.
 
     Attributes:
         state: after the last frame.
         last: the last frame with a pose; None before the first.
-        estimate: what was known after that frame; None before the first.
-        T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if there was.
+        estimate: the result for that frame; None before the first.
+        T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if any.
         last_stamp_ns: of the last frame; None before the first.
-        frames_missed: that showed something and had no pose, since the last one that had.
+        last_interval_ns: from the frame before it to the last one; None before the second.
+        is_after_gap: whether the last frame came so much later than usual that the motion before
+            it says little of where the camera is.
+        frames_missed: frames that showed something and had no pose, since the last pose.
     """
 
     state: TrackingState = TrackingState.INITIALIZING
@@ -53,38 +59,50 @@ class Progress:
     estimate: OdometryEstimate | None = None
     T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
+    last_interval_ns: int | None = None
+    is_after_gap: bool = False
     frames_missed: int = 0
 
-    def with_miss(self) -> Progress:
-        """After another frame that showed something and had no pose."""
-        return replace(self, frames_missed=self.frames_missed + 1)
+    def with_miss(self, *, shows_enough: bool) -> Progress:
+        """The state after a frame without a pose; whether it showed enough for one."""
+        missed = self.frames_missed + shows_enough
+        return replace(self, state=TrackingState.LOST, frames_missed=missed)
 
     def is_long_without_pose(self, stamp_ns: int, config: OdometryConfig) -> bool:
-        """Whether it is time to start anew, with the frame at a stamp."""
+        """Whether it is time to restart, with the frame at a stamp."""
         if self.last is None or config.reset_countdown == 0:
             return False
         seconds = (stamp_ns - self.last.motion.stamp_ns) / NANOSECONDS
         return self.frames_missed >= config.reset_countdown and seconds >= config.reset_delay
 
     def with_frame(self, stamp_ns: int) -> Progress:
-        """After a frame has come.
+        """The state after a frame has arrived.
 
         Raises:
-            InputError: it is not later than the one before.
+            InputError: the frame is not later than the previous one.
         """
         if self.last_stamp_ns is not None and stamp_ns <= self.last_stamp_ns:
             raise InputError(
                 f"frame at {stamp_ns} ns",
                 f"not later than the frame before, at {self.last_stamp_ns} ns",
-                "leave it out, or call reset() when time starts again",
+                "skip it, or call reset() when time restarts",
             )
-        return replace(self, last_stamp_ns=stamp_ns)
+        if self.last_stamp_ns is None:
+            return replace(self, last_stamp_ns=stamp_ns)
+        interval_ns = stamp_ns - self.last_stamp_ns
+        usual_ns = self.last_interval_ns or interval_ns
+        return replace(
+            self,
+            last_stamp_ns=stamp_ns,
+            last_interval_ns=interval_ns,
+            is_after_gap=interval_ns > max(_GAP_INTERVALS * usual_ns, _GAP_NS),
+        )
 
     def repeated(self, stamp_ns: int, view: View) -> OdometryEstimate | None:
-        """What is known after a frame that repeats the last one; None if it does not.
+        """The estimate for a frame that repeats the last one; None if it does not.
 
-        Some drivers send every image twice. The second tells nothing of the time in between, and
-        would be taken for a camera that stopped; of one that stands, it may be.
+        Some drivers send every image twice. The second says nothing about the time in between, and
+        would look like a camera that stopped; if the camera is at rest, it may be a new image.
         """
         last, estimate = self.last, self.estimate
         if self.state is not TrackingState.TRACKING or last is None or estimate is None:
@@ -96,16 +114,16 @@ class Progress:
         return replace(estimate, stamp_ns=stamp_ns, is_keyframe=False)
 
     def with_pose(self, last: LastPose) -> Progress:
-        """After a frame that has a pose."""
+        """The state after a frame with a pose."""
         return replace(self, state=TrackingState.TRACKING, last=last, frames_missed=0)
 
     def with_estimate(self, estimate: OdometryEstimate, T_guess_camera: Float64 | None) -> Progress:
-        """After all that is known of that frame."""
+        """The state with the complete estimate for that frame."""
         return replace(self, estimate=estimate, T_guess_camera=T_guess_camera)
 
 
 def _show_the_same(view: View, other: View) -> bool:
-    """Whether two views have the same images, to the bit."""
+    """Whether two views have bit-identical images."""
     pairs = ((view.grey, other.grey), (view.depth.view(np.uint32), other.depth.view(np.uint32)))
     return all(
         a.shape == b.shape and np.array_equal(a[_SAMPLE], b[_SAMPLE]) and np.array_equal(a, b)

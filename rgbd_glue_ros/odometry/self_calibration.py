@@ -1,4 +1,4 @@
-"""What the images tell of the camera that took them, and how a frame is prepared by it."""
+"""What the images reveal about their camera, and how a frame is prepared accordingly."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from rgbd_glue_ros.odometry.own_parts import OwnParts
 from rgbd_glue_ros.odometry.tracking import PoseFix
 from rgbd_glue_ros.parameters import Config, RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, View
 
-# Every so many frames it is seen how far the parts of an image agree: it changes slowly.
+# Frames between checks of how well the parts of an image agree: it changes slowly.
 _COMPARED_EVERY = 2
 
 
@@ -22,7 +23,7 @@ class SelfCalibration:
     """The camera's time offsets, parts of the robot in view, whether depth is registered to colour.
 
     The background thread updates them after a frame has its pose. The next frame is the first to
-    need them, and waits in ``prepare`` if they are not there yet.
+    need them, and waits in ``prepare`` if they are not ready.
     """
 
     def __init__(self, background: BackgroundThread, config: Config) -> None:
@@ -35,23 +36,23 @@ class SelfCalibration:
         self._frames = 0
 
     def reconfigure(self, config: Config) -> None:
-        """Takes other parameters; what was learnt stays, unless it is not asked for any more."""
+        """Sets other parameters; what was learnt remains, unless it is no longer enabled."""
         self._config = config
         if not config.odometry.own_parts:
             self._own_parts.replace(OwnParts())
 
     def start(self, frame_id: str) -> None:
-        """Begins with what is known of the camera whose optical frame has this name."""
+        """Starts with what is known about the camera whose optical frame has this name."""
         self._time_offsets.replace(TimeOffsets.start(self._config.time_offsets, frame_id))
 
     def start_anew(self) -> None:
-        """Goes on with poses that cannot be compared with those before."""
+        """Continues with poses that cannot be compared with earlier ones."""
         self._own_parts.replace(self._own_parts.current().without_views())
 
     def prepare(self, frame: RgbdFrame, twist: Float64) -> View:
-        """The frame as it is registered, and when each image was taken.
+        """The frame prepared for registration, and when each image was taken.
 
-        It is without lens distortion, its depth in range, without parts of the robot.
+        It has no lens distortion, no depth out of range and no parts of the robot.
 
         Args:
             frame: as the camera gave it.
@@ -64,19 +65,19 @@ class SelfCalibration:
         return replace(view, twist=twist, readout_time=offsets.readout_time, depth_delay=delay)
 
     def refine_config(self) -> RefineConfig:
-        """How poses are refined: with less weight on colour where depth is not registered to it."""
+        """How poses are refined: with less weight on colour if depth is not registered to it."""
         config = self._config.refine
         if self._depth_color_check.current().offset_px is None:
             return config
         return replace(config, pixel_weight=min(config.pixel_weight, config.unregistered_weight))
 
     def learnt_config(self) -> Config:
-        """The parameters as this camera has shown them to be, for covariances.
+        """The parameters estimated for this camera, for covariances.
 
-        The motion filter smooths by what is common to cameras; a covariance is of this one.
+        The motion filter smooths by values typical of cameras; a covariance is for this one.
 
-        How many residuals count as one follows from how far parts of its images agree; the error of
-        time, from how long an image takes to be read.
+        How many residuals count as one follows from how well parts of its images agree; the error
+        of time, from how long an image takes to be read.
         """
         odometry = self._config.odometry
         share = self._time_offsets.current().readout_share
@@ -89,39 +90,30 @@ class SelfCalibration:
     def learn_from(
         self, fix: PoseFix, view: View, T_track_camera: Float64, *, twist_is_certain: bool
     ) -> None:
-        """Updates what is known of the camera by a frame that has its pose.
+        """Updates what is known about the camera from a frame that has its pose.
 
         Args:
             fix: the pose.
-            view: the frame, with the twist that it turned out to have.
+            view: the frame, with its twist as estimated afterwards.
             T_track_camera: the pose after the motion filter, float64 [4, 4].
             twist_is_certain: whether ``view.twist`` holds for the moment of the frame.
         """
+        pose = fix.estimate.refinement
+        problem = RefinementProblem(fix.model, view, self.refine_config())
         if twist_is_certain and not self._time_offsets.current().settled:
             self._time_offsets.update_later(
-                TimeOffsets.corrected,
-                fix.estimate.refinement,
-                fix.model,
-                view,
-                self.refine_config(),
-                self._config.time_offsets,
+                TimeOffsets.corrected, pose, problem, self._config.time_offsets
             )
         self._frames += 1
         if self._frames % _COMPARED_EVERY == 0:
-            self._agreement.update_later(
-                BandAgreement.after_frame,
-                fix.estimate.refinement,
-                fix.model,
-                view,
-                self.refine_config(),
-            )
+            self._agreement.update_later(BandAgreement.after_frame, pose, problem)
         if self._depth_color_check.current().needs(view, T_track_camera):
             self._depth_color_check.update_later(DepthColorCheck.after_view, view, T_track_camera)
         if self._config.odometry.own_parts:
             self._look_for_own_parts(fix, view, T_track_camera)
 
     def _look_for_own_parts(self, fix: PoseFix, view: View, T_track_camera: Float64) -> None:
-        """Compares the frame with those before, own parts in it."""
+        """Compares the frame, including own parts, with earlier ones."""
         if fix.T_shift is not None:
             self.start_anew()
         if self._as_given is None or not self._own_parts.current().needs(view, T_track_camera):

@@ -1,4 +1,4 @@
-"""The surfaces that a view shows, block by block, and which of them another should have seen."""
+"""The surfaces in a view, block by block, and which of them another view should have seen."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rgbd_glue_ros.refinement.sampling import NEAREST_M
 from rgbd_glue_ros.types import Float32, Float64, UInt8, View
 
 BLOCK_PX = 8
-"""Edge of a block. An error of the pose of as many pixels does no harm."""
-# Edge of what is around a block, blocks.
+"""Edge of a block. A pose error of as many pixels does no harm."""
+# Edge of the neighbourhood of a block, blocks.
 _AROUND = 3
 
 
@@ -27,8 +27,8 @@ class Surfaces:
 
     Attributes:
         depth: float32 [R, C], metres, of the pixel in the middle of each block; NaN where unknown.
-        nearest: float32 [R, C], least depth in a block and those around it; NaN in a block that
-            knows none.
+        nearest: float32 [R, C], least depth in a block and those around it; NaN in a block without
+            known depth.
         K: float64 [4], of the image: fx, fy, cx, cy.
         T_track_depth: float64 [4, 4], the camera's pose when depth was taken.
     """
@@ -40,7 +40,7 @@ class Surfaces:
 
     @staticmethod
     def seen(view: View, T_track_camera: Float64) -> Surfaces:
-        """Those of a view of one block at least, whose pose is float64 [4, 4]."""
+        """The surfaces of a view of at least one block, with its pose, float64 [4, 4]."""
         rows, columns = (size // BLOCK_PX for size in view.depth.shape)
         middle = slice(BLOCK_PX // 2, None, BLOCK_PX)
         return Surfaces(
@@ -51,7 +51,7 @@ class Surfaces:
         )
 
     def in_front_of(self, other: Surfaces) -> UInt8:
-        """The blocks that lie in front of all that another view saw there, uint8 [R, C], 1 or 0."""
+        """The blocks in front of everything that another view saw there, uint8 [R, C], 1 or 0."""
         T_other_depth = se3.inverse(other.T_track_depth) @ self.T_track_depth
         return np.asarray(
             _in_front(self.depth, self.K, T_other_depth, other.nearest, other.K), np.uint8
@@ -59,7 +59,7 @@ class Surfaces:
 
 
 def dense(blocks: UInt8) -> UInt8:
-    """Those blocks, uint8 [R, C], 1 or 0, around which most are."""
+    """The blocks, uint8 [R, C], 1 or 0, whose neighbours are mostly 1."""
     around = cv2.boxFilter(blocks, -1, (_AROUND, _AROUND), normalize=False)
     return np.asarray(blocks & (around > _AROUND**2 // 2), np.uint8)
 
@@ -77,7 +77,7 @@ def pixels_of(blocks: UInt8, view: View) -> Mask:
 
 
 def _nearest_surfaces(depth: Float32) -> Float32:
-    """Least depth in each block and those around it, float32 [R, C]; NaN in one that knows none."""
+    """Least depth in each block and those around it, float32 [R, C]; NaN in one without depth."""
     blocks = _least_of_blocks(depth)
     around = cv2.erode(blocks, np.ones((3, 3), np.uint8))
     return np.asarray(np.where(np.isinf(blocks), np.nan, around), np.float32)
@@ -87,13 +87,13 @@ def _nearest_surfaces(depth: Float32) -> Float32:
 def _least_of_blocks(depth: Float32) -> Float32:
     """Least depth in each block, of every second pixel, float32 [R, C].
 
-    Infinite where none is known.
+    Infinite where depth is unknown.
     """
     rows, columns = depth.shape[0] // BLOCK_PX, depth.shape[1] // BLOCK_PX
     blocks = np.full((rows, columns), np.float32(np.inf))
     for v in range(0, rows * BLOCK_PX, 2):
         for u in range(0, columns * BLOCK_PX, 2):
-            # the comparison with NaN is false, where a call of min would take it
+            # a comparison with NaN is false, whereas min would return it
             if depth[v, u] < blocks[v // BLOCK_PX, u // BLOCK_PX]:  # noqa: PLR1730
                 blocks[v // BLOCK_PX, u // BLOCK_PX] = depth[v, u]
     return blocks
@@ -103,14 +103,14 @@ def _least_of_blocks(depth: Float32) -> Float32:
 def _in_front(
     depth: Float32, K: Float64, T_other_depth: Float64, nearest: Float32, K_other: Float64
 ) -> UInt8:
-    """1 in the blocks that lie in front of all that another depth image has there.
+    """1 in the blocks in front of everything that another depth image has there.
 
     Args:
         depth: float32 [R, C], of blocks.
-        K: of the image that they are of.
+        K: of their image.
         T_other_depth: from this camera to the other, float64 [4, 4].
-        nearest: of the other.
-        K_other: of the other.
+        nearest: of the other image.
+        K_other: of the other image.
     """
     in_front = np.zeros(depth.shape, np.uint8)
     T = T_other_depth
@@ -121,7 +121,7 @@ def _in_front(
             z = depth[r, c]
             x, y = (u - K[2]) / K[0] * z, (v - K[3]) / K[1] * z
             there = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
-            # with NaN this is false, too
+            # false for NaN, too
             if not there > NEAREST_M:
                 continue
             right = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]

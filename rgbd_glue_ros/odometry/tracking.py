@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from rgbd_glue_ros.features.geometric import TransformPrior
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
-from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
+from rgbd_glue_ros.odometry.acceptance import is_conclusive
+from rgbd_glue_ros.odometry.alternative import Alternative
 from rgbd_glue_ros.odometry.background import BackgroundThread
-from rgbd_glue_ros.odometry.contradiction import (
-    Alternative,
-    find_alternative,
-    is_contradicted,
-    preferred,
-)
+from rgbd_glue_ros.odometry.contradiction import settle_contradiction
 from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
@@ -89,41 +87,22 @@ def track(
         background: refines the predicted pose while the frame is registered.
         config: when a pose is believed.
     """
-    nearest, predicted, before = references[0], problem.predicted, last.motion
-    prior, from_prior = None, None
-    if config.prior_radius > 0:
-        T_nearest_camera = se3.inverse(nearest.T_track_camera) @ predicted.T_track_camera
-        prior = TransformPrior(T_nearest_camera, config.prior_radius)
-        from_prior = background.submit(
-            _candidate, predicted.T_track_camera, problem, before, config
-        )
+    nearest = references[0]
+    from_prior = _start_prior_refinement(problem, background, config)
     features = glue.extract(problem.view)
-    registration = glue.register(features, nearest.features, prior)
-    candidates = [] if from_prior is None else [from_prior.result()]
-    matches = registration.visual.moved_target(nearest.T_track_camera)
-    T_registered = _registered_pose(registration, nearest)
-    # in most frames both starts end at the same pose
-    if T_registered is not None and not any(
-        is_near(c.coarse.T_model_source, T_registered, config) for c in candidates
-    ):
-        registered = _candidate(T_registered, problem, before, config)
-        candidates.append(registered)
-        inliers = registration.visual_inliers.moved_target(nearest.T_track_camera)
-        if _leaves_behind(inliers, registered, T_registered, glue.inlier_threshold):
-            held = replace(problem, matches=inliers)
-            candidates.append(_candidate(T_registered, held, before, config))
-    if candidates and not any(is_clear(c, matches, glue.inlier_threshold) for c in candidates):
-        candidates += turned_candidates(problem, last, config)
+    registration = _register(features, nearest, problem.predicted, glue, config)
+    candidates = _candidates(problem, from_prior, registration, last, config)
     if not candidates:
-        return Attempt(features, registration)
-    chosen = choose(candidates, matches, glue.inlier_threshold, config)
+        return Attempt(features, registration.result)
+    chosen = choose(candidates, registration.matches, registration.inlier_threshold, config)
     if chosen is None:
-        return Attempt(features, registration.refused(RegistrationStatus.INCONSISTENT))
-    registration = registration.with_stage("refinement", chosen.milliseconds)
-    fix = PoseFix(chosen.estimate, nearest, problem.model)
-    weighed = _weighed(fix, chosen, last, problem, config)
-    reliable = replace(weighed, estimate=problem.reliable(weighed.estimate, config))
-    return Attempt(features, registration, reliable)
+        inconsistent = registration.result.refused(RegistrationStatus.INCONSISTENT)
+        return Attempt(features, inconsistent)
+    settled = settle_contradiction(chosen, problem, last, config)
+    estimate = problem.reliable(settled.estimate, config)
+    fix = PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)
+    result = registration.result.with_stage("refinement", chosen.milliseconds)
+    return Attempt(features, result, fix)
 
 
 def turned_candidates(
@@ -141,72 +120,116 @@ def turned_candidates(
     T_last, T_predicted = last.motion.T_track_camera, problem.predicted.T_track_camera
     R = T_last[:3, :3] @ turn_between(last.view, problem.view)
     turned = [
-        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, last.motion, config)
+        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, config)
         for T in (T_predicted, T_last)
     ]
     return [candidate for candidate in turned if is_conclusive(candidate.refinement, config)]
 
 
-def _weighed(
-    fix: PoseFix,
-    chosen: Candidate,
-    last: LastPose,
-    problem: PoseProblem,
-    config: OdometryConfig,
-) -> PoseFix:
-    """A pose and what contradicts it; the other way round where more speaks for that.
+@dataclass(frozen=True)
+class _Registration:
+    """The registration of a frame against a keyframe, as it is in the track frame.
 
-    That are the larger surface and one more witness: the frame before, or the camera's motion.
-
-    Args:
-        fix: the pose.
-        chosen: the same among the candidates.
-        last: the last frame with a pose; its alternative, if that was contradicted too.
-        problem: the frame, and what its pose was refined by.
-        config: when a pose is believed.
+    Attributes:
+        result: against the keyframe.
+        keyframe: which.
+        inlier_threshold: distance within which a match agrees with a pose, metres.
     """
-    before = last.alternative
-    # what the finest level resolves was none
-    if not is_contradicted(chosen.refinement):
-        return fix
-    alternative = find_alternative(problem, chosen.coarse, before, config)
-    if alternative is None:
-        return fix
-    pose, predicted = fix.estimate, problem.predicted
-    is_likelier = last.motion.surprise(alternative.T_track_camera, predicted) < chosen.surprise
-    if alternative.is_larger and (before is not None or is_likelier):
-        larger = preferred(problem, alternative, chosen.coarse, config)
-        if is_plausible(larger.refinement, larger.refinement.planes_visible, config):
-            alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
-            pose = larger
-    T, T_other = pose.T_track_camera, alternative.T_track_camera
-    # the pose goes on where the alternative was, and not where the pose was
-    was_carried_along = (
-        before is not None
-        and not predicted.expects(T)
-        and predicted.shifted(
-            before.T_track_camera @ se3.inverse(last.motion.T_track_camera)
-        ).expects(T)
-    )
-    T_shift = T @ se3.inverse(T_other) if was_carried_along else None
-    return replace(fix, estimate=pose, alternative=alternative, T_shift=T_shift)
+
+    result: RegistrationResult
+    keyframe: Keyframe
+    inlier_threshold: float
+
+    @property
+    def T_track_camera(self) -> Float64 | None:
+        """The pose of the frame, float64 [4, 4]; None where there is no transform."""
+        if self.result.T_target_source is None:
+            return None
+        return self.keyframe.T_track_camera @ self.result.T_target_source
+
+    @cached_property
+    def matches(self) -> Correspondences:
+        """All visual matches, their targets in the track frame."""
+        return self.result.visual.moved_target(self.keyframe.T_track_camera)
+
+    @cached_property
+    def inliers(self) -> Correspondences:
+        """Those that the transform rests on."""
+        return self.result.visual_inliers.moved_target(self.keyframe.T_track_camera)
 
 
-def _candidate(
-    T_track_camera: Float64, problem: PoseProblem, last: Motion, config: OdometryConfig
-) -> Candidate:
+def _start_prior_refinement(
+    problem: PoseProblem, background: BackgroundThread, config: OdometryConfig
+) -> Future[Candidate] | None:
+    """Starts to refine the predicted pose; None where no prediction is to be used."""
+    if config.prior_radius <= 0:
+        return None
+    T_predicted = problem.predicted.T_track_camera
+    return background.submit(_candidate, T_predicted, problem, config)
+
+
+def _register(
+    features: FrameFeatures,
+    keyframe: Keyframe,
+    predicted: PredictedMotion,
+    glue: Glue,
+    config: OdometryConfig,
+) -> _Registration:
+    """Registers a frame against a keyframe, around the predicted pose where one is to be used."""
+    prior = None
+    if config.prior_radius > 0:
+        T_keyframe_camera = se3.inverse(keyframe.T_track_camera) @ predicted.T_track_camera
+        prior = TransformPrior(T_keyframe_camera, config.prior_radius)
+    result = glue.register(features, keyframe.features, prior)
+    return _Registration(result, keyframe, glue.inlier_threshold)
+
+
+def _candidates(
+    problem: PoseProblem,
+    from_prior: Future[Candidate] | None,
+    registration: _Registration,
+    last: LastPose,
+    config: OdometryConfig,
+) -> list[Candidate]:
+    """The poses that different starts lead to: as few as make one of them clear."""
+    candidates = [] if from_prior is None else [from_prior.result()]
+    candidates += _registered_candidates(problem, registration, candidates, config)
+    matches, threshold = registration.matches, registration.inlier_threshold
+    if candidates and not any(is_clear(c, matches, threshold) for c in candidates):
+        candidates += turned_candidates(problem, last, config)
+    return candidates
+
+
+def _registered_candidates(
+    problem: PoseProblem,
+    registration: _Registration,
+    others: Sequence[Candidate],
+    config: OdometryConfig,
+) -> list[Candidate]:
+    """The poses from where registration has the frame, without its inliers and with them.
+
+    None where refinement got there from another start, as it does in most frames; that with the
+    inliers only where refinement leaves them behind.
+    """
+    T_registered = registration.T_track_camera
+    if T_registered is None or any(
+        is_near(other.coarse.T_model_source, T_registered, config) for other in others
+    ):
+        return []
+    registered = _candidate(T_registered, problem, config)
+    inliers = registration.inliers
+    if not _leaves_behind(inliers, registered, T_registered, registration.inlier_threshold):
+        return [registered]
+    held = replace(problem, matches=inliers)
+    return [registered, _candidate(T_registered, held, config)]
+
+
+def _candidate(T_track_camera: Float64, problem: PoseProblem, config: OdometryConfig) -> Candidate:
     """The pose that refinement ends at from a start."""
     coarse, coarse_ms = timed(problem.refined, T_track_camera, COARSE_LEVELS)
     estimate, further_ms = timed(problem.refined_further, coarse, config)
-    surprise = last.surprise(estimate.T_track_camera, problem.predicted)
-    return Candidate(estimate, coarse, surprise, coarse_ms + further_ms)
-
-
-def _registered_pose(registration: RegistrationResult, reference: Keyframe) -> Float64 | None:
-    """T_track_camera by the registration against a keyframe, None where that failed."""
-    if registration.T_target_source is None:
-        return None
-    return reference.T_track_camera @ registration.T_target_source
+    distance_squared = problem.predicted.distance_squared(estimate.T_track_camera)
+    return Candidate(estimate, coarse, distance_squared, coarse_ms + further_ms)
 
 
 def _leaves_behind(

@@ -20,13 +20,13 @@ _PERIOD_NS = NANOSECONDS // 30
 
 
 def warm_up(config: Config, glue: Glue | None = None) -> None:
-    """Tracks a few synthetic frames; takes long only where no compiled code is cached.
+    """Tracks a few synthetic frames; takes long only if no compiled code is cached.
 
     Args:
-        config: what is to be warmed up.
-        glue: of that configuration, for whom has one; None makes one, which reads its weights.
+        config: the configuration to warm up.
+        glue: of that configuration, if there is one; None creates one, which reads its weights.
     """
-    # every frame becomes a keyframe, as that takes code of its own
+    # every frame becomes a keyframe, which runs further code
     config = with_values(config, {"odometry.keyframe_translation": 0.001})
     with Odometry(config, glue) as odometry:
         for i in range(4):

@@ -19,7 +19,13 @@ from rgbd_glue_ros.parameters.files import (
     to_markdown,
     to_yaml,
 )
-from rgbd_glue_ros.parameters.inputs import HEADER, READ_ONCE, InputConfig, metres_per_unit
+from rgbd_glue_ros.parameters.inputs import (
+    HEADER,
+    OF_MESSAGES,
+    READ_ONCE,
+    InputConfig,
+    metres_per_unit,
+)
 from rgbd_glue_ros.parameters.method import (
     FALLBACK_METHODS,
     FIT_METHODS,
@@ -54,6 +60,7 @@ __all__ = [
     "GEOMETRIC_FEATURES",
     "HEADER",
     "LEARNED_VISUAL_FEATURES",
+    "OF_MESSAGES",
     "OLD_NAMES",
     "PACKAGE",
     "POSE",

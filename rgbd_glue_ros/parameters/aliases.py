@@ -1,6 +1,6 @@
 """Other names of parameters, in one place: old ones, and those that users of rtabmap_odom know.
 
-They are taken wherever a parameter is set: in YAML, by ``--set`` and as ROS parameters.
+They are accepted wherever a parameter is set: in YAML, by ``--set`` and as ROS parameters.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ OLD_NAMES: dict[str, str] = {
     "odometry.recovery_attempts": "odometry.relocalisation_attempts",
     "odometry.recovery_inliers": "odometry.relocalisation_inliers",
 }
-"""The names that parameters once had, and those that they have now. Each use logs a line."""
+"""Former names of parameters, and the current ones. Each use logs a line."""
 
 USUAL_NAMES = {"reset_countdown": "odometry.reset_countdown"}
-"""Names that rtabmap_odom has, and the parameters that they stand for here."""
+"""Names in rtabmap_odom, and the corresponding parameters here."""
 
 
 def by_current_names(changes: Mapping[str, object]) -> dict[str, object]:

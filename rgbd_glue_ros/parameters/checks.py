@@ -1,4 +1,4 @@
-"""What a parameter's text must be beyond a text."""
+"""Checks of parameters whose values are texts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 FARTHEST_M = 1e9
-"""Beyond it a double holds no tenth of a millimetre: nothing of a robot is there."""
+"""Beyond this a double cannot resolve a tenth of a millimetre; no robot gets there."""
 
 
 @dataclass(frozen=True)
@@ -40,15 +40,15 @@ def _pose_fault(text: str) -> str | None:
 
 def _frame_fault(text: str) -> str | None:
     if len(text.split()) != 1 or not text.isprintable() or text.endswith("/") or "//" in text:
-        return f"{text!r} is no name of a frame"
+        return f"{text!r} is not a valid frame name"
     if text.startswith("/"):
-        return f"{text!r} begins with a slash, which TF has not taken since ROS 2"
+        return f"{text!r} begins with a slash, which TF does not accept in ROS 2"
     return None
 
 
 def _width_fault(text: str) -> str | None:
     width = int(text)
-    return None if width == 0 or width >= LEAST_WIDTH_PX else f"{text} pixels show nothing"
+    return None if width == 0 or width >= LEAST_WIDTH_PX else f"{text} pixels are too few"
 
 
 def _k_fault(text: str) -> str | None:
@@ -56,22 +56,22 @@ def _k_fault(text: str) -> str | None:
 
 
 def or_nothing(check: Check) -> Check:
-    """The same, or an empty text."""
+    """``check``, but an empty text passes too."""
     return Check(f"{check.allowed}, or nothing", lambda text: check.fault(text) if text else None)
 
 
 LEAST_WIDTH_PX = 32
-"""Images of fewer pixels hold no texture and no surfaces."""
+"""Narrower images show neither texture nor surfaces."""
 
 WIDTH = Check(f"a whole number of at least {LEAST_WIDTH_PX} (pixels), or 0", _width_fault)
 """The width of an image, or 0 for whatever it has."""
 
 K = Check("a number from 1 to 100, or 0", _k_fault)
-"""How many times RANSAC's threshold, or 0 for the paper's choice."""
+"""Multiple of RANSAC's threshold, or 0 for the paper's choice."""
 
 POSE = Check("'x y z roll pitch yaw' (m, rad) or 'x y z qx qy qz qw'", _pose_fault)
-"""A pose: numbers with blanks or commas between; roll, pitch, yaw turn about fixed axes in this
-order, as in URDF."""
+"""A pose: numbers separated by blanks or commas; roll, pitch, yaw are rotations about fixed axes
+in this order, as in URDF."""
 
 FRAME = Check("the name of a frame", _frame_fault)
 """One word, as TF names frames."""

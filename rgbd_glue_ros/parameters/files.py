@@ -60,7 +60,7 @@ def share_directory() -> Path:
 def load_yaml(path: str | Path, base: C) -> C:
     """``base`` with the values of a ROS parameter file (``/**: ros__parameters: …``) set.
 
-    A file may hold the parameters of method and node: those of the other are left out.
+    A file may contain parameters of both method and node: those not in ``base`` are ignored.
 
     Raises:
         InputError: the file cannot be read, is not such a file, or holds a bad value.
@@ -76,7 +76,7 @@ def load_yaml(path: str | Path, base: C) -> C:
         changes = dict(_flattened(tree))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
-            path, "is no ROS parameter file", "it starts with '/**:' and 'ros__parameters:'"
+            path, "is not a ROS parameter file", "it starts with '/**:' and 'ros__parameters:'"
         ) from error
     of_others = {*values(Config()), *values(NodeConfig())} - {*values(base)}
     try:
@@ -95,7 +95,7 @@ def load_preset(name: str) -> Config:
     path = folder / f"{name}.yaml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-        raise InputError(f"preset {name!r}", "does not exist", f"take one of {known}")
+        raise InputError(f"preset {name!r}", "does not exist", f"use one of {known}")
     return load_yaml(path, Config())
 
 
@@ -141,14 +141,15 @@ def to_markdown(config: object) -> str:
 
 
 def explain(name: str, config: Config) -> str:
-    """What is known of a parameter, or of all in a section: a paragraph each.
+    """Describes a parameter, or all in a section, in a paragraph each.
 
     Args:
-        name: of a parameter of the method or the node, or of a section, as ``glue``; or an alias.
-        config: has the values of the method's.
+        name: of a parameter of the method or the node, or of a section such as ``glue``; or an
+            alias.
+        config: has the values of the method's parameters.
 
     Raises:
-        InputError: there is neither.
+        InputError: no parameter or section has this name.
     """
     name = OLD_NAMES.get(name) or USUAL_NAMES.get(name) or name
     current = {**values(config), **values(NodeConfig())}
@@ -170,5 +171,5 @@ def explain(name: str, config: Config) -> str:
 
 
 def _scalar(value: object) -> str:
-    """A value as YAML has it."""
+    """A value in YAML notation."""
     return yaml.safe_dump(value, width=math.inf).splitlines()[0]

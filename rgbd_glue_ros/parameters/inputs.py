@@ -1,4 +1,4 @@
-"""The parameters of what is read, which the node and recordings have alike."""
+"""The parameters of the input, which the node and recordings share."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from rgbd_glue_ros.parameters.parameter import parameter
 
 HEADER, RECEIPT = "header", "receipt"
 
+OF_MESSAGES = ("depth_scale", "depth_is_registered", "depth_camera_pose", "imu_pose")
+"""Parameters that complete messages; frames that were read need none."""
+
 READ_ONCE = "it is read once, when the node starts"
 
 read_once = partial(parameter, fixed=READ_ONCE)
@@ -22,16 +25,16 @@ class InputConfig:
 
     depth_scale: float = read_once(
         0.0,
-        "Metres of one unit of the depth images, as 0.001 for millimetres; what is above 1 counts "
-        "units of a metre, as TUM's 5000. 0 takes what a recording says, and else millimetres of "
-        "whole numbers and metres of others (REP-118).",
+        "Metres per unit of the depth images, for example 0.001 for millimetres; values above 1 "
+        "are units per metre, for example TUM's 5000. 0 takes what a recording says, otherwise "
+        "millimetres for whole numbers and metres for others (REP-118).",
         minimum=0.0,
         maximum=1e6,
     )
     depth_is_registered: bool = read_once(
         False,
-        "Depth is registered to colour whatever its frame says, and depth/camera_info of no "
-        "interest. Without it, depth in another frame than colour is registered here or refused.",
+        "Depth is registered to colour whatever its frame says, and depth/camera_info is ignored. "
+        "If false, depth in another frame than colour is registered by the node or refused.",
     )
     depth_camera_pose: str = read_once(
         "",
@@ -41,15 +44,15 @@ class InputConfig:
     )
     imu_pose: str = read_once(
         "",
-        "Pose of the IMU in the colour camera's optical frame, of which the rotation counts. "
-        "Empty, it is looked up on TF (in a bag on /tf_static), unless both have the same frame.",
+        "Pose of the IMU in the colour camera's optical frame; only the rotation is used. If "
+        "empty, it is looked up on TF (in a bag on /tf_static), unless both have the same frame.",
         check=or_nothing(POSE),
     )
     max_width: int = read_once(
         0,
-        "Wider images are reduced to at most this width, a block of n x n pixels to one: colour by "
-        "its mean, depth by that of one surface. 640 lets larger images be processed at 30 Hz "
-        "on two cores. 0 leaves them as they are.",
+        "Wider images are reduced to at most this width, each block of n x n pixels to one: colour "
+        "to its mean, depth to that of one surface. With 640, larger images are processed at "
+        "30 Hz on two cores. 0 leaves them as they are.",
         unit="pixels",
         minimum=0,
         maximum=100000,
@@ -57,13 +60,13 @@ class InputConfig:
     )
     stamps: str = read_once(
         HEADER,
-        "Which stamps images are paired by: those in their headers, or those of their receipt (by "
-        "the node, or by the recorder of a bag), for streams with different clocks. Images that "
-        "bear no stamp go by their receipt anyway.",
+        "Which stamps pair images: those in their headers, or the time of receipt (by the node, or "
+        "by the recorder of a bag), for streams with different clocks. Images without a stamp "
+        "always use the time of receipt. The mapping node accepts only header.",
         choices=(HEADER, RECEIPT),
     )
     approx_sync: bool = read_once(
-        True, "Whether stamps of colour and depth may differ; without it only equal ones pair."
+        True, "Whether stamps of colour and depth may differ; if false, only equal ones pair."
     )
     approx_sync_max_interval: float = read_once(
         0.02,
@@ -75,12 +78,12 @@ class InputConfig:
 
     @property
     def metres_per_unit(self) -> float | None:
-        """``depth_scale`` in metres; None where it is left open."""
+        """``depth_scale`` in metres; None if it is 0."""
         return metres_per_unit(self.depth_scale) if self.depth_scale else None
 
     @property
     def max_interval_s(self) -> float:
-        """How far apart the stamps of a pair are at most, seconds."""
+        """Maximum difference of the stamps of a pair, seconds."""
         return self.approx_sync_max_interval if self.approx_sync else 0.0
 
 
@@ -88,7 +91,7 @@ def metres_per_unit(scale: float) -> float:
     """A depth scale as metres of one unit: some write 0.001 for millimetres, others 1000.
 
     Raises:
-        ValueError: it is not above zero and finite.
+        ValueError: the scale is not positive and finite.
     """
     if not 0 < scale < math.inf:
         raise ValueError(f"a depth scale of {scale}")

@@ -39,24 +39,25 @@ class CameraConfig:
     )
     well_lit_gradient: float = parameter(
         20.0,
-        "How steep edges are in a well-lit image of 160 pixels. In the dark and in haze they are "
-        "less, and limits on grey levels shrink with them, as far as noise lets; 0 leaves those.",
-        unit="grey levels a pixel",
+        "Steepness of edges in a well-lit image of 160 pixels. In the dark and in haze they are "
+        "less steep, and grey-level limits shrink with them, as far as noise allows; 0 disables "
+        "this.",
+        unit="grey levels per pixel",
         minimum=0.0,
         maximum=255.0,
     )
 
     def __post_init__(self) -> None:
-        """Refuses a range that holds nothing.
+        """Refuses an empty range of depth.
 
         Raises:
-            InputError: it does.
+            InputError: depth_min is not below depth_max.
         """
         if self.depth_min >= self.depth_max:
             raise InputError(
                 "camera.depth_min",
                 f"{self.depth_min:g} is not below camera.depth_max, {self.depth_max:g}",
-                "leave room between them, as 0.1 and 8",
+                "leave room between them, for example 0.1 and 8",
             )
 
 
@@ -77,15 +78,15 @@ class FeaturesConfig:
     )
     matcher_keypoints: int = parameter(
         1024,
-        "Visual keypoints that a learned matcher is given, at most, however many may be kept; its "
-        "time grows with their square.",
+        "Visual keypoints passed to a learned matcher, at most, however many may be kept; its time "
+        "grows with their square.",
         minimum=10,
         maximum=20000,
     )
     ratio: float = parameter(
         0.8,
-        "Lowe's ratio (equation 1): a visual match is kept when its nearest neighbour is nearer "
-        "than this times the second nearest.",
+        "Lowe's ratio (equation 1): a visual match is kept if its nearest neighbour is nearer than "
+        "this times the second nearest.",
         minimum=0.1,
         maximum=1.0,
     )
@@ -98,15 +99,15 @@ class FeaturesConfig:
     )
     geometric_matches: int = parameter(
         20000,
-        "Geometric matches of fpfh and fcgf, at most: of a cloud with more points than this, as "
-        "many are matched, spread evenly, to all of the other cloud.",
+        "Geometric matches of fpfh and fcgf, at most: of a cloud with more points, this many, "
+        "spread evenly, are matched to all of the other cloud.",
         minimum=100,
         maximum=1000000,
     )
     geometric_keypoints: int = parameter(
         1500,
-        "Points that minispinnet describes, at most, spread evenly over the cloud; its time grows "
-        "with them.",
+        "Points that minispinnet describes, at most, spread evenly over the cloud; its time is "
+        "proportional to them.",
         minimum=10,
         maximum=100000,
     )
@@ -120,7 +121,7 @@ class FeaturesConfig:
     )
     device: str = parameter(
         "auto",
-        "Where learned features are computed: auto takes a GPU where there is one.",
+        "Where learned features are computed: auto uses a GPU if there is one.",
         choices=DEVICES,
     )
     weights: str = parameter(
@@ -143,8 +144,8 @@ class GlueConfig:
     )
     k: float = parameter(
         0.0,
-        "K of equation 4: matches within K t_in are assumed inliers. 0 takes the paper's: 3 where "
-        "the visual feature is learned, 5 where it is hand-crafted.",
+        "K of equation 4: matches within K t_in are assumed inliers. 0 takes the paper's: 3 if the "
+        "visual feature is learned, 5 if it is hand-crafted.",
         minimum=0.0,
         maximum=100.0,
         check=K,
@@ -157,30 +158,30 @@ class GlueConfig:
     )
     min_visual: int = parameter(
         6,
-        "The filter is skipped when equation 4 assumes fewer visual inliers than this.",
+        "The filter is skipped if equation 4 assumes fewer visual inliers than this.",
         minimum=3,
         maximum=100000,
     )
     min_credible: int = parameter(
         10,
-        "The filter is skipped when fewer geometric matches than this survive it.",
+        "The filter is skipped if fewer geometric matches than this survive it.",
         minimum=3,
         maximum=100000,
     )
     over_chance: float = parameter(
         0.0,
-        "The filter is skipped when fewer geometric matches survive it than this times those that "
-        "would had points been matched at random; 0 does not ask. With a fallback, 2 tells most "
-        "wrong transforms, but also right ones of small clouds.",
+        "The filter is skipped if fewer geometric matches survive it than this times those "
+        "expected from random matches; 0 disables this. With a fallback, 2 detects most wrong "
+        "transforms, but also correct ones of small clouds.",
         minimum=0.0,
         maximum=1000.0,
     )
     filter: bool = parameter(True, "Whether the consistency filter (equation 8) is applied at all.")
     fallback: str = parameter(
         "none",
-        "What gives the rough transform where visual matches are too few for it or almost no "
-        "geometric match agrees: none skips the filter as in the paper, sc2_pcr finds one from the "
-        "geometric matches.",
+        "Source of the rough transform if there are too few visual matches or almost no geometric "
+        "match agrees: none skips the filter as in the paper, sc2_pcr finds one from the geometric "
+        "matches.",
         choices=FALLBACK_METHODS,
     )
 
@@ -192,7 +193,7 @@ class RansacConfig:
     iterations: int = parameter(1000, "Samples drawn, at most.", minimum=1, maximum=1000000)
     min_inliers: int = parameter(
         6,
-        "A transform that fewer visual matches than this agree with is not believed.",
+        "A transform with fewer visual inliers than this is rejected.",
         minimum=3,
         maximum=100000,
     )
@@ -205,7 +206,7 @@ class FitConfig:
     method: str = parameter(
         "randomised",
         "Fit to the credible matches: randomised weighted Procrustes as in the paper, procrustes "
-        "of all of them at once, or ransac.",
+        "on all of them at once, or ransac.",
         choices=FIT_METHODS,
     )
     subsets: int = parameter(
@@ -222,8 +223,8 @@ class RefineConfig:
 
     iterations: int = parameter(
         5,
-        "Gauss-Newton steps at each level of the image pyramid, at most; 0 leaves the fit of the "
-        "paper as it is.",
+        "Gauss-Newton steps at each level of the image pyramid, at most; 0 keeps the fit of the "
+        "paper.",
         minimum=0,
         maximum=100,
     )
@@ -242,15 +243,15 @@ class RefineConfig:
     )
     pixel_weight: float = parameter(
         10.0,
-        "Weight of a photometric residual against a plane's, both by their standard deviations; 0 "
-        "refines on planes alone.",
+        "Weight of a photometric residual relative to a plane's, each divided by its standard "
+        "deviation; 0 refines on planes alone.",
         minimum=0.0,
         maximum=1e6,
     )
     unregistered_weight: float = parameter(
         1.0,
-        "The same where depth turns out not to be registered to colour, if that is less: the depth "
-        "of a pixel is then that of another one.",
+        "pixel_weight, if this is less, once depth turns out not to be registered to colour: "
+        "pixels then have the depth of other pixels.",
         minimum=0.0,
         maximum=1e6,
     )
@@ -262,7 +263,7 @@ class RefineConfig:
     )
     residuals_per_independent_one: float = parameter(
         1000.0,
-        "Neighbouring residuals err alike: this many of them count as one in the covariance.",
+        "Errors of neighbouring residuals are alike: this many count as one in the covariance.",
         minimum=1.0,
         maximum=1e9,
     )
@@ -272,7 +273,7 @@ class RefineConfig:
 class TimeOffsetsConfig:
     """When depth and each row of an image are really taken; estimated while the camera moves.
 
-    Of cameras whose frame is called openni… (Kinect v1, Xtion) both offsets are known.
+    Both offsets are known for cameras whose frame is called openni… (Kinect v1, Xtion).
     """
 
     depth_latency: float = parameter(
@@ -285,7 +286,7 @@ class TimeOffsetsConfig:
     )
     readout_time: float = parameter(
         0.0,
-        "From the first row of an image to the last: 0 for a global shutter, negative where the "
+        "Time from the first row of an image to the last: 0 for a global shutter, negative if the "
         "last row is read first; a first guess, unless spread is 0.",
         unit="s",
         minimum=-0.05,
@@ -293,17 +294,17 @@ class TimeOffsetsConfig:
     )
     spread: float = parameter(
         0.01,
-        "Standard deviation of these two first guesses; 0 keeps them as they are, for any camera.",
+        "Standard deviation of these two first guesses; 0 keeps them fixed, for any camera.",
         unit="s",
         minimum=0.0,
         maximum=1.0,
     )
     drift: float = parameter(
-        0.0001, "How much they may change from frame to frame.", unit="s", minimum=0.0, maximum=1.0
+        0.0001, "How much both may change from frame to frame.", unit="s", minimum=0.0, maximum=1.0
     )
     residuals_per_independent_one: float = parameter(
         1000.0,
-        "Neighbouring residuals err alike: this many of them count as one.",
+        "Errors of neighbouring residuals are alike: this many count as one.",
         minimum=1.0,
         maximum=1e9,
     )
@@ -315,7 +316,7 @@ class MotionConfig:
 
     acceleration: float = parameter(
         3.0,
-        "Standard deviation of the camera's acceleration. Great values take every pose as the "
+        "Standard deviation of the camera's acceleration. Large values take every pose as the "
         "images give it.",
         unit="m/s²",
         minimum=0.01,
@@ -344,7 +345,7 @@ class Config:
     fit: FitConfig = section(FitConfig)
     refine: RefineConfig = section(RefineConfig)
     time_offsets: TimeOffsetsConfig = section(
-        TimeOffsetsConfig, fixed="what was learnt of the camera's time offsets rests on it"
+        TimeOffsetsConfig, fixed="the estimates of the camera's time offsets depend on it"
     )
     motion: MotionConfig = section(MotionConfig)
     odometry: OdometryConfig = section(OdometryConfig)

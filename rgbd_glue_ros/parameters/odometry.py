@@ -1,4 +1,4 @@
-"""The parameters of keyframes, of what is believed, and of what happens when it is not."""
+"""The parameters of keyframes, of the acceptance of poses, and of what follows a rejection."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class OdometryConfig:
 
     keyframes: int = parameter(
         50,
-        "Keyframes kept at most: the window, and anchors, which are earlier ones that serve to "
-        "find a lost camera and to take drift out.",
+        "Keyframes kept, at most: the window, and anchors, which are earlier ones used to find a "
+        "lost camera and to correct drift.",
         minimum=1,
         maximum=1000,
-        fixed="the room for keyframes is made at the start",
+        fixed="memory for keyframes is reserved at the start",
     )
     window: int = parameter(
         5,
@@ -25,35 +25,35 @@ class OdometryConfig:
         "jump of the drift since then.",
         minimum=1,
         maximum=1000,
-        fixed="the room for keyframes is made at the start",
+        fixed="memory for keyframes is reserved at the start",
     )
     keyframe_spacing: float = parameter(
         0.6,
-        "A keyframe that leaves the window is forgotten where it is nearer than this to an anchor, "
+        "A keyframe that leaves the window is discarded if it is nearer than this to an anchor, "
         "metres and radians added.",
         minimum=0.0,
         maximum=1000.0,
-        fixed="the keyframes kept were chosen by it",
+        fixed="the stored keyframes were chosen by it",
     )
     drift_radius: float = parameter(
         1.0,
         "A new keyframe is compared with the earliest anchors that are nearer than this, metres "
-        "and radians added: what several agree on is drift, and is taken out. 0 compares with "
+        "and radians added: what several agree on is drift, and is corrected. 0 compares with "
         "none.",
         minimum=0.0,
         maximum=1000.0,
     )
     drift_rate: float = parameter(
         0.01,
-        "Drift is taken out by this part of the camera's way at most, metres and radians added, so "
-        "that the pose never jumps.",
+        "Drift is corrected by at most this fraction of the camera's motion, metres and radians "
+        "added, so that the pose never jumps.",
         minimum=0.0,
         maximum=1.0,
     )
     own_parts: bool = parameter(
         True,
-        "Whether surfaces that move with the camera, as a gripper or a bumper in view, are looked "
-        "for and left out of frames.",
+        "Whether surfaces that move with the camera, such as a gripper or a bumper in view, are "
+        "detected and ignored.",
     )
     references: int = parameter(
         3, "Keyframes that a pose is refined against at once, at most.", minimum=1, maximum=10
@@ -74,13 +74,14 @@ class OdometryConfig:
     )
     keyframe_overlap: float = parameter(
         0.35,
-        "A frame of which the keyframes show less than this part becomes one, however near it is.",
+        "A frame of which the keyframes show less than this fraction becomes one, however near it "
+        "is.",
         minimum=0.0,
         maximum=1.0,
     )
     prior_radius: float = parameter(
         0.1,
-        "Radius of the search around the motion prior where visual matches give no transform; "
+        "Radius of the search around the motion prior if visual matches give no transform; "
         "0 registers without a prior.",
         unit="m",
         minimum=0.0,
@@ -115,31 +116,31 @@ class OdometryConfig:
     )
     plane_agreement: float = parameter(
         0.5,
-        "A pose is believed when at least this part of the planes seen agrees with it; it is "
-        "refused, whatever the pixels say, below half of this.",
+        "A pose is accepted if at least this fraction of the visible planes agrees with it; it is "
+        "rejected, whatever the pixels say, below half of this.",
         minimum=0.0,
         maximum=1.0,
     )
     brightness_correlation: float = parameter(
         0.6,
-        "A pose is believed when the brightness of model and image correlates at least this much "
-        "and no plane contradicts.",
+        "A pose is accepted if the brightness of model and image correlates at least this much and "
+        "no plane contradicts.",
         minimum=-1.0,
         maximum=1.0,
     )
     timing_error: float = parameter(
         0.015,
-        "What rolling shutter, exposure and stamps leave unknown about the time of an image that "
-        "takes 26 ms to be read, as a Kinect's, and in proportion of another; the covariance grows "
-        "by the way travelled in it.",
+        "Uncertainty of the time of an image, from rolling shutter, exposure and stamps, if it "
+        "takes 26 ms to read, as with a Kinect, and in proportion otherwise; the covariance grows "
+        "by the motion in this time.",
         unit="s",
         minimum=0.0,
         maximum=1.0,
     )
     scale_error: float = parameter(
         0.005,
-        "Relative error of the camera's scale; the covariance grows by this part of the distance "
-        "from the keyframe.",
+        "Relative error of the camera's scale; the covariance grows by this fraction of the "
+        "distance from the keyframe.",
         minimum=0.0,
         maximum=1.0,
     )
@@ -157,15 +158,15 @@ class OdometryConfig:
     )
     reset_countdown: int = parameter(
         3,
-        "Frames that show something and have no pose, after which a new keyframe starts at the "
-        "last pose, if reset_delay has passed too; 0 waits for ever.",
+        "Frames that show something but have no pose, after which a new keyframe starts at the "
+        "last pose, if reset_delay has also passed; 0 waits for ever.",
         minimum=0,
         maximum=1000000,
     )
     reset_delay: float = parameter(
         1.0,
         "Time without a pose before a new keyframe starts at the last one. A slow camera has moved "
-        "out of sight of its keyframes by then; a fast one may yet come back.",
+        "out of sight of its keyframes by then; a fast one may still return.",
         unit="s",
         minimum=0.0,
         maximum=1e6,

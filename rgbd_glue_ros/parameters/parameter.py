@@ -1,4 +1,4 @@
-"""The declaration of a parameter, and configurations, which are trees of them.
+"""The declaration of a parameter, and configurations, which are trees of parameters.
 
 A configuration is a frozen tree of dataclasses; a parameter's dotted name (``glue.k``) is its path
 in that tree.
@@ -31,9 +31,9 @@ class Parameter:
         unit: SI unit or other unit; "" for a pure number or text.
         minimum: least allowed value, None if unbounded.
         maximum: greatest allowed value, None if unbounded.
-        choices: allowed texts; empty if any text is.
+        choices: allowed texts; empty if any text is allowed.
         fixed: why it cannot change while the node runs; "" if it can.
-        check: of the value as a text, beyond all these; None if there is none.
+        check: additional check of the value as a text; None if there is none.
     """
 
     name: str
@@ -55,20 +55,20 @@ class Parameter:
         """``value`` as this parameter's type.
 
         Raises:
-            InputError: it is of another type, out of range, or not among the choices.
+            InputError: ``value`` has the wrong type, is out of range, or not among the choices.
         """
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if self.type is float and isinstance(value, str):
-            # YAML 1.1 takes 1e-3 for a text, as it has no dot
+            # YAML 1.1 reads 1e-3 as a text, since it has no dot
             with suppress(ValueError):
                 value = float(value)
         if self.type is str and isinstance(value, bool):
-            # YAML 1.1 reads none of our texts as a bool, but a user's "no" or "off" it does
+            # YAML 1.1 reads none of our texts as a bool, but does so with a user's "no" or "off"
             raise InputError(self.name, f"{value} is not a text", f"give {self.allowed}")
         if not isinstance(value, self.type) or (self.type is int and isinstance(value, bool)):
             raise InputError(
-                self.name, f"{value!r} is no {self.type.__name__}", f"give {self.allowed}"
+                self.name, f"{value!r} is not of type {self.type.__name__}", f"give {self.allowed}"
             )
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             too_low = self.minimum is not None and not value >= self.minimum
@@ -84,7 +84,7 @@ class Parameter:
 
     @property
     def allowed(self) -> str:
-        """What values are allowed, in words."""
+        """The allowed values, in words."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if self.check:
@@ -100,12 +100,12 @@ class Parameter:
         return text + (f" ({self.unit})" if self.unit else "")
 
 
-# What programs that use the package have added to the choices of parameters, by full name.
+# Choices that programs which use the package have added to parameters, by full name.
 _added: dict[str, tuple[str, ...]] = {}
 
 
 def add_choice(name: str, choice: str) -> None:
-    """Lets a parameter (dotted name) take one more text, in this process."""
+    """Adds an allowed text to a parameter (dotted name), in this process."""
     _added[name] = (*_added.get(name, ()), choice)
 
 
@@ -113,7 +113,7 @@ def parameter(default: Value, description: str, **declaration: Any) -> Any:
     """The field of a configuration that is a parameter.
 
     Args:
-        default: as of ``Parameter``, like all.
+        default: as in ``Parameter``, like the rest.
         description: what it means.
         **declaration: unit, minimum, maximum, choices, fixed and check.
     """
@@ -178,7 +178,7 @@ def with_values(config: C, changes: Mapping[str, object]) -> C:
 
 def unknown_parameter(name: str, declared: Iterable[str]) -> InputError:
     """The error of a name that is not declared; its remedy is the nearest name that is."""
-    # of glue.k and the like, the last part alone may have been given
+    # only the last part may have been given, such as k for glue.k
     by_part = {part: full for full in declared for part in (full, full.rpartition(".")[2])}
     near = difflib.get_close_matches(name, by_part, n=1)
     hint = f"did you mean {by_part[near[0]]}?" if near else "see `rgbd-glue params`"

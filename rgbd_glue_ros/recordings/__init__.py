@@ -1,4 +1,4 @@
-"""Where recorded frames come from; the format of a recording is found out by itself."""
+"""Sources of recorded frames; the format of a recording is detected."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Camera calibration files, by whatever program they were written.
+"""Camera calibration files of many programs.
 
-Read are those of ROS (``camera_calibration``, and a CameraInfo as ``ros2 topic echo`` prints it),
-OpenCV, ORB-SLAM2 and 3, Kalibr, Open3D, COLMAP, NICE-SLAM, Record3D, nerfstudio and the RealSense
-SDK, and bare numbers: a matrix [3, 3] or [4, 4], or fx fy cx cy. They agree in what they tell and
-differ in the names, so a file is taken for a tree of names and values, and the names are known by
-heart.
+Supported are those of ROS (``camera_calibration``, and a CameraInfo as ``ros2 topic echo`` prints
+it), OpenCV, ORB-SLAM2 and 3, Kalibr, Open3D, COLMAP, NICE-SLAM, Record3D, nerfstudio and the
+RealSense SDK, and bare numbers: a matrix [3, 3] or [4, 4], or fx fy cx cy. They contain the same
+information under different names, so a file is read as a tree of names and values, with a table of
+known names.
 """
 
 from __future__ import annotations
@@ -54,14 +54,15 @@ _WIDTH, _HEIGHT = ("image_width", "width", "w"), ("image_height", "height", "h")
 _SIZE = ("resolution", "image_size", "image_resolution")
 _FOCAL_AND_CENTRE = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
 _DEPTH_SCALE = ("depthmapfactor", "png_depth_scale", "depth_scale", "scale")
-# By name, where no list holds them
+# By name, if they are not in a list
 _PLUMB_BOB = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _EQUIDISTANT = ("k1", "k2", "k3", "k4")
-# Of several cameras in a file, the one that is called so
+# Name of the one to use of several cameras in a file
 _OF_COLOR = re.compile(r"colou?r|rgb", re.IGNORECASE)
-# Focal lengths along rows and columns differ by less than this part, the principal point by more
+# Focal lengths along rows and columns differ by less than this fraction, the principal point by
+# more
 _NEARLY_ONE = 0.05
-# Lenses that no model here comes near
+# Lenses that no supported model approximates
 _UNKNOWN_CAMERAS = {"omni", "ds", "eucm", "mei", "scaramuzza"}
 
 _REMEDY = (
@@ -72,11 +73,11 @@ _REMEDY = (
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a calibration file tells.
+    """The content of a calibration file.
 
     Attributes:
-        intrinsics: the camera; width and height are 0 where the file does not tell them.
-        depth_scale: metres of one unit of the depth images; None if the file does not tell.
+        intrinsics: the camera; width and height are 0 if the file does not give them.
+        depth_scale: metres per unit of the depth images; None if the file does not give it.
         source: the file, for errors.
     """
 
@@ -86,11 +87,11 @@ class Calibration:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """What a calibration file tells.
+    """The content of a calibration file.
 
     Raises:
-        InputError: the file cannot be read, tells of no camera or of several, or the numbers are
-            none that a camera has.
+        InputError: the file cannot be read, contains no camera or several, or its numbers are
+            impossible for a camera.
     """
     try:
         content = _content(read_text(path))
@@ -104,15 +105,15 @@ def read_calibration(path: Path) -> Calibration:
     if len(cameras) > 1:
         names = ", ".join(name or "one without a name" for name, _ in cameras)
         raise InputError(
-            path, f"holds {len(cameras)} cameras ({names})", "keep only that of the colour images"
+            path, f"holds {len(cameras)} cameras ({names})", "keep only the colour camera"
         )
     if not cameras:
-        raise InputError(path, "is no camera calibration", _REMEDY)
+        raise InputError(path, "is not a camera calibration", _REMEDY)
     values = cameras[0][1]
     try:
         info, depth_scale = _camera_info(values), _depth_scale(values, content)
     except (KeyError, OverflowError, TypeError, ValueError) as error:
-        raise InputError(path, f"is no camera calibration ({error})", _REMEDY) from error
+        raise InputError(path, f"is not a camera calibration ({error})", _REMEDY) from error
     return Calibration(intrinsics_from_message(info, str(path)), depth_scale, str(path))
 
 
@@ -124,7 +125,7 @@ def _content(text: str) -> Any:
         return (
             {"resolution": numbers[:-4], "k": numbers[-4:]} if len(numbers) == 6 else {"k": numbers}
         )
-    # of names that are given twice YAML says the line
+    # for duplicate keys the YAML error gives the line
     with suppress(ValueError):
         return json.loads(text, object_pairs_hook=_each_once)
     named = ost_camera(text) or colmap_cameras(text)
@@ -136,7 +137,7 @@ def _content(text: str) -> Any:
 
 
 def _numbers(text: str) -> list[float] | None:
-    """All numbers of a text, None if it holds anything else."""
+    """All numbers of a text, None if it contains anything else."""
     words = re.sub(r"[\[\](),;]", " ", re.sub(r"#.*", "", text)).split()
     try:
         return [float(word) for word in words] or None
@@ -152,7 +153,7 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 class _Loader(BoundedLoader):
-    """Takes OpenCV's matrices for the mappings that they are."""
+    """Reads OpenCV's matrices as plain mappings."""
 
 
 def _mapping(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -181,7 +182,7 @@ def _is_matrix(value: Any) -> bool:
 
 
 def _named_plainly(content: Mapping[Any, Any]) -> dict[str, Any]:
-    """Names in small letters, without what ORB-SLAM puts before each."""
+    """Names in lower case, without ORB-SLAM's prefix."""
     return {
         re.sub(r"^(camera1?|rgbd)\.", "", str(key).lower()): value for key, value in content.items()
     }
@@ -210,7 +211,7 @@ def _camera_info(values: Mapping[str, Any]) -> CameraInfo:
 
 
 def _size(values: Mapping[str, Any]) -> tuple[int, int]:
-    """Width and height; 0 where they are not told."""
+    """Width and height; 0 if not given."""
     both = _first(values, _SIZE)
     if both is not None:
         return int(both[0]), int(both[1])
@@ -234,12 +235,12 @@ def _matrix(values: Mapping[str, Any]) -> Float64:
 
 
 def _of_matrix(numbers: Float64) -> Float64:
-    """The camera matrix out of 9, 12 (P) or 16 numbers, by rows or by columns."""
+    """The camera matrix from 9, 12 (P) or 16 numbers, by rows or by columns."""
     shapes = {9: (3, 3), 12: (3, 4), 16: (4, 4)}
     if numbers.size not in shapes:
         raise ValueError(f"a camera matrix of {numbers.size} numbers")
     K = numbers.reshape(shapes[numbers.size])[:3, :3]
-    # the centre is in the last column; where it is in the last row, columns were written
+    # the centre is in the last column; if it is in the last row, columns were written
     return K.T if K[2, :2].any() and not K[:2, 2].any() else K
 
 
@@ -259,7 +260,7 @@ def _array(value: Any) -> Float64:
 
 
 def _depth_scale(camera: Mapping[str, Any], content: Mapping[str, Any]) -> float | None:
-    """Metres of one unit; some tell it beside the camera."""
+    """Metres per unit; some files give it beside the camera."""
     beside = _named_plainly(content)
     scale = _first(camera, _DEPTH_SCALE) or _first(beside, _DEPTH_SCALE)
     return None if scale is None else metres_per_unit(float(scale))

@@ -1,4 +1,4 @@
-"""Calibrations in texts of their own: COLMAP's ``cameras.txt`` and the ``ost.txt`` of ROS."""
+"""Calibrations in special text formats: COLMAP's ``cameras.txt`` and the ``ost.txt`` of ROS."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _OST_NAMES = ("width", "height", "camera matrix", "distortion")
 
 
 def colmap_cameras(text: str) -> Mapping[str, Any] | None:
-    """The cameras of COLMAP's text by their numbers; None if it is none.
+    """The cameras in COLMAP's text by their numbers; None if it is not such a text.
 
     Raises:
-        ValueError: a line has not the numbers of its model.
+        ValueError: a line does not have the numbers of its model.
     """
     cameras = {}
     for number, model, width, height, rest in _COLMAP_LINE.findall(text):
@@ -41,10 +41,10 @@ def colmap_cameras(text: str) -> Mapping[str, Any] | None:
 
 
 def ost_camera(text: str) -> Mapping[str, Any] | None:
-    """The camera in a text that begins with ``[image]``, as of camera_calibration; else None.
+    """The camera in a text that begins with ``[image]``, as by camera_calibration; otherwise None.
 
     Raises:
-        ValueError: what should be numbers is none.
+        ValueError: expected numbers are not numbers.
     """
     if not _OST_START.match(text):
         return None

@@ -1,4 +1,4 @@
-"""Folders of many recordings, and the parts of data sets that results are published for."""
+"""Folders of many recordings, and the splits of data sets that results are published for."""
 
 from __future__ import annotations
 
@@ -51,29 +51,28 @@ def recordings(paths: Iterable[Path], only: frozenset[str] | None = None) -> lis
     """The recordings at and below the paths, in order of their names below each.
 
     Args:
-        paths: recordings, or folders of them; what is neither is given back for the opener to
-            refuse.
-        only: names of folders to restrict these to, as ``split`` gives them; None takes all.
+        paths: recordings, or folders of them; anything else is returned for the opener to refuse.
+        only: names of folders to restrict these to, as returned by ``split``; None takes all.
 
     Raises:
-        InputError: nothing is left.
+        InputError: nothing remains.
     """
     found = [recording for path in paths for recording in (_below(path, _DEPTH) or [path])]
     chosen = [path for path in found if only is None or not only.isdisjoint(_names(path))]
     if not chosen:
         raise InputError(
             "--only",
-            f"names none of the {len(found)} recordings there, such as {found[0].name}",
-            "give the data set that the names are of",
+            f"names none of the {len(found)} recordings, such as {found[0].name}",
+            "give the data set that the names belong to",
         )
     return list(dict.fromkeys(chosen))
 
 
 def split(name: str) -> frozenset[str]:
-    """The names of an official split, or those in a file of one name a line.
+    """The names of an official split, or those in a file with one name per line.
 
     Raises:
-        InputError: there is neither.
+        InputError: there is no such split or file.
     """
     if name in SPLITS:
         return SPLITS[name]
@@ -87,7 +86,7 @@ def split(name: str) -> frozenset[str]:
         ) from error
     names = frozenset(line.strip() for line in lines if line.strip())
     if not names:
-        raise InputError(name, "holds no name", "give the names of recordings, one a line")
+        raise InputError(name, "holds no names", "give the names of recordings, one per line")
     return names
 
 
@@ -110,7 +109,7 @@ def _candidates(folder: Path) -> Iterator[Path]:
 
 
 def _names(path: Path) -> set[str]:
-    """What a recording may be called: its last folders, and each with those in it."""
+    """The possible names of a recording: its last folders, and each with those inside it."""
     full = path.absolute()
     last = (full.with_suffix("") if path.is_file() else full).parts[-3:]
     return {"/".join(last[i:j]) for i, j in combinations(range(len(last) + 1), 2)}

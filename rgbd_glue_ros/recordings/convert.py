@@ -1,4 +1,4 @@
-"""Recordings from one format to another: a bag becomes a TUM RGB-D folder, all others a bag."""
+"""Converts recordings: a bag becomes a TUM RGB-D folder, all others a bag."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _Write = tuple[int, Callable[[], None]]
 
 logger = logging.getLogger(__name__)
 
-# Who waits longer than this is shown how far it is.
+# Progress is shown to those who wait longer than this.
 _PROGRESS_AFTER_S = 2.0
 
 
@@ -43,15 +43,15 @@ def convert(
 ) -> None:
     """Writes a recording in another format, with its camera and true poses.
 
-    The target appears when it is written. However that ends, the frames written are there and can
-    be read.
+    The target appears once it is written. However that ends, the frames written are there and
+    readable.
 
     Args:
         source: a bag, for a TUM RGB-D folder; or any other, for a rosbag2.
         target: a folder that does not exist.
-        compressed: whether images in a bag are to be JPEG and compressedDepth; raw ones lose
-            nothing. In a folder, images are always PNG.
-        topics: what the topics of a bag are to be called.
+        compressed: whether images in a bag are JPEG and compressedDepth; raw ones are lossless. In
+            a folder, images are always PNG.
+        topics: names of the topics of a bag.
 
     Raises:
         InputError: the target exists or cannot be written, or a frame cannot be read; the frames
@@ -78,7 +78,7 @@ def _convert(source: Recording, target: Path, compressed: bool, topics: WrittenT
     frames = iter(source)
     first = next(frames, None)
     if first is None:
-        raise InputError(source.name, "holds no frame", "give a recording with RGB-D frames")
+        raise InputError(source.name, "holds no frames", "give a recording with RGB-D frames")
     progress = tqdm(
         chain([first], frames),
         total=source.frame_count,

@@ -1,32 +1,31 @@
-"""What a recording holds that cannot be used: skipped, counted and said once per cause."""
+"""Unusable parts of a recording: skipped, counted, and each kind logged once."""
 
 from __future__ import annotations
 
 import logging
 
-from rgbd_glue_ros.errors import InputError, without_numbers
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.fault_news import FaultNews
 
 logger = logging.getLogger(__name__)
 
 
 class Faults:
-    """Counts faults and logs each kind once; those that differ in numbers alone are of a kind.
+    """Counts faults, and logs new kinds.
 
     Attributes:
-        count: of faults.
-        first: fault of all, None without any.
+        count: number of faults.
+        first: the first one; None without any.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self.first: InputError | None = None
-        self._kinds: set[str] = set()
+        self._news = FaultNews()
 
     def add(self, error: InputError) -> None:
-        """Counts one; says it if none of its kind was said."""
+        """Counts a fault, and logs it unless one of its kind was logged."""
         self.count += 1
         self.first = self.first or error
-        kind = without_numbers(str(error))
-        if kind not in self._kinds:
-            self._kinds.add(kind)
+        if self._news.is_news(error.where, error.cause):
             logger.warning("%s; skipped, as all like it will be", error)

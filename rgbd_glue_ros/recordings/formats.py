@@ -1,4 +1,4 @@
-"""The formats of recordings, and which of them a path is of."""
+"""The formats of recordings, and which of them a path has."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from rgbd_glue_ros.types import CameraIntrinsics
 
 logger = logging.getLogger(__name__)
 
-# Of a folder with more in it, so many are looked at for recordings
+# In a larger folder, this many entries are examined for recordings
 _LOOKED_AT = 100
 
 
 @dataclass(frozen=True)
 class Given:
-    """What a user tells of a recording.
+    """What a user specifies about a recording.
 
     Attributes:
-        topics: of a bag, or the names of images; what is None is found.
-        calibration: of the colour images; None takes what the recording says.
-        depth_calibration: of the depth images, where they are not registered to colour.
-        inputs: how images are understood and paired.
+        topics: of a bag, or the names of images; those that are None are detected.
+        calibration: of the colour images; None uses the recording's.
+        depth_calibration: of the depth images, if they are not registered to colour.
+        inputs: how images are interpreted and paired.
     """
 
     topics: Topics
@@ -49,24 +49,25 @@ class Given:
 
     @property
     def camera(self) -> CameraIntrinsics | None:
-        """Of the colour images; None takes what the recording says."""
+        """The camera of the colour images; None uses the recording's."""
         return None if self.calibration is None else self.calibration.intrinsics
 
     @property
     def told_scale(self) -> float | None:
-        """Metres of a unit of depth as the calibration tells; None where it does not."""
+        """Metres per unit of depth from the calibration; None if it does not give them."""
         return None if self.calibration is None else self.calibration.depth_scale
 
     @property
     def depth_camera(self) -> DepthCamera | None:
-        """The camera of depth images that lie in a folder; None if they are registered."""
+        """The camera of depth images in a folder; None if they are registered."""
         if self.depth_calibration is None or self.inputs.depth_is_registered:
             return None
         T = pose_parameter("depth_camera_pose", self.inputs.depth_camera_pose)
         if T is None:
             logger.warning(
-                "the depth camera is taken to be at the colour camera's place; if it is not, give "
-                "--set depth_camera_pose='x y z roll pitch yaw', between the optical frames"
+                "the pose of the depth camera is assumed to be that of the colour camera; if it is "
+                "not, give --set depth_camera_pose='x y z roll pitch yaw', between the optical "
+                "frames"
             )
             T = np.eye(4)
         return DepthCamera(self.depth_calibration, T)
@@ -79,7 +80,7 @@ class Format:
     Attributes:
         name: of the format.
         matches: whether a path is of this format.
-        open: opens it, given what the user tells.
+        open: opens it, given the user's specification.
     """
 
     name: str
@@ -114,10 +115,10 @@ def _open_folder(path: Path, given: Given) -> Recording:
     if tum.has_lost_its_lists(path) and not is_unit_told:
         raise InputError(
             path,
-            f"lacks {tum.COLOR_LIST} and {tum.DEPTH_LIST} of a TUM data set, so that the unit of "
-            "its depth is not known",
-            f"restore them, or give it: --set depth_scale={1 / tum.UNITS_PER_METRE:g} as in TUM's "
-            "own, --set depth_scale=0.001 for millimetres",
+            f"lacks {tum.COLOR_LIST} and {tum.DEPTH_LIST} of a TUM data set, so the unit of its "
+            "depth is unknown",
+            f"restore them, or give it: --set depth_scale={1 / tum.UNITS_PER_METRE:g} as in TUM, "
+            "--set depth_scale=0.001 for millimetres",
         )
     recording = image_folder.open_folder(
         path, given.camera, given.topics.color, given.topics.depth, given.depth_camera
@@ -142,7 +143,7 @@ def _open_bag(path: Path, given: Given) -> Recording:
 
 
 def _understood(sequence: ImageSequence, given: Given) -> ImageSequence:
-    """The sequence with what is given of its depth."""
+    """The sequence with the given information about its depth."""
     if given.inputs.metres_per_unit is None:
         sequence = sequence.with_told_scale(given.told_scale)
     sequence = sequence.with_depth_scale(given.inputs.metres_per_unit)
@@ -162,7 +163,7 @@ FORMATS = (
 
 
 def format_of(path: Path) -> Format | None:
-    """The format that what is at a path looks like; None if it is like none of them."""
+    """The format that a path appears to have; None if there is none."""
     return next((kind for kind in FORMATS if kind.matches(path)), None)
 
 
@@ -170,7 +171,7 @@ def refuse_recording(output: Path) -> None:
     """Refuses a recording's folder for results: they would mix with it, or replace its files.
 
     Raises:
-        InputError: it is one.
+        InputError: the folder is a recording.
     """
     if output.is_dir() and format_of(output) is not None:
         raise InputError(output, "is a recording", "give another folder for the results (-o)")
@@ -188,19 +189,19 @@ def open_recording(
     Args:
         path: a bag, or the folder of a data set.
         topics: of a bag; None finds them by type and name.
-        calibration: of the camera, or what a file tells of it and of the unit of depth; None takes
-            what the recording says.
-        inputs: how images are understood and paired; None as by default.
-        depth_calibration: of the depth camera, where depth is not registered to colour.
+        calibration: of the camera, or the content of a file on it and the unit of depth; None uses
+            the recording's.
+        inputs: how images are interpreted and paired; None for the defaults.
+        depth_calibration: of the depth camera, if depth is not registered to colour.
 
     Raises:
-        InputError: there is nothing there, it is of no known format, or it cannot be used.
+        InputError: the path does not exist, has no known format, or is unusable.
     """
     path = Path(path)
     if not path.exists():
         raise InputError(path, "does not exist", "give a bag or the folder of a data set")
     if not (path.is_dir() or path.is_file()):
-        raise InputError(path, "is no regular file", "give a bag or the folder of a data set")
+        raise InputError(path, "is not a regular file", "give a bag or the folder of a data set")
     kind = format_of(path)
     if kind is None and path.is_dir() and topics and topics.color and topics.depth:
         kind = IMAGES  # whatever they are called

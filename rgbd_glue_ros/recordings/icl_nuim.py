@@ -1,7 +1,7 @@
 """ICL-NUIM as its "TUM compatible PNGs" are packed: ``associations.txt`` and ``*.gt.freiburg``.
 
-Not quite the layout of TUM: frames are numbered and not stamped, and the poses are those of a world
-whose y axis points up, as the mirror image of the one that the images show.
+Similar to TUM's layout, but frames are numbered and not stamped, and the poses are those of a world
+whose y axis points up, the mirror image of the one that the images show.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
 
 def matches(folder: Path) -> bool:
-    """Whether the folder is laid out so."""
+    """Whether the folder has this layout."""
     return (folder / ASSOCIATIONS).is_file() and any(folder.glob(TRUTH))
 
 
@@ -51,6 +51,6 @@ def open_icl_nuim(folder: Path, calibration: CameraIntrinsics | None = None) -> 
 
 
 def mirrored(poses: Float64) -> Float64:
-    """The poses [N, 4, 4] as they are in the mirror image of their world, y turned around."""
+    """The poses [N, 4, 4] in the mirror image of their world, with y inverted."""
     result: Float64 = _MIRROR @ poses @ _MIRROR
     return result

@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 IMAGE_TYPES = frozenset(
     {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".npy", ".exr", ".pgm", ".ppm"}
 )
-"""Endings of image files, in small letters."""
+"""Suffixes of image files, in lower case."""
 
 _NPY_HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -47,18 +47,18 @@ _NPY_HEADERS = {
 }
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
-"""How an image of so many channels becomes RGB; grey stays grey."""
+"""Conversion to RGB by number of channels; grey stays grey."""
 
 
 @dataclass(frozen=True)
 class DepthEncoding:
-    """How a depth image says metres.
+    """How a depth image encodes metres.
 
     Attributes:
-        units_per_metre: a metre in units of an image of whole numbers.
+        units_per_metre: units per metre in an image of whole numbers.
         invalid: values that mean unknown.
-        float_units_per_metre: a metre in units of an image of other numbers.
-        rotation: bits by which a number was rotated to the left before it was stored.
+        float_units_per_metre: units per metre in an image of other numbers.
+        rotation: bits by which a number was rotated to the left before storage.
     """
 
     units_per_metre: float
@@ -67,17 +67,17 @@ class DepthEncoding:
     rotation: int = 0
 
     def with_scale(self, metres_per_unit: float | None) -> DepthEncoding:
-        """The same in other units; None leaves them as they are."""
+        """This encoding in other units; None leaves them unchanged."""
         if metres_per_unit is None:
             return self
         units = 1 / metres_per_unit
         return replace(self, units_per_metre=units, float_units_per_metre=units)
 
     def with_told_scale(self, metres_per_unit: float | None) -> DepthEncoding:
-        """The same in the units that a calibration file tells; None leaves them as they are.
+        """This encoding in the units of a calibration file; None leaves them unchanged.
 
-        A unit of a metre, as of ORB-SLAM's ``DepthMapFactor: 1.0``, is one of floats: a depth image
-        of whole metres is none.
+        A unit of one metre, as in ORB-SLAM's ``DepthMapFactor: 1.0``, is for floats: depth in whole
+        metres is unusable.
         """
         if metres_per_unit == 1:
             return replace(self, float_units_per_metre=1.0)
@@ -138,7 +138,7 @@ class ImageSequence(Closing):
         ground_truth: T_world_camera, None if not known.
         color_size: width and height of colour images larger than depth, which are reduced to it.
         frame_id: the camera's optical frame, "" if not known.
-        depth_camera: that took the depth images; None if they are registered to colour.
+        depth_camera: the one that took the depth images; None if they are registered to colour.
         imu: samples in the axes of the optical frame, None if there are none.
         left_out: images that are in no frame.
     """
@@ -156,34 +156,34 @@ class ImageSequence(Closing):
 
     @property
     def frame_count(self) -> int:
-        """How many frames it holds."""
+        """The number of frames."""
         return len(self.pairs)
 
     def with_depth_scale(self, metres_per_unit: float | None) -> ImageSequence:
-        """The same with depth in other units; None leaves them as they are."""
+        """This sequence with depth in other units; None leaves them unchanged."""
         return replace(self, encoding=self.encoding.with_scale(metres_per_unit))
 
     def with_told_scale(self, metres_per_unit: float | None) -> ImageSequence:
-        """The same with depth in the units that a calibration file tells; None leaves them."""
+        """This sequence with depth in the units of a calibration file; None leaves them."""
         if metres_per_unit == 1 and _holds_whole_numbers(self.pairs[0].depth):
             logger.warning(
-                "%s: its calibration tells a depth scale of 1, but depth is in whole numbers, so "
-                "a unit of %g m is taken; if it is another, give --depth-scale",
+                "%s: its calibration gives a depth scale of 1, but depth is in whole numbers, so a "
+                "unit of %g m is assumed; if it is another, give --depth-scale",
                 self.name,
                 1 / self.encoding.units_per_metre,
             )
         return replace(self, encoding=self.encoding.with_told_scale(metres_per_unit))
 
     def with_depth_camera(self, depth_camera: DepthCamera | None) -> ImageSequence:
-        """The same with depth taken by another camera than colour; None leaves it registered."""
+        """This sequence with depth from another camera than colour; None leaves it registered."""
         return replace(self, depth_camera=depth_camera)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time; those that cannot be read are skipped, counted and logged.
 
         Raises:
-            InputError: at the end, if none could be read: images are missing, corrupt, or not of
-                the camera's size.
+            InputError: at the end, if none could be read: images are missing, corrupt, or do not
+                have the camera's size.
         """
         faults, gaps = Faults(), FrameGaps()
         for result in mapped_ahead(self._try_read, self.pairs):
@@ -199,7 +199,7 @@ class ImageSequence(Closing):
             logger.warning("%s: %d frames skipped of %d", self.name, faults.count, len(self.pairs))
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """The frames of these numbers, counted from 0, without reading any other.
+        """The frames with these numbers, counted from 0, without reading any other.
 
         Raises:
             InputError: one of them cannot be read.
@@ -216,7 +216,7 @@ class ImageSequence(Closing):
         return self.frame(pair, self._color(pair.color))
 
     def frame(self, pair: ImagePair, color: UInt8) -> RgbdFrame:
-        """The frame of a pair whose colour image is decoded already.
+        """The frame of a pair whose colour image is already decoded.
 
         Args:
             pair: one of the sequence.
@@ -263,7 +263,7 @@ class ImageSequence(Closing):
         return self.encoding.metres(image)
 
     def _decoded(self, path: Path, expected: tuple[int, int]) -> NDArray[Any]:
-        """The image, of the expected width and height; of any where a calibration tells none."""
+        """The image, with the expected width and height; any size if the calibration gives none."""
         image = read_image(path)
         height, width = image.shape[:2]
         if any(expected) and (width, height) != expected:
@@ -275,11 +275,11 @@ class ImageSequence(Closing):
         return image
 
     def close(self) -> None:
-        """Holds nothing open."""
+        """Does nothing: no file is kept open."""
 
 
 def _one_of_equal_channels(image: NDArray[Any]) -> NDArray[Any]:
-    """What renderers write to all channels of an EXR file, beside opacity."""
+    """One of the equal channels that renderers write to an EXR file, besides opacity."""
     same = np.array_equal(image[..., 0], image[..., 1], equal_nan=True)
     return image[..., 0] if same and image.shape[2] in {3, 4} else image
 
@@ -288,14 +288,14 @@ def _holds_whole_numbers(path: Path) -> bool:
     try:
         return read_image(path).dtype.kind == "u"
     except InputError:
-        return False  # said where it is read
+        return False  # reported where it is read
 
 
 def read_image(path: Path) -> NDArray[Any]:
-    """The image in a file: of ``decode``, or the array in an NPY file, with colours as B G R.
+    """The image in a file: by ``decode``, or the array in an NPY file, with colours as B G R.
 
     Raises:
-        InputError: it is missing, damaged, or no image.
+        InputError: the file is missing, damaged, or not an image.
     """
     data = read_bytes(path, MAX_IMAGE)
     if path.suffix.lower() == ".npy":
@@ -304,7 +304,7 @@ def read_image(path: Path) -> NDArray[Any]:
 
 
 def _array(data: bytes, path: Path) -> NDArray[Any]:
-    """The array in the bytes of an NPY file; its size is known before memory is taken."""
+    """The array in the bytes of an NPY file; its size is checked before memory is allocated."""
     file = BytesIO(data)
     try:
         read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
@@ -319,7 +319,7 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
 
 
 def _of_array(array: NDArray[Any], path: Path) -> NDArray[Any]:
-    """An array as OpenCV has images: one channel without a third axis, colours as B G R."""
+    """An array in OpenCV's convention: one channel without a third axis, colours as B G R."""
     image: NDArray[Any] = array.squeeze()
     if image.ndim == 3 and image.shape[2] == 3:
         return np.ascontiguousarray(image[..., ::-1])
@@ -329,10 +329,10 @@ def _of_array(array: NDArray[Any], path: Path) -> NDArray[Any]:
 
 
 def to_rgb(image: NDArray[Any], where: str) -> UInt8:
-    """A decoded image as uint8 [H, W, 3] RGB, or [H, W] where it is grey.
+    """A decoded image as uint8 [H, W, 3] RGB, or [H, W] if it is grey.
 
     Raises:
-        InputError: it has not 8 bits, or neither 1, 3 nor 4 channels.
+        InputError: the image does not have 8 bits, or not 1, 3 or 4 channels.
     """
     channels = 1 if image.ndim == 2 else image.shape[2]
     if image.dtype != np.uint8 or channels not in _TO_RGB:
@@ -357,7 +357,7 @@ def matrix(path: Path, size: int) -> Float64:
     """The numbers in a text file as a matrix [size, size]; they need not be finite.
 
     Raises:
-        InputError: the file cannot be read, or holds anything else.
+        InputError: the file cannot be read, or contains anything else.
     """
     words = read_text(path).split()
     try:
@@ -365,7 +365,7 @@ def matrix(path: Path, size: int) -> Float64:
     except ValueError as error:
         raise InputError(path, f"cannot be read ({error})", "restore the file") from error
     if numbers.size != size * size:
-        raise InputError(path, f"is no {size}x{size} matrix", "restore the file")
+        raise InputError(path, f"is not a {size}x{size} matrix", "restore the file")
     return numbers.reshape(size, size)
 
 
@@ -373,7 +373,7 @@ def camera_of_matrix(where: object, K: Float64, width: int, height: int) -> Came
     """The camera of a matrix [3, 3], or of the upper left of a larger one.
 
     Raises:
-        InputError: it is none, as of ``pinhole``.
+        InputError: the matrix is not a camera, as in ``pinhole``.
     """
     return pinhole(K[:3, :3], width, height, "K", str(where))
 
@@ -381,7 +381,7 @@ def camera_of_matrix(where: object, K: Float64, width: int, height: int) -> Came
 def ground_truth(files: Iterable[tuple[int, Path]]) -> Trajectory | None:
     """The poses in files of one matrix [4, 4] each, by the stamps of their frames.
 
-    A file that is missing or whose pose is not finite, as where tracking was lost, gives none.
+    A missing file, or one with a pose that is not finite (tracking was lost), gives none.
 
     Returns:
         None if there is no pose at all.

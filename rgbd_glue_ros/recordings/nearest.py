@@ -1,4 +1,4 @@
-"""What a path that is no recording comes nearest to, and what it lacks of that."""
+"""The closest layout of a path that is not a recording, and what is missing."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 
-SEE = "docs/data.md lists what is read"
+SEE = "docs/data.md lists the supported formats"
 
-# First bytes of packed files, and what they are
+# First bytes of packed files, and their types
 _ARCHIVES = (
     (b"PK\x03\x04", "a zip archive"),
     (b"\x1f\x8b", "a gzip archive"),
@@ -22,7 +22,7 @@ _ARCHIVES = (
     (b"\x1a\x45\xdf\xa3", "a Matroska video (.mkv)"),
 )
 
-# Of many recordings, so many are named
+# Maximum number of recordings that are named
 _NAMED = 3
 
 
@@ -31,9 +31,9 @@ class Layout:
     """The layout of a kind of recording.
 
     Attributes:
-        name: of the kind.
-        parts: patterns of what lies in its folder, each with what it is called in words; those
-            that are said to be missing, and that tell the kind.
+        name: name of the kind.
+        parts: patterns of the files in its folder, each with its name in words; they identify the
+            kind, and are reported if missing.
     """
 
     name: str
@@ -62,10 +62,10 @@ LAYOUTS = (
 
 
 def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
-    """Why a path is no recording: the nearest layout, and what is missing.
+    """Why a path is not a recording: the closest layout, and what is missing.
 
     Args:
-        path: of no known format.
+        path: one without a known format.
         recordings: those directly below it.
     """
     if path.is_file():
@@ -75,28 +75,28 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
         more = " and others" if len(below) > _NAMED else ""
         return InputError(
             path,
-            f"is no recording, but holds {', '.join(below[:_NAMED])}{more}, which are",
+            f"is not a recording, but holds {', '.join(below[:_NAMED])}{more}, which are",
             "give one of them",
         )
     if not any(path.iterdir()):
         return InputError(
-            path, "is no recording of a known format: it is empty", "give the folder of one"
+            path, "is not a recording in a known format: it is empty", "give the folder of one"
         )
     found = _nearest(path)
     if found is None:
         held = ", ".join(sorted(child.name for child in islice(path.iterdir(), 5)))
         return InputError(
             path,
-            f"is no recording of a known format; it holds {held}",
+            f"is not a recording in a known format; it holds {held}",
             f"give a bag, or a folder of colour images (rgb) beside one of depth (depth); {SEE}",
         )
     layout, missing = found
     if not missing:
         return InputError(
             path,
-            f"comes nearest to {layout.name}, but its images bear no numbers that tell which "
-            "belong together",
-            "name both images of a frame by one number, or list them in associations.txt (stamp "
+            f"is most like {layout.name}, but its images have no numbers that show which belong "
+            "together",
+            "give both images of a frame the same number, or list them in associations.txt (stamp "
             f"color stamp depth); {SEE}",
         )
     remedy = f"restore {missing[0]}"
@@ -104,7 +104,7 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
         remedy += ", or name the images (--color-topic NAME --depth-topic NAME)"
     return InputError(
         path,
-        f"is no recording of a known format; it comes nearest to {layout.name}, but "
+        f"is not a recording in a known format; it is most like {layout.name}, but "
         f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing",
         f"{remedy}; {SEE}",
     )
@@ -117,16 +117,18 @@ def _of_file(path: Path) -> InputError:
     if path.suffix.lower() == ".r3d":
         return InputError(
             path,
-            "is an archive of Record3D, whose depth is compressed as only Apple's LZFSE is",
+            "is an archive of Record3D, whose depth is compressed with Apple's LZFSE",
             "export EXR + RGB from the app, and give that folder",
         )
     if kind is not None:
-        return InputError(path, f"is {kind}", "unpack it, and give what is in it")
-    return InputError(path, "is no bag and no sensor stream", f"give a bag or a folder; {SEE}")
+        return InputError(path, f"is {kind}", "unpack it, and give its contents")
+    return InputError(
+        path, "is neither a bag nor a sensor stream", f"give a bag or a folder; {SEE}"
+    )
 
 
 def _nearest(folder: Path) -> tuple[Layout, list[str]] | None:
-    """The layout with most of its parts there, and the parts that are not; None if none is."""
+    """The layout with most of its parts present, and the missing parts; None if none is present."""
     best: tuple[Layout, list[str]] | None = None
     most = 0.0
     for layout in LAYOUTS:

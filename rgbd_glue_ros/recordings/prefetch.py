@@ -10,7 +10,7 @@ from typing import TypeVar
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-# OpenCV works on images without holding the interpreter's lock, so two threads halve the time.
+# OpenCV releases the interpreter lock while it processes images, so two threads halve the time.
 _THREADS = 2
 _AHEAD = 4
 

@@ -1,4 +1,4 @@
-"""What a recorded sequence is: frames in order of time, and the truth about them if known."""
+"""The interface of recorded sequences: frames in order of time, and ground truth if known."""
 
 from __future__ import annotations
 
@@ -14,31 +14,32 @@ class Recording(Protocol):
 
     @property
     def name(self) -> str:
-        """What to call it in a report."""
+        """Its name in a report."""
 
     @property
     def frame_count(self) -> int:
-        """How many frames it holds, at most."""
+        """The maximum number of frames."""
 
     @property
     def ground_truth(self) -> Trajectory | None:
         """True poses T_world_camera (optical frame), None if not known."""
 
     def __iter__(self) -> Iterator[RgbdFrame]:
-        """The frames in order of time; single ones that cannot be read are skipped and said.
+        """The frames in order of time; single unreadable ones are skipped and logged.
 
         Raises:
-            InputError: none can be read, or from some place on none; those before it were given.
+            InputError: no frame can be read, or none from some point on; earlier ones were
+                returned.
         """
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """The frames of these numbers, counted from 0 in order of time.
+        """The frames with these numbers, counted from 0 in order of time.
 
         Args:
-            indices: increasing; those beyond the last frame are left out.
+            indices: increasing; those beyond the last frame are ignored.
 
         Raises:
-            InputError: a frame cannot be read; those before it were given.
+            InputError: a frame cannot be read; those before it were returned.
         """
 
     def close(self) -> None:
@@ -56,20 +57,20 @@ class Recording(Protocol):
 
 @runtime_checkable
 class InertialRecording(Protocol):
-    """A recording that may hold the samples of an IMU too."""
+    """A recording that may also contain samples of an IMU."""
 
     @property
     def imu(self) -> ImuSamples | None:
-        """In the axes of the camera's optical frame; None if there are none, or none of use."""
+        """The samples in the axes of the camera's optical frame; None if none are usable."""
 
 
 def imu_of(recording: Recording) -> ImuSamples | None:
-    """The samples of a recording's IMU; None if it holds none."""
+    """The samples of a recording's IMU; None if there are none."""
     return recording.imu if isinstance(recording, InertialRecording) else None
 
 
 def selected(frames: Iterable[RgbdFrame], indices: Iterable[int]) -> Iterator[RgbdFrame]:
-    """The frames of increasing numbers out of those that can only be had one after the other."""
+    """The frames with increasing numbers from frames that can only be read in sequence."""
     numbered = enumerate(frames)
     for wanted in indices:
         for number, frame in numbered:

@@ -1,4 +1,4 @@
-"""A recording whose images are smaller than they were recorded."""
+"""A recording whose images are reduced in size."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rgbd_glue_ros.types import ImuSamples, RgbdFrame
 
 @dataclass(frozen=True)
 class ReducedRecording(WrappedRecording):
-    """A ``Recording`` with images of at most ``max_width`` pixels of width."""
+    """A ``Recording`` with images at most ``max_width`` pixels wide."""
 
     max_width: int
 
     @property
     def imu(self) -> ImuSamples | None:
-        """That of the recording."""
+        """The samples of the underlying recording."""
         return imu_of(self.recording)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
@@ -28,7 +28,7 @@ class ReducedRecording(WrappedRecording):
             yield self._reduced(frame)
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """Those frames, reduced."""
+        """The frames with these numbers, reduced."""
         for frame in self.recording.select(indices):
             yield self._reduced(frame)
 

@@ -1,4 +1,4 @@
-"""ScanNet as its exporter leaves it: ``color/0.jpg``, ``depth/0.png``, ``pose/0.txt``."""
+"""ScanNet as written by its exporter: ``color/0.jpg``, ``depth/0.png``, ``pose/0.txt``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _COLOR_TYPES = (".jpg", ".png")
 
 
 def matches(path: Path) -> bool:
-    """Whether it is a sensor stream, or a folder of one or of its images."""
+    """Whether ``path`` is a sensor stream, or a folder with one or with its images."""
     return is_sens(path) or _is_exported(path) or len(_streams(path)) == 1
 
 
@@ -34,11 +34,11 @@ def open_scannet(
     """The scan at ``path``.
 
     Args:
-        path: a sensor stream, the folder of a scan that holds one, or one of exported images.
-        calibration: of the depth camera; None takes the scan's.
+        path: a sensor stream, the folder of a scan with one, or one of exported images.
+        calibration: of the depth camera; None uses the scan's.
 
     Raises:
-        InputError: it cannot be used.
+        InputError: the scan is unusable.
     """
     if is_sens(path):
         return SensSequence(path, calibration)
@@ -56,7 +56,7 @@ def _is_exported(folder: Path) -> bool:
 
 
 def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageSequence:
-    """Frame i of a scan is in files named i; those without a finite pose have no ground truth."""
+    """Frame i of a scan is in files named i; frames without a finite pose have no ground truth."""
     files = [p for p in (folder / "color").iterdir() if p.suffix in _COLOR_TYPES]
     pairs: list[ImagePair] = []
     poses: list[tuple[int, Path]] = []
@@ -68,7 +68,7 @@ def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageS
         pairs.append(ImagePair(stamp, color, stamp, depth))
         poses.append((stamp, pose))
     if not pairs:
-        raise InputError(folder / "color", "holds no image", "export the scan again")
+        raise InputError(folder / "color", "holds no images", "export the scan again")
     truth = ground_truth(poses)
     camera = calibration or _camera(folder, pairs[0].depth)
     color_size = _size(pairs[0].color)
@@ -79,7 +79,9 @@ def _number(path: Path) -> int:
     try:
         return int(path.stem)
     except ValueError as error:
-        raise InputError(path, "has no number for a name", "name it 0.jpg, 1.jpg…") from error
+        raise InputError(
+            path, "has a name that is not a number", "name it 0.jpg, 1.jpg…"
+        ) from error
 
 
 def _camera(folder: Path, depth: Path) -> CameraIntrinsics:

@@ -44,21 +44,21 @@ _FRAME = struct.Struct("<16f4Q")
 
 _JPEG_OR_PNG = (1, 2)
 _RAW, _ZLIB = 0, 1
-# zlib makes nothing smaller than by this; a recording of hours has so many frames
+# The maximum compression of zlib; the frames of a recording of hours
 _MOST_DEFLATED, _MOST_FRAMES = 1100, 500_000
 
 
 @dataclass(frozen=True)
 class SensHeader:
-    """What a file says of all its frames.
+    """The header of a file, for all its frames.
 
     Attributes:
         color_size: width and height of the colour images.
         camera: of the depth images.
         compression: kind of compression of the depth images.
         encoding: of the depth images.
-        frame_count: how many frames there should be.
-        size: bytes that the header takes.
+        frame_count: declared number of frames.
+        size: bytes of the header.
     """
 
     color_size: tuple[int, int]
@@ -80,7 +80,7 @@ class _Place:
 
 
 class SensSequence(Closing):
-    """The frames of a sensor stream; a file that is cut off gives those that are whole.
+    """The frames of a sensor stream; a truncated file gives the complete ones.
 
     Colour is reduced to the size of depth and has its camera: ScanNet publishes both images
     aligned. The stamps in these files are unreliable, and exported folders have none, so frame i
@@ -92,10 +92,10 @@ class SensSequence(Closing):
 
         Args:
             path: of the file.
-            calibration: of the depth camera; None takes what the file says.
+            calibration: of the depth camera; None uses the file's.
 
         Raises:
-            InputError: it is no such file, of another version, or says what cannot be.
+            InputError: the file is not a sensor stream, has another version, or impossible values.
         """
         self.path = path
         with open_file(path) as file:
@@ -114,7 +114,7 @@ class SensSequence(Closing):
         )
 
     def with_depth_scale(self, metres_per_unit: float | None) -> SensSequence:
-        """Takes depth to be in other units than the file says; None leaves them."""
+        """Sets other units of depth than the file's; None leaves them."""
         encoding = self._header.encoding.with_scale(metres_per_unit)
         self._header = replace(self._header, encoding=encoding)
         return self
@@ -126,22 +126,22 @@ class SensSequence(Closing):
 
     @property
     def frame_count(self) -> int:
-        """How many frames it holds, if it is whole."""
+        """The number of frames, if the file is complete."""
         return min(self._header.frame_count, os.fstat(self._file).st_size // _FRAME.size)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time.
 
         Raises:
-            InputError: a frame is damaged, or, after the last whole one, the file is cut off.
+            InputError: a frame is damaged, or, after the last complete one, the file is truncated.
         """
         return self.select(range(self.frame_count))
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """The frames of these numbers, counted from 0, without reading any other.
+        """The frames with these numbers, counted from 0, without reading any other.
 
         Raises:
-            InputError: a frame is damaged, or behind the place where the file is cut off.
+            InputError: a frame is damaged, or beyond the end of a truncated file.
         """
         return mapped_ahead(self._frame, (i for i in indices if i < self._header.frame_count))
 
@@ -152,13 +152,13 @@ class SensSequence(Closing):
             self._file = -1
 
     def _bytes(self, position: int, size: int) -> bytes:
-        # at a position and without moving one, so that threads can read side by side
+        # at an explicit position, so that threads can read in parallel
         return os.pread(self._file, size, position)
 
     def _read_header(self) -> SensHeader:
         start = self._bytes(0, _START.size)
         if len(start) < _START.size:
-            raise self._unusable("is cut off in its header", "download it again")
+            raise self._unusable("is truncated in its header", "download it again")
         version, name_size = _START.unpack(start)
         if version != VERSION:
             raise self._unusable(
@@ -166,22 +166,22 @@ class SensSequence(Closing):
             )
         if name_size > _LONGEST_NAME:
             raise self._unusable(
-                f"names its sensor in {name_size} bytes", "give a sensor stream of ScanNet"
+                f"has a sensor name of {name_size} bytes", "give a sensor stream of ScanNet"
             )
         begin = _START.size + name_size
         data = self._bytes(begin, _CALIBRATION.size)
         if len(data) < _CALIBRATION.size:
-            raise self._unusable("is cut off in its header", "download it again")
+            raise self._unusable("is truncated in its header", "download it again")
         *numbers, color, depth, cw, ch, dw, dh, units, frames = _CALIBRATION.unpack(data)
         check_size(cw, ch, f"{self.path}, colour")
         check_size(dw, dh, f"{self.path}, depth")
         if color not in _JPEG_OR_PNG or depth not in (_RAW, _ZLIB):
             raise self._unusable(
-                f"holds images of kinds {color} and {depth}",
+                f"holds images of types {color} and {depth}",
                 "give colour as JPEG (2) or PNG (1) and depth as zlib (1) or raw (0)",
             )
-        # the third of the matrices is the intrinsics of depth; extrinsics are of no use, as the
-        # images are aligned already
+        # the third matrix is the intrinsics of depth; extrinsics are not needed, since the images
+        # are already aligned
         K = np.array(numbers[32:48], np.float64).reshape(4, 4)
         if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and units > 0):
             raise self._unusable("has no calibration of depth", "give it (--calibration)")
@@ -195,7 +195,7 @@ class SensSequence(Closing):
         )
 
     def _read_index(self) -> tuple[list[_Place], Float64]:
-        """Where the images of all whole frames are, and their poses T_world_camera [N, 4, 4]."""
+        """Where the images of all complete frames are, and their poses T_world_camera [N, 4, 4]."""
         end = os.fstat(self._file).st_size
         places: list[_Place] = []
         poses = array("f")
@@ -220,14 +220,14 @@ class SensSequence(Closing):
             places.append(_Place(color, color_size, depth, depth_size))
             poses.extend(pose)
         if not places:
-            raise self._unusable("holds no whole frame", "download it again")
+            raise self._unusable("holds no complete frame", "download it again")
         return places, np.array(poses, np.float64).reshape(-1, 4, 4)
 
     def _frame(self, index: int) -> RgbdFrame:
         where = f"{self.path}, frame {index}"
         if index >= len(self._places):
             raise self._unusable(
-                f"is cut off after {len(self._places)} of {self._header.frame_count} frames",
+                f"is truncated after {len(self._places)} of {self._header.frame_count} frames",
                 "download it again",
             )
         place = self._places[index]
@@ -263,17 +263,17 @@ class SensSequence(Closing):
 
 
 def stamp_ns(index: int) -> int:
-    """When frame ``index`` is taken to be, nanoseconds; not zero, which in ROS means no time."""
+    """Assumed stamp of frame ``index``, nanoseconds; not zero, which means no time in ROS."""
     return (index + 1) * NANOSECONDS // RATE_HZ
 
 
 def is_sens(path: Path) -> bool:
-    """Whether it is named as a sensor stream."""
+    """Whether ``path`` has the name of a sensor stream."""
     return path.suffix == SUFFIX and path.is_file()
 
 
 def _inflated(data: bytes, size: int) -> bytes:
-    """What is compressed in ``data``, but never more than a byte over ``size``; b"" if damaged."""
+    """The uncompressed ``data``, but at most one byte more than ``size``; b"" if damaged."""
     try:
         return zlib.decompressobj().decompress(data, size + 1)
     except zlib.error:

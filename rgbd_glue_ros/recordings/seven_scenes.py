@@ -25,7 +25,7 @@ _SEVEN_SCENES = CameraIntrinsics(_WIDTH, _HEIGHT, 585.0, 585.0, 320.0, 240.0)
 
 
 def matches(folder: Path) -> bool:
-    """Whether the folder is laid out so."""
+    """Whether the folder has this layout."""
     return any(folder.glob("frame-*.color.*"))
 
 
@@ -34,8 +34,8 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
 
     Args:
         folder: of the frames.
-        calibration: of the camera; None reads ``camera-intrinsics.txt`` there or one level up,
-            or takes 7-Scenes' own below a folder named as one of its scenes.
+        calibration: of the camera; None reads ``camera-intrinsics.txt`` there or one level up, or
+            uses 7-Scenes' own below a folder named after one of its scenes.
 
     Raises:
         InputError: a frame's depth is missing, a pose is malformed, or the camera is not known.
@@ -57,7 +57,7 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
 
 
 def _name(folder: Path) -> str:
-    """The folder's name, with the scene's before it where that is no name for itself."""
+    """The folder's name, preceded by the scene's if it is not unique."""
     return f"{folder.parent.name}/{folder.name}" if folder.name.startswith("seq-") else folder.name
 
 
@@ -66,7 +66,7 @@ def _stamp(path: Path, stem: str) -> int:
         number = int(stem.removeprefix("frame-"))
     except ValueError as error:
         raise InputError(path, "has no number in its name", "name it frame-000000…") from error
-    # from 1/30 s on: in ROS a stamp of zero means that there is none
+    # from 1/30 s on: in ROS a stamp of zero means none
     return (number + 1) * NANOSECONDS // _RATE_HZ
 
 

@@ -45,11 +45,11 @@ def matches(folder: Path) -> bool:
 
 
 def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:
-    """The depth images and what else lies in ``folder``; the colour of every pair is the video.
+    """The depth images and other files in ``folder``; the colour of every pair is the video.
 
     Args:
         folder: of the recording.
-        calibration: of the colour camera; None takes that of a file in the folder.
+        calibration: of the colour camera; None uses that of a file in the folder.
 
     Raises:
         InputError: the camera is not known, or does not fit the images.
@@ -61,7 +61,7 @@ def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> Im
         told = calibration_of(folder)
         if told is None:
             raise InputError(
-                folder, "no file there tells its camera", "give the calibration (--calibration)"
+                folder, "no file there describes its camera", "give the calibration (--calibration)"
             )
         calibration = told.intrinsics
     truth = _odometry(folder)
@@ -111,11 +111,11 @@ class VideoSequence(WrappedRecording):
             yield frame
         if is_empty:
             raise faults.first or InputError(
-                self.recording.pairs[0].color, "has no frame of a depth image", "record anew"
+                self.recording.pairs[0].color, "has no frame for any depth image", "record again"
             )
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """The frames of these numbers, increasing; all before the last of them are read too."""
+        """The frames with these increasing numbers; all before the last of them are read too."""
         return selected(self, indices)
 
 
@@ -124,13 +124,13 @@ def _video(folder: Path) -> Path | None:
 
 
 def _depth_images(folder: Path) -> dict[int, Path]:
-    """Those in the folder, in the order of their numbers."""
+    """The depth images in the folder, in the order of their numbers."""
     numbered = {_number(path): path for path in (folder / "depth").glob("*.png")}
     return {number: numbered[number] for number in sorted(n for n in numbered if n >= 0)}
 
 
 def _number(path: Path) -> int:
-    """The number that a file is named by; -1 without one."""
+    """The number in a file's name; -1 without one."""
     return int(path.stem) if re.fullmatch(r"\d+", path.stem) else -1
 
 
@@ -146,18 +146,18 @@ def _frames(video: Path) -> Iterator[UInt8]:
     """
     with open_file(video) as file:
         head = file.read(len(_MP4) + 4)
-    # else OpenCV would take a list of videos for one, and fetch what it names
+    # otherwise OpenCV would accept a list of videos, and fetch what it names
     if head[4:] != _MP4:
-        raise InputError(video, "is no MP4 video", "restore the file")
+        raise InputError(video, "is not an MP4 video", "restore the file")
     capture = cv2.VideoCapture(str(video))
-    # phones say how they were held, and depth does not follow
+    # phones record how they were held, which depth does not follow
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     try:
         is_read, image = capture.read()
         if not is_read:
             raise InputError(
                 video,
-                "cannot be decoded by the OpenCV that is installed",
+                "cannot be decoded by the installed OpenCV",
                 "extract its frames: ffmpeg -noautorotate -i rgb.mp4 -start_number 0 rgb/%06d.png",
             )
         while is_read:

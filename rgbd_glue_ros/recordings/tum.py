@@ -33,17 +33,17 @@ logger = logging.getLogger(__name__)
 COLOR_LIST, DEPTH_LIST, GROUND_TRUTH = "rgb.txt", "depth.txt", "groundtruth.txt"
 
 ACCELEROMETER = "accelerometer.txt"
-"""Lines of a stamp and an acceleration, m/s²; where it is, it tells which way is up."""
+"""Lines of a stamp and an acceleration, m/s²; if present, it shows which way is up."""
 
 # The axes of a Kinect's accelerometer are x left, y up, z forward.
 _R_OPTICAL_ACCELEROMETER = np.diag([-1.0, -1.0, 1.0])
 
 CALIBRATION = "camera_info.yaml"
-"""Not part of the layout as published; where it is there, it is believed."""
+"""Not part of the published layout; used if present."""
 
 UNITS_PER_METRE = 5000
 
-# How depth images of its sequences are called: by the time, in seconds since 1970
+# Names of depth images in its sequences: the time, in seconds since 1970
 _STAMPED = re.compile(r"\d{10}\.\d{6}\.png")
 
 _DEPTH = DepthEncoding(units_per_metre=UNITS_PER_METRE, invalid=(0,))
@@ -70,7 +70,7 @@ _CAMERAS = {
 
 
 def matches(folder: Path) -> bool:
-    """Whether the folder is laid out so, if perhaps without one of its lists."""
+    """Whether the folder has this layout, possibly without one of its lists."""
     listed = [(folder / name).is_file() for name in (COLOR_LIST, DEPTH_LIST)]
     if not any(listed):
         return False
@@ -80,10 +80,9 @@ def matches(folder: Path) -> bool:
 
 
 def has_lost_its_lists(folder: Path) -> bool:
-    """Whether images in TUM's folders, with TUM's names, have no list any more.
+    """Whether images in TUM's folders, with TUM's names, lack their lists.
 
-    Others name folders and images so too, and keep millimetres: TUM's other files tell, or its
-    name.
+    Others use these names too, with millimetres: TUM's other files decide, or its name.
     """
     depth = next((folder / "depth").glob("*"), None)
     if depth is None or not (_STAMPED.fullmatch(depth.name) and (folder / "rgb").is_dir()):
@@ -95,12 +94,12 @@ def has_lost_its_lists(folder: Path) -> bool:
 
 
 def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:
-    """The sequence in ``folder``; a frame bears the stamp of its colour image.
+    """The sequence in ``folder``; a frame has the stamp of its colour image.
 
     Args:
         folder: of the data set.
-        calibration: of the camera; None takes that of a file in the folder, or else that of the
-            data set by the name of the folder or of the bag that ``rgb.txt`` says it was made of.
+        calibration: of the camera; None uses that of a file in the folder, or else that of the data
+            set according to the name of the folder or of the source bag in ``rgb.txt``.
 
     Raises:
         InputError: a list names no image, no images pair up, or the camera is not known.
@@ -121,7 +120,7 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
 
 
 def _accelerations(path: Path) -> ImuSamples | None:
-    """The samples of an accelerometer alone; None without it. Lines that are none are skipped."""
+    """The samples of an accelerometer; None without one. Other lines are skipped."""
     if not path.is_file():
         return None
     lines = read_lines(path)[1]
@@ -141,7 +140,7 @@ def _reading(line: Line) -> ImuReading | None:
 
 
 def _camera(folder: Path) -> Calibration:
-    """The camera that a file in the folder tells, or its name, or the bag that its list names."""
+    """The camera from a file in the folder, its name, or the bag named in its list."""
     told = calibration_of(folder)
     if told is not None:
         return told
@@ -151,7 +150,7 @@ def _camera(folder: Path) -> Calibration:
             return Calibration(camera)
     raise InputError(
         folder,
-        f"no file there tells its camera, and its name holds none of {', '.join(_CAMERAS)}",
+        f"no file there describes its camera, and its name contains none of {', '.join(_CAMERAS)}",
         "give the calibration (--calibration camera_info.yaml)",
     )
 

@@ -37,7 +37,7 @@ class EncodedFrame:
 
 
 class TumFolderWriter(Closing):
-    """A folder under construction: whatever its lists name is on disk whole."""
+    """A folder under construction: everything that its lists name is completely on disk."""
 
     def __init__(self, folder: Path, camera: CameraIntrinsics, truth: Trajectory | None) -> None:
         """Creates the folder, with the calibration and the true poses.

@@ -1,4 +1,4 @@
-"""A recording made of another one."""
+"""A recording derived from another one."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rgbd_glue_ros.types import Trajectory
 
 @dataclass(frozen=True)
 class WrappedRecording(Closing):
-    """What is true of a recording and of what is made of its frames.
+    """The common properties of a recording and of one derived from it.
 
     Attributes:
-        recording: that it is made of.
+        recording: the underlying recording.
     """
 
     recording: Recording

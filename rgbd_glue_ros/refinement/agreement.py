@@ -1,4 +1,4 @@
-"""How far the parts of an image agree on a pose: what its residuals do not show by their number.
+"""How many residuals count as one, seen from how far the parts of an image agree on a pose.
 
 Thousands of residuals would make a pose exact to micrometres, were they independent. They are not:
 a lens or a registration that is a little off, or noise that neighbours share, moves whole parts of
@@ -16,33 +16,32 @@ import numpy as np
 
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import DAMPING, Refinement, damped
-from rgbd_glue_ros.refinement.level_problem import level_problem
-from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     normal_equations,
     pixel_rows,
     plane_rows,
 )
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64
 
 # Bands of rows: each sees of the scene what fixes a pose.
 _BANDS = 3
 # Frames that are remembered; a camera's faults change with the scene, and not at once.
 _MEMORY = 30
-# What is expected of a camera counts as much as so many of them, until they are seen.
+# What is expected of a camera before it is seen counts as much as this many frames.
 _EXPECTATION = 1
-# What the bands have in common, as the pose and the faults of the model, no disagreement shows. It
-# is this many times as much, in squares, over all sequences of docs/benchmarks.md.
+# Errors that all bands share, as those of the model, show in no disagreement. Their squares are
+# this many times those that it shows, over all sequences of docs/benchmarks.md.
 _IN_COMMON = 50.0
 
 
 @dataclass(frozen=True)
 class BandAgreement:
-    """What is known of it from some frames.
+    """How far the bands of a camera's images agree, by the frames looked at so far.
 
     Attributes:
-        frames: that were looked at, those remembered at most.
+        frames: how many these are, at most as many as are remembered.
         log_excess: mean logarithm of their Q per degree of freedom.
     """
 
@@ -50,31 +49,26 @@ class BandAgreement:
     log_excess: float = 0.0
 
     def residuals_per_independent_one(self, expected: float) -> float:
-        """How many residuals count as one; ``expected`` before a frame was looked at."""
+        """How many residuals count as one; ``expected`` as long as no frame was looked at."""
         seen = self.frames / (self.frames + _EXPECTATION)
         return exp(seen * (log(_IN_COMMON) + self.log_excess) + (1 - seen) * log(expected))
 
     def applied_to(self, config: RefineConfig) -> RefineConfig:
-        """The parameters with as many residuals for one as that; theirs are what is expected."""
+        """The parameters with that number of residuals as one; their own is what is expected."""
         count = self.residuals_per_independent_one(config.residuals_per_independent_one)
         return replace(config, residuals_per_independent_one=count)
 
-    def after_frame(
-        self, refinement: Refinement, model: Model, source: View, config: RefineConfig
-    ) -> BandAgreement:
+    def after_frame(self, refinement: Refinement, problem: RefinementProblem) -> BandAgreement:
         """What is known after a frame.
 
         Args:
             refinement: the frame's pose in the model.
-            model: which it was refined against.
-            source: the frame.
-            config: weights of the residuals.
+            problem: what it was refined by.
         """
-        T = refinement.T_model_source
-        problem = level_problem(model, source.grey, 0, source, config)
+        T, finest = refinement.T_model_source, problem.at_level(0)
         rows = (
-            plane_rows(T, problem),
-            pixel_rows(T, problem, refinement.affine_brightness),
+            plane_rows(T, finest),
+            pixel_rows(T, finest, refinement.affine_brightness),
         )
         excess = disagreement(rows)
         if excess is None:

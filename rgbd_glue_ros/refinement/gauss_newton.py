@@ -17,27 +17,32 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.level_problem import NO_MATCHES, LevelProblem, level_problem
+from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.match_residuals import add_matches
-from rgbd_glue_ros.refinement.model import LEVELS, Model, pyramid
+from rgbd_glue_ros.refinement.model import LEVELS
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
+    IMAGE_BRIGHTNESS,
+    JACOBIAN,
+    POINT,
+    RESIDUAL,
+    WEIGHT,
     PlaneCounts,
     pixel_residuals,
     plane_residuals,
 )
-from rgbd_glue_ros.types import Correspondences, Float64, View
+from rgbd_glue_ros.types import Float64
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
-# A step shorter than this, in metres and radians, ends the search; at the levels before the last
-# one, which only have to find the next one's start, a longer one does.
+# The last level ends with a step shorter than this, metres and radians. Those before it only have
+# to find a start for the next one, and end with a longer step.
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
-# Keeps a direction that neither planes nor pixels see where the start put it.
+# Added to the Hessian: in a direction that neither planes nor pixels see, the pose stays as it was.
 DAMPING = 100.0
 # Grey levels, in a well-lit image: brightness is not believed to agree more closely.
 _LEAST_DEVIATION = 2.0
-# What is assumed of the light before anything is compared.
+# Gain, bias and standard deviation that are assumed before any brightness is compared.
 START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
 
@@ -51,7 +56,8 @@ class Refinement:
         planes_seen: planes that project onto known depth; at level l, of every 2^l-th.
         planes_agreeing: those that lie where the depth image has them.
         planes_occluded: those that something nearer hides.
-        pixels_seen: pixels of the level judged at inside the image, where no other surface is.
+        pixels_seen: pixels that project into the image and are not occluded, of the level that
+            the pose is evaluated at.
         brightness_correlation: of their brightness in the model and in the image, from -1 to 1.
         affine_brightness: float64 [3], gain and bias from the image's brightness to the model's,
             and the standard deviation of what is left.
@@ -84,33 +90,25 @@ class Refinement:
 
 def refine(
     T_model_source: Float64,
-    model: Model,
-    source: View,
-    config: RefineConfig,
+    problem: RefinementProblem,
     levels: Sequence[int] = COARSE_TO_FINE,
     affine_brightness: Sequence[float] | Float64 = START_BRIGHTNESS,
-    matches: Correspondences = NO_MATCHES,
 ) -> Refinement:
     """Refines a pose by Gauss-Newton, coarse to fine.
 
     Args:
         T_model_source: start, float64 [4, 4].
-        model: planes and pixels.
-        source: the frame whose pose it is.
-        config: steps at each level (0 only evaluates the start) and weights.
+        problem: what it is refined by.
         levels: of the pyramid to take the steps at; the result is evaluated at the last.
         affine_brightness: as of ``Refinement``, as far as it is known.
-        matches: visual ones that hold the pose too, between the frame and the model.
     """
-    images = pyramid(source.grey, max(levels) + 1)
+    *coarse, final = levels
+    steps = problem.config.iterations
     T, brightness = T_model_source, np.array(affine_brightness)
-    for level in levels[:-1]:
-        problem = level_problem(model, images[level], level, source, config, matches)
-        descent = _descend(T, problem, brightness, config.iterations, _NEAR_ENOUGH)
+    for level in coarse:
+        descent = _descend(T, problem.at_level(level), brightness, steps, _NEAR_ENOUGH)
         T, brightness = descent.T, descent.next_affine_brightness
-    final = levels[-1]
-    problem = level_problem(model, images[final], final, source, config, matches)
-    return _refinement(_descend(T, problem, brightness, config.iterations, _CONVERGED))
+    return _refinement(_descend(T, problem.at_level(final), brightness, steps, _CONVERGED))
 
 
 def refine_at(
@@ -129,15 +127,17 @@ def refine_at(
 
 
 def evaluate_pose(
-    T_model_source: Float64, model: Model, source: View, config: RefineConfig, level: int = 0
+    T_model_source: Float64, problem: RefinementProblem, level: int = 0
 ) -> Refinement:
-    """How well a model and a frame agree on a pose, at a level of the pyramid."""
-    image = pyramid(source.grey, level + 1)[level]
-    problem = level_problem(model, image, level, source, config)
+    """How well planes and pixels agree with a pose, at a level of the pyramid.
+
+    Matches hold a search; of how well the images agree they say nothing.
+    """
+    of_level = problem.without_matches().at_level(level)
     # brightness is compared under the gain and bias that the first look finds
-    first = _linearise(T_model_source, problem, np.array(START_BRIGHTNESS))
+    first = _linearise(T_model_source, of_level, np.array(START_BRIGHTNESS))
     brightness = first.pixels.next_affine_brightness
-    return _refinement(_descend(T_model_source, problem, brightness, 0, _CONVERGED))
+    return _refinement(_descend(T_model_source, of_level, brightness, 0, _CONVERGED))
 
 
 def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
@@ -235,7 +235,7 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
     pixels = _add_pixels(T, problem, affine_brightness, H, g)
     table, planes = plane_residuals(T, problem)
     for i in range(len(table)):
-        _add(table[i], table[i, 1], H, g)
+        _add(table[i], table[i, WEIGHT], H, g)
     add_matches(T, problem, H, g)
     for a in range(6):
         for b in range(a):
@@ -247,9 +247,9 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
 def _add(row: Float64, w: float, H: Float64, g: Float64) -> None:
     """Adds the terms of a row of residuals to g and to the upper half of H."""
     for a in range(6):
-        g[a] += w * row[2] * row[3 + a]
+        g[a] += w * row[RESIDUAL] * row[JACOBIAN + a]
         for b in range(a, 6):
-            H[a, b] += w * row[3 + a] * row[3 + b]
+            H[a, b] += w * row[JACOBIAN + a] * row[JACOBIAN + b]
 
 
 @compiled
@@ -263,8 +263,9 @@ def _add_pixels(
     seen, spread = len(table), 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
     for i in range(seen):
-        w, x, y = table[i, 1], table[i, 10], brightness[int(table[i, 0])]
-        spread += min(abs(table[i, 2]), AGREEING_SIGMAS * sigma)
+        w = table[i, WEIGHT]
+        x, y = table[i, IMAGE_BRIGHTNESS], brightness[int(table[i, POINT])]
+        spread += min(abs(table[i, RESIDUAL]), AGREEING_SIGMAS * sigma)
         sw += w
         sx += w * x
         sy += w * y

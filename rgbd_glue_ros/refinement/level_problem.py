@@ -1,19 +1,10 @@
-"""A model and a frame at one level of the pyramid: all that residuals are made of but the pose."""
+"""A model and a frame at a level of the pyramid: all that residuals depend on besides the pose."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.types import Correspondences, Float32, Float64, UInt8, View
-
-NO_MATCHES = Correspondences.empty()
-# Of a match against a plane: a few times that of a pixel. So many hold a pose where planes and
-# pixels leave it open; where those fix it, they are more exact, and are many more.
-_MATCH_WEIGHT = 30.0
+from rgbd_glue_ros.types import Float32, Float64, UInt8
 
 
 class Exposure(NamedTuple):
@@ -70,38 +61,3 @@ class LevelProblem(NamedTuple):
     match_target: Float64
     match_weight: float
     contrast: float
-
-
-def level_problem(
-    model: Model,
-    image: UInt8,
-    level: int,
-    source: View,
-    config: RefineConfig,
-    matches: Correspondences = NO_MATCHES,
-) -> LevelProblem:
-    """A model and a frame at a level, of which ``image`` is that of the frame's pyramid.
-
-    The planes are every 2^level-th of the model.
-    """
-    K = source.intrinsics.focal_and_centre
-    every = slice(None, None, 2**level)
-    twist, readout_time, delay = source.twist, source.readout_time, source.depth_delay
-    return LevelProblem(
-        points=np.ascontiguousarray(model.planes.points[every]),
-        normals=np.ascontiguousarray(model.planes.normals[every]),
-        depth=source.depth,
-        depth_exposure=Exposure(K, source.depth.shape[0], twist, readout_time, delay),
-        pixels=model.pixels[level].points,
-        brightness=model.pixels[level].brightness,
-        image=image,
-        # pyrDown centres pixel i of a level on pixel 2 i of the one below
-        image_exposure=Exposure(K / 2**level, image.shape[0], twist, readout_time, 0.0),
-        plane_cauchy=config.plane_cauchy,
-        pixel_cauchy=config.pixel_cauchy,
-        pixel_weight=config.pixel_weight,
-        match_source=matches.source,
-        match_target=matches.target,
-        match_weight=_MATCH_WEIGHT,
-        contrast=source.contrast,
-    )

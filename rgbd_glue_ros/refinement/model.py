@@ -7,9 +7,9 @@ for: the rows of an image are not of one moment.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,9 +24,11 @@ from rgbd_glue_ros.geometry.motion_compensation import (
     seconds_after_color,
 )
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals, spacing_px, widened_px
+from rgbd_glue_ros.refinement.image_pyramid import ImagePyramid
 from rgbd_glue_ros.types import Float32, Float64, Int64, UInt8, View
 
 Mask = NDArray[np.bool_]
+P = TypeVar("P", bound="ModelPoints")
 
 LEVELS = 3
 # Edge of the cells that give one pixel each, at every level of the pyramid of an image of 640x480:
@@ -39,49 +41,68 @@ _MIN_GRADIENT = 5.0
 _OCCLUSION_PX = 3
 
 
-@dataclass(frozen=True)
-class Planes:
-    """Oriented points.
+@dataclass(frozen=True, kw_only=True)
+class ModelPoints:
+    """Points of a frame, and how they were seen.
 
     Attributes:
         points: float64 [N, 3], metres.
-        normals: float64 [N, 3], unit.
         velocity: float64 [N, 3], ``apparent_velocity`` when they were seen, m/s.
         row_time: float64 [N], ``normalised_row_time`` of the row that they were seen in.
     """
 
     points: Float64
-    normals: Float64
     velocity: Float64
     row_time: Float64
+
+    def moved(self: P, T: Float64) -> P:
+        """The same in the frame that T [4, 4] maps to."""
+        points = se3.transform(T, self.points)
+        return replace(self, points=points, velocity=self.velocity @ T[:3, :3].T)
+
+    def selected(self: P, which: Mask | slice) -> P:
+        """Some of them.
+
+        Args:
+            which: bool [N], or a slice.
+        """
+        names = [field.name for field in fields(self)]
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
+
+    def concatenated(self: P, others: Sequence[P]) -> P:
+        """These, and those of others behind them."""
+        names = [field.name for field in fields(self)]
+        parts = [self, *others]
+        return replace(
+            self,
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planes(ModelPoints):
+    """Oriented points.
+
+    Attributes:
+        normals: float64 [N, 3], unit.
+    """
+
+    normals: Float64
 
     def moved(self, T: Float64) -> Planes:
         """The planes in the frame that T [4, 4] maps to."""
-        R = T[:3, :3]
-        points = se3.transform(T, self.points)
-        return Planes(points, self.normals @ R.T, self.velocity @ R.T, self.row_time)
+        return replace(super().moved(T), normals=self.normals @ T[:3, :3].T)
 
 
-@dataclass(frozen=True)
-class Pixels:
+@dataclass(frozen=True, kw_only=True)
+class Pixels(ModelPoints):
     """Points with the brightness that one level of an image pyramid has there.
 
     Attributes:
-        points: float64 [N, 3], metres.
         brightness: float64 [N], grey levels.
-        velocity: as that of ``Planes``.
-        row_time: as that of ``Planes``.
     """
 
-    points: Float64
     brightness: Float64
-    velocity: Float64
-    row_time: Float64
-
-    def moved(self, T: Float64) -> Pixels:
-        """The pixels in the frame that T [4, 4] maps to."""
-        points = se3.transform(T, self.points)
-        return replace(self, points=points, velocity=self.velocity @ T[:3, :3].T)
 
 
 @dataclass(frozen=True)
@@ -108,10 +129,7 @@ class Model:
             pixels: bool [M] for each level, which.
         """
         levels = zip(self.pixels, pixels, strict=True)
-        return Model(
-            Planes(*(array[planes] for array in vars(self.planes).values())),
-            tuple(Pixels(*(a[mask] for a in vars(p).values())) for p, mask in levels),
-        )
+        return Model(self.planes.selected(planes), tuple(p.selected(mask) for p, mask in levels))
 
 
 def model_of(view: View, grid_step: int) -> Model:
@@ -121,50 +139,27 @@ def model_of(view: View, grid_step: int) -> Model:
         view: the frame.
         grid_step: spacing of the planes in an image of 640x480, pixels.
     """
-    pixels = tuple(
-        _textured_pixels(image, level, view) for level, image in enumerate(pyramid(view.grey))
-    )
+    images = ImagePyramid(view.grey)
+    pixels = tuple(_textured_pixels(images.at_level(level), level, view) for level in range(LEVELS))
     return Model(_planes(view, spacing_px(view, grid_step)), pixels)
 
 
 def blend(models: Sequence[Model]) -> Model:
     """One model of several that are in the same frame, of the size of one of them.
 
-    Takes every n-th plane and pixel of n models: to be refined against more keyframes costs
-    nothing, and averages what is wrong with each.
+    Takes every n-th plane and pixel of n models: to refine against more keyframes costs no more,
+    and averages their errors.
     """
     every = slice(None, None, len(models))
 
-    def joined(arrays: Sequence[Float64]) -> Float64:
-        return np.concatenate([array[every] for array in arrays])
+    def blended(parts: Sequence[P]) -> P:
+        first, *others = (part.selected(every) for part in parts)
+        return first.concatenated(others)
 
-    planes = [m.planes for m in models]
-    levels = [[m.pixels[level] for m in models] for level in range(LEVELS)]
     return Model(
-        Planes(
-            joined([p.points for p in planes]),
-            joined([p.normals for p in planes]),
-            joined([p.velocity for p in planes]),
-            joined([p.row_time for p in planes]),
-        ),
-        tuple(
-            Pixels(
-                joined([p.points for p in pixels]),
-                joined([p.brightness for p in pixels]),
-                joined([p.velocity for p in pixels]),
-                joined([p.row_time for p in pixels]),
-            )
-            for pixels in levels
-        ),
+        blended([model.planes for model in models]),
+        tuple(blended([model.pixels[level] for model in models]) for level in range(LEVELS)),
     )
-
-
-def pyramid(grey: UInt8, levels: int = LEVELS) -> list[UInt8]:
-    """The image and smaller ones, each half the size of the one before."""
-    images = [grey]
-    for _ in range(levels - 1):
-        images.append(np.asarray(cv2.pyrDown(images[-1]), np.uint8))
-    return images
 
 
 def _planes(view: View, grid_step: int) -> Planes:
@@ -176,10 +171,10 @@ def _planes(view: View, grid_step: int) -> Planes:
     # a normal turns as the points do
     turn = seconds[:, np.newaxis] * np.cross(view.twist[3:], normals[known])
     return Planes(
-        points,
-        normals[known] + turn,
-        apparent_velocity(points, view.twist),
-        normalised_row_time(rows, view),
+        points=points,
+        normals=normals[known] + turn,
+        velocity=apparent_velocity(points, view.twist),
+        row_time=normalised_row_time(rows, view),
     )
 
 
@@ -191,10 +186,10 @@ def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     uv = (rows[:, ::-1] * 2**level).astype(np.float32)
     points, known = keypoints_to_points(uv, view)
     return Pixels(
-        points,
-        image[rows[known, 0], rows[known, 1]].astype(np.float64),
-        apparent_velocity(points, view.twist),
-        normalised_row_time(uv[known, 1], view),
+        points=points,
+        brightness=image[rows[known, 0], rows[known, 1]].astype(np.float64),
+        velocity=apparent_velocity(points, view.twist),
+        row_time=normalised_row_time(uv[known, 1], view),
     )
 
 

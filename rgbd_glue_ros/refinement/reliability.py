@@ -1,11 +1,12 @@
-"""How much of what residuals seem to say of a pose is feigned by errors of their derivatives.
+"""How much of the information on a pose is spurious: made by errors of the residuals' derivatives.
 
 Normals err: by noise, and where a plane was fitted across an edge. In the normal equations these
-errors do not cancel but add up, as squares, so that thousands of walls seem to hold a camera that
-they let slide. That is the bias of least squares whose regressors have errors. As there, a second
-measurement of the regressors tells it: what the residuals do when the pose is moved, which rests on
-the depth image and hardly on the normals. The regression of the one on the other is the reliability
-ratio (Fuller 1987, Measurement Error Models, 1.1): the part of the information that is there.
+errors do not cancel but add up, as squares, so that thousands of planes of a wall seem to hold a
+camera that they let slide. That is the bias of least squares with errors in the variables. As
+there, a second measurement of the variables shows it: how the residuals change when the pose is
+moved, which rests on the depth image and hardly on the normals. The regression of the second on the
+first is the reliability ratio (Fuller 1987, Measurement Error Models, 1.1): the part of the
+information that is real.
 """
 
 from __future__ import annotations
@@ -15,59 +16,54 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
-from rgbd_glue_ros.refinement.level_problem import LevelProblem, level_problem
-from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.level_problem import LevelProblem
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import Rows, plane_rows
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64
 
 
-def without_feigned(
+def without_spurious_information(
     refinement: Refinement,
     T_expected: Float64,
-    model: Model,
-    source: View,
-    config: RefineConfig,
+    problem: RefinementProblem,
     reach: float,
 ) -> Refinement:
-    """A refined pose whose information has nothing of what is feigned in its weakest direction.
+    """A refined pose without the spurious part of its information in the weakest direction.
 
-    Where more than half is feigned nothing is left: where the search went in that direction is no
-    measurement, and the pose is where it was expected.
+    Where more than half is spurious, nothing is left: in that direction the search has measured
+    nothing, and the pose is put where it was expected.
 
     Args:
         refinement: the pose.
         T_expected: the pose before the images were looked at, float64 [4, 4].
-        model: which it was refined against.
-        source: the frame.
-        config: weights of the residuals.
-        reach: how far from the pose, metres and radians, it is of interest whether residuals
-            change. A pose that is better known than that is left as it is.
+        problem: what it was refined by.
+        reach: distance, metres and radians, over which residuals have to change. A pose that is
+            known better than that is left as it is.
     """
     T, H = refinement.T_model_source, refinement.information
     # in the camera's frame, where a metre and a radian move what is seen about as much
     A, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))
     eigenvalues, directions = np.linalg.eigh(A.T @ H @ A)
     weakest = A @ directions[:, 0]
-    if eigenvalues[0] * reach**2 > config.residuals_per_independent_one or not eigenvalues[0] > 0:
+    as_one = problem.config.residuals_per_independent_one
+    if eigenvalues[0] * reach**2 > as_one or not eigenvalues[0] > 0:
         return refinement
-    problem = level_problem(model, source.grey, 0, source, config)
-    feigned = min(_feigned(T, weakest, reach, problem) / eigenvalues[0], 1.0)
-    if feigned >= 1 / 2:
-        feigned = 1.0
-        gone = float(directions[:, 0] @ to_camera @ se3.log(T @ se3.inverse(T_expected)))
-        T = se3.exp(-gone * weakest) @ T
-    eigenvalues[0] *= 1 - feigned
+    spurious = _spurious_information(T, weakest, reach, problem.at_level(0))
+    share = min(spurious / eigenvalues[0], 1.0)
+    if share >= 1 / 2:
+        share = 1.0
+        off = float(directions[:, 0] @ to_camera @ se3.log(T @ se3.inverse(T_expected)))
+        T = se3.exp(-off * weakest) @ T
+    eigenvalues[0] *= 1 - share
     information = to_camera.T @ (directions * eigenvalues) @ directions.T @ to_camera
     return replace(refinement, T_model_source=T, information=information)
 
 
-def _feigned(T: Float64, direction: Float64, reach: float, problem: LevelProblem) -> float:
-    """The information in a direction that planes do not hold though their normals say so.
-
-    That is their information, but for the part by which residuals change as they should.
-    """
+def _spurious_information(
+    T: Float64, direction: Float64, reach: float, problem: LevelProblem
+) -> float:
+    """The part of the planes' information in a direction that the reliability ratio leaves out."""
     rows = plane_rows(T, problem)
     derivative = rows.jacobian @ direction
     ahead, behind = (

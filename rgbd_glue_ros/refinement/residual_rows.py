@@ -8,7 +8,15 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
-from rgbd_glue_ros.refinement.residuals import pixel_residuals, plane_residuals
+from rgbd_glue_ros.refinement.residuals import (
+    JACOBIAN,
+    POINT,
+    RESIDUAL,
+    ROW_TIME,
+    WEIGHT,
+    pixel_residuals,
+    plane_residuals,
+)
 from rgbd_glue_ros.types import Float64, Int64
 
 
@@ -40,6 +48,22 @@ def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
     rows = _rows(pixel_residuals(T, problem, affine_brightness))
     sigma = affine_brightness[2]
     return rows._replace(weight=rows.weight * (problem.pixel_weight / (sigma * sigma)))
+
+
+def squared_sigmas(rows: Rows, problem: LevelProblem) -> Float64:
+    """The squares of planes' residuals divided by their standard deviations, float64 [N].
+
+    A plane's weight is that of Cauchy divided by the variance, w = 1 / (σ² (1 + s / c²)) with
+    s = r² / σ². So w r² = s / (1 + s / c²), and s = w r² / (1 - w r² / c²). Only what looks for a
+    contradiction asks for s: in a column of its own, every step of Gauss-Newton would write it.
+
+    Args:
+        rows: of planes.
+        problem: that they are of.
+    """
+    weighted = rows.weight * rows.residual**2
+    squared: Float64 = weighted / (1 - weighted / problem.plane_cauchy**2)
+    return squared
 
 
 def extended_normal_equations(rows: Rows, *derivatives: Float64) -> tuple[Float64, Float64]:
@@ -74,4 +98,10 @@ def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Fl
 
 
 def _rows(table: Float64) -> Rows:
-    return Rows(table[:, 0].astype(np.int64), table[:, 1], table[:, 2], table[:, 3:9], table[:, 9])
+    return Rows(
+        point=table[:, POINT].astype(np.int64),
+        weight=table[:, WEIGHT],
+        residual=table[:, RESIDUAL],
+        jacobian=table[:, JACOBIAN : JACOBIAN + 6],
+        row_time=table[:, ROW_TIME],
+    )

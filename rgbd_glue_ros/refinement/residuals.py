@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.geometry.depth import SURFACE_SIGMAS, depth_sigma
 from rgbd_glue_ros.geometry.motion_compensation import displaced_point
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
@@ -30,6 +30,14 @@ _LATERAL_SIGMA_PX = 0.5
 # A residual within this many of its standard deviations agrees.
 AGREEING_SIGMAS = 3.0
 
+# The columns of a table of residuals: which plane or pixel, its weight, its residual, the first of
+# the six derivatives, and the normalised time of the image row that shows it.
+POINT, WEIGHT, RESIDUAL, JACOBIAN, ROW_TIME = 0, 1, 2, 3, 9
+_PLANE_COLUMNS = 10
+# A table of pixels also has the image's brightness.
+IMAGE_BRIGHTNESS = 10
+_PIXEL_COLUMNS = 11
+
 
 class PlaneCounts(NamedTuple):
     """Planes that project onto known depth, those that agree, and those that are occluded."""
@@ -44,13 +52,14 @@ def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Float64, PlaneCo
     """The distances of what is measured from the planes, at T.
 
     Returns:
-        A table, float64 [N, 10], a row for each plane that depth shows: which plane, weight,
-        residual (metres), jacobian (6), normalised row time; and the counts of planes.
+        A table, float64 [N, 10], a row for each plane that depth shows, with the columns ``POINT``,
+        ``WEIGHT`` (1 / m²), ``RESIDUAL`` (metres), ``JACOBIAN`` and ``ROW_TIME``; and the counts of
+        planes.
     """
     points, normals, depth = problem.points, problem.normals, problem.depth
     exposure, cauchy = problem.depth_exposure, problem.plane_cauchy
     K, height, twist, readout_time, delay = exposure
-    table = np.empty((len(points), 10))
+    table = np.empty((len(points), _PLANE_COLUMNS))
     n, seen, agreeing, occluded = 0, 0, 0, 0
     for i in range(len(points)):
         x, y, expected, row_time = in_camera(T, points, i, K, height, twist, readout_time, delay)
@@ -77,11 +86,8 @@ def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Float64, PlaneCo
             continue
         if squared < AGREEING_SIGMAS**2:
             agreeing += 1
-        row = table[n]
-        row[0], row[1], row[2] = i, 1.0 / (variance * (1.0 + squared / (cauchy * cauchy))), r
-        row[3], row[4], row[5] = n0, n1, n2
-        row[6], row[7], row[8] = q1 * n2 - q2 * n1, q2 * n0 - q0 * n2, q0 * n1 - q1 * n0
-        row[9] = row_time
+        weight = 1.0 / (variance * (1.0 + squared / (cauchy * cauchy)))
+        _write(table[n], i, weight, r, (n0, n1, n2), (q0, q1, q2), row_time)
         n += 1
     return table[:n], PlaneCounts(seen, agreeing, occluded)
 
@@ -91,16 +97,16 @@ def pixel_residuals(T: Float64, problem: LevelProblem, affine_brightness: Float6
     """The differences in brightness of the pixels, at T and under ``affine_brightness``.
 
     Returns:
-        A table, float64 [N, 11], a row for each pixel that is in the image and not occluded: which
-        pixel, robust weight, residual (grey levels), jacobian (6), normalised row time, and the
-        image's brightness.
+        A table, float64 [N, 11], a row for each pixel that is in the image and not occluded, with
+        the columns ``POINT``, ``WEIGHT`` (the robust one alone), ``RESIDUAL`` (grey levels),
+        ``JACOBIAN``, ``ROW_TIME`` and ``IMAGE_BRIGHTNESS``.
     """
     points, expected = problem.pixels, problem.brightness
     image, depth, cauchy = problem.image, problem.depth, problem.pixel_cauchy
     K_depth, depth_delay = problem.depth_exposure.K, problem.depth_exposure.delay
     K, height, twist, readout_time, delay = problem.image_exposure
     gain, bias, sigma = affine_brightness[0], affine_brightness[1], affine_brightness[2]
-    table = np.empty((len(points), 11))
+    table = np.empty((len(points), _PIXEL_COLUMNS))
     n = 0
     for i in range(len(points)):
         x, y, z, row_time = in_camera(T, points, i, K, height, twist, readout_time, delay)
@@ -122,14 +128,37 @@ def pixel_residuals(T: Float64, problem: LevelProblem, affine_brightness: Float6
         J0 = -gx * (T[0, 0] - x * T[0, 2]) - gy * (T[0, 1] - y * T[0, 2])
         J1 = -gx * (T[1, 0] - x * T[1, 2]) - gy * (T[1, 1] - y * T[1, 2])
         J2 = -gx * (T[2, 0] - x * T[2, 2]) - gy * (T[2, 1] - y * T[2, 2])
-        p0, p1, p2 = points[i, 0], points[i, 1], points[i, 2]
-        row = table[n]
-        row[0], row[1], row[2] = i, 1.0 / (1.0 + (r / (cauchy * sigma)) ** 2), r
-        row[3], row[4], row[5] = J0, J1, J2
-        row[6], row[7], row[8] = p1 * J2 - p2 * J1, p2 * J0 - p0 * J2, p0 * J1 - p1 * J0
-        row[9], row[10] = row_time, brightness
+        weight = 1.0 / (1.0 + (r / (cauchy * sigma)) ** 2)
+        point = points[i, 0], points[i, 1], points[i, 2]
+        _write(table[n], i, weight, r, (J0, J1, J2), point, row_time)
+        table[n, IMAGE_BRIGHTNESS] = brightness
         n += 1
     return table[:n]
+
+
+@inlined
+def _write(
+    row: Float64,
+    i: int,
+    weight: float,
+    residual: float,
+    by_translation: tuple[float, float, float],
+    point: tuple[float, float, float],
+    row_time: float,
+) -> None:
+    """Writes what planes and pixels have in common to a row of their table.
+
+    A perturbation v, omega moves a point X by v + omega x X. So the derivative by omega is X times
+    that by v, as a cross product.
+    """
+    J0, J1, J2 = by_translation
+    p0, p1, p2 = point
+    row[POINT], row[WEIGHT], row[RESIDUAL] = i, weight, residual
+    row[JACOBIAN], row[JACOBIAN + 1], row[JACOBIAN + 2] = J0, J1, J2
+    row[JACOBIAN + 3] = p1 * J2 - p2 * J1
+    row[JACOBIAN + 4] = p2 * J0 - p0 * J2
+    row[JACOBIAN + 5] = p0 * J1 - p1 * J0
+    row[ROW_TIME] = row_time
 
 
 @compiled

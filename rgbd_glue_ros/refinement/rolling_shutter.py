@@ -1,10 +1,10 @@
 """How fast the camera moves, from how one frame of it is distorted.
 
 The rows of a rolling shutter see the room from where the camera was when each was read, and so
-does depth that is taken later than colour. In the difference of two poses their jitter counts
-double and a change of speed shows late; the distortion has the speed of the very frame. As in
-visual odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is found
-along with the pose.
+does depth that is taken later than colour. The difference of two poses has the jitter of both, and
+shows a change of speed late; the distortion shows the speed at the frame itself. As in visual
+odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is found along
+with the pose.
 """
 
 from __future__ import annotations
@@ -14,19 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
-from rgbd_glue_ros.refinement.level_problem import level_problem
-from rgbd_glue_ros.refinement.model import Model, pyramid
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     extended_normal_equations,
     pixel_rows,
     plane_rows,
 )
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64
 
-# The velocity of a camera that no distortion shows: faster than any.
+# Standard deviation of a velocity that no distortion shows, m/s and rad/s: more than any camera's.
 _UNSEEN_SPEED = 100.0
 
 
@@ -36,7 +34,7 @@ class TwistMeasurement:
 
     Attributes:
         twist: float64 [6], linear and angular in the camera's frame (m/s, rad/s).
-        covariance: float64 [6, 6] of it; great where nothing is distorted.
+        covariance: float64 [6, 6] of it; large where nothing is distorted.
     """
 
     twist: Float64
@@ -44,26 +42,19 @@ class TwistMeasurement:
 
 
 def twist_from_distortion(
-    refinement: Refinement,
-    model: Model,
-    source: View,
-    config: RefineConfig,
-    level: int,
+    refinement: Refinement, problem: RefinementProblem, level: int
 ) -> TwistMeasurement:
     """The velocity of the camera that takes a frame, whatever the pose.
 
     Args:
         refinement: the frame's pose in the model.
-        model: which it was refined against.
-        source: the frame as it was refined, with the velocity where the search starts.
-        config: weights of the residuals.
+        problem: what it was refined by; its view has the velocity where the search starts.
         level: of the pyramid.
     """
-    T = refinement.T_model_source
-    image = pyramid(source.grey, level + 1)[level]
-    problem = level_problem(model, image, level, source, config)
-    planes = plane_rows(T, problem)
-    pixels = pixel_rows(T, problem, refinement.affine_brightness)
+    T, source, config = refinement.T_model_source, problem.view, problem.config
+    of_level = problem.at_level(level)
+    planes = plane_rows(T, of_level)
+    pixels = pixel_rows(T, of_level, refinement.affine_brightness)
     H, g = _pose_and_twist(planes, source.depth_delay + planes.row_time * source.readout_time)
     H_pixels, g_pixels = _pose_and_twist(pixels, pixels.row_time * source.readout_time)
     H, g = marginalise_pose(H + H_pixels, g + g_pixels)
@@ -82,7 +73,7 @@ def _pose_and_twist(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
 
     Args:
         rows: residuals.
-        seconds: float64 [N], when each was seen after the pose's own time: a velocity moves the
-            camera by as much of it.
+        seconds: float64 [N], how long after the time of the pose each was seen, and the velocity
+            has moved the camera.
     """
     return extended_normal_equations(rows, rows.jacobian * seconds[:, np.newaxis])

@@ -14,17 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import RefineConfig, TimeOffsetsConfig
+from rgbd_glue_ros.parameters import TimeOffsetsConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
-from rgbd_glue_ros.refinement.level_problem import level_problem
-from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     extended_normal_equations,
     pixel_rows,
     plane_rows,
 )
-from rgbd_glue_ros.types import Float64, View
+from rgbd_glue_ros.types import Float64
 
 # No driver is later, and no camera of a moving robot reads slower.
 _LIMIT_S = 0.05
@@ -73,23 +72,16 @@ class TimeOffsets:
         return longest / _PRIMESENSE_READOUT_TIME_S
 
     def corrected(
-        self,
-        refinement: Refinement,
-        model: Model,
-        source: View,
-        refine: RefineConfig,
-        config: TimeOffsetsConfig,
+        self, refinement: Refinement, problem: RefinementProblem, config: TimeOffsetsConfig
     ) -> TimeOffsets:
         """The timing after a frame.
 
         Args:
             refinement: the frame's pose in the model.
-            model: which it was refined against.
-            source: the frame, with the velocity that it had.
-            refine: weights of the residuals.
+            problem: what it was refined by; its view has the velocity that it had.
             config: how fast the timing drifts.
         """
-        H, g = marginalise_pose(*_terms(refinement, model, source, refine))
+        H, g = marginalise_pose(*_terms(refinement, problem))
         information, gradient = (
             H / config.residuals_per_independent_one,
             g / config.residuals_per_independent_one,
@@ -103,17 +95,15 @@ class TimeOffsets:
         return TimeOffsets(float(latency), float(readout_time), covariance)
 
 
-def _terms(
-    refinement: Refinement, model: Model, source: View, refine: RefineConfig
-) -> tuple[Float64, Float64]:
+def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64, Float64]:
     """Hessian [8, 8] and gradient [8] for the pose, the depth's latency and the readout."""
-    T, planes, pixels = refinement.T_model_source, model.planes, model.pixels[0]
-    problem = level_problem(model, source.grey, 0, source, refine)
-    rows = plane_rows(T, problem)
-    now, then, by_readout_time = _moves(rows, T, source.twist, planes.velocity, planes.row_time)
+    T, twist, finest = refinement.T_model_source, problem.view.twist, problem.at_level(0)
+    planes, pixels = problem.model.planes, problem.model.pixels[0]
+    rows = plane_rows(T, finest)
+    now, then, by_readout_time = _moves(rows, T, twist, planes.velocity, planes.row_time)
     H, g = extended_normal_equations(rows, then - now, by_readout_time)
-    rows = pixel_rows(T, problem, refinement.affine_brightness)
-    *_, by_readout_time = _moves(rows, T, source.twist, pixels.velocity, pixels.row_time)
+    rows = pixel_rows(T, finest, refinement.affine_brightness)
+    *_, by_readout_time = _moves(rows, T, twist, pixels.velocity, pixels.row_time)
     # where a late depth moves along a surface, the depth of a pixel hardly changes
     by_latency = np.zeros_like(by_readout_time)
     H_pixels, g_pixels = extended_normal_equations(rows, by_latency, by_readout_time)
@@ -123,7 +113,10 @@ def _terms(
 def _moves(
     rows: Rows, T: Float64, twist: Float64, velocity: Float64, row_time: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """How residuals change per second of the camera's way now and then, and of readout."""
+    """How residuals change per second of the camera's motion, now and then, and of readout time.
+
+    Now is when the frame was taken, and then when the model's points were seen.
+    """
     now = np.sum(rows.jacobian * (se3.adjoint(T) @ twist), axis=1)
     then = np.sum(rows.jacobian[:, :3] * velocity[rows.point], axis=1)
     return now, then, rows.row_time * now - row_time[rows.point] * then

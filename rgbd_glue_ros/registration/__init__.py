@@ -1,1 +1,1 @@
-"""The transform between two RGB-D frames, by the method of RGBD-Glue."""
+"""The transform between two RGB-D frames, by the RGBD-Glue method."""

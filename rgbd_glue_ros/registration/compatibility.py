@@ -1,4 +1,4 @@
-"""What a rigid motion leaves as it was: the lengths between matched points."""
+"""What a rigid motion preserves: the lengths between matched points."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _REFINEMENTS = 20
 
 
 def length_differences(matches: Correspondences) -> Float32:
-    """| |p_i - p_j| - |q_i - q_j| | of every two matches, float32 [N, N], metres."""
+    """| |p_i - p_j| - |q_i - q_j| | for every two matches, float32 [N, N], metres."""
     return _length_differences(
         np.ascontiguousarray(matches.source.T, np.float32),
         np.ascontiguousarray(matches.target.T, np.float32),
@@ -34,12 +34,12 @@ def _length_differences(p: Float32, q: Float32) -> Float32:
 
 
 def refined(T: Float64, matches: Correspondences, threshold: float) -> Float64:
-    """T fitted again to its inliers, the nearer ones weighing more, until these are the same.
+    """T fitted repeatedly to its inliers, nearer ones weighing more, until they are constant.
 
     Args:
         T: T_target_source, float64 [4, 4].
-        matches: all.
-        threshold: distance of an inlier, metres.
+        matches: all matches.
+        threshold: maximum distance of an inlier, metres.
     """
     count = 0
     for _ in range(_REFINEMENTS):

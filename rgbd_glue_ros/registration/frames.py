@@ -1,4 +1,4 @@
-"""Registers two frames that nothing else is known of."""
+"""Registers two frames without any further information."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def register(
 ) -> RegistrationResult:
     """The transform between two frames by sections 3.1 to 3.3 of the paper.
 
-    No prior precedes it and no refinement follows: these are the odometry's, which knows more.
+    There is no prior and no refinement: these belong to the odometry, which knows more.
 
     Args:
         source: frame whose points the transform maps.
@@ -24,7 +24,7 @@ def register(
         ``T_target_source`` [4, 4] in metres with its covariance, or the reason why there is none.
 
     Raises:
-        InputError: a feature cannot be had.
+        InputError: a feature is not available.
         MissingExtraError: a library of a feature is not installed.
     """
     config = config or load_preset("paper")

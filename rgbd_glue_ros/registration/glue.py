@@ -1,6 +1,6 @@
-"""RGBD-Glue (Chen et al., 3DV 2025): visual matches tell which geometric matches to believe.
+"""RGBD-Glue (Chen et al., 3DV 2025): visual matches select the credible geometric matches.
 
-One function per equation; ``Glue.register`` reads like section 3 of the paper.
+One function per equation; ``Glue.register`` follows section 3 of the paper.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from rgbd_glue_ros.types import (
 
 R = TypeVar("R")
 
-# The publication of SC2-PCR takes 10 cm indoors.
+# The publication of SC2-PCR uses 10 cm indoors.
 _GEOMETRIC_INLIER_M = 0.1
 
 
@@ -65,10 +65,10 @@ def consistent(matches: Correspondences, T: Float64, epsilon: float) -> Correspo
 def surviving(
     matches: Correspondences, prior: TransformPrior, config: Config
 ) -> Correspondences | None:
-    """Equation 8, or None where almost no match survives it.
+    """Equation 8, or None if almost no match survives it.
 
-    That are less than ``glue.min_credible``, or less than ``glue.over_chance`` times those that
-    would survive had the points been matched at random: so many survive any transform.
+    That is fewer than ``glue.min_credible``, or fewer than ``glue.over_chance`` times those
+    expected to survive if points were matched at random, as under any transform.
     """
     survivors = consistent(matches, prior.T_target_source, prior.radius)
     order = np.random.default_rng(config.seed).permutation(len(matches))
@@ -91,7 +91,7 @@ def geometric_rough(matches: Correspondences, config: Config) -> TransformPrior 
 FALLBACKS: dict[str, Callable[[Correspondences, Config], TransformPrior | None]] = {
     "sc2_pcr": geometric_rough
 }
-"""What ``glue.fallback`` names beside none."""
+"""The choices of ``glue.fallback`` other than none."""
 
 FITS: dict[str, Callable[[Correspondences, Config, np.random.Generator], Float64 | None]] = {
     "randomised": lambda C, config, rng: randomised_procrustes(
@@ -102,7 +102,7 @@ FITS: dict[str, Callable[[Correspondences, Config, np.random.Generator], Float64
         C, config.glue.inlier_threshold, config.ransac.iterations, rng
     )[0],
 }
-"""What ``fit.method`` names (section 3.3)."""
+"""The choices of ``fit.method`` (section 3.3)."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ class FrameFeatures:
 
     Attributes:
         view: the frame as the features saw it.
-        visual: of the configured visual feature.
-        geometric: of the configured geometric feature.
+        visual: features of the configured visual kind.
+        geometric: features of the configured geometric kind.
         stages_ms: wall time of each extraction, milliseconds.
     """
 
@@ -124,12 +124,12 @@ class FrameFeatures:
 
 @dataclass(frozen=True)
 class _RoughTransform:
-    """What visual matches say before geometric ones are looked at.
+    """The result of visual matches, before geometric ones are considered.
 
     Attributes:
         inliers: C_vis^in, equation 4.
-        sigma_m: sigma-hat of equation 5, metres; NaN where there is none.
-        prior: the rough transform and epsilon of equation 7; None where there is none.
+        sigma_m: sigma-hat of equation 5, metres; NaN if there is none.
+        prior: the rough transform and epsilon of equation 7; None if there is none.
     """
 
     inliers: Correspondences
@@ -143,7 +143,7 @@ class _GeometricMatches:
 
     Attributes:
         matches: C_geo.
-        credible: C_geo^in of equation 8; None where the filter was skipped.
+        credible: C_geo^in of equation 8; None if the filter was skipped.
     """
 
     matches: Correspondences
@@ -151,7 +151,7 @@ class _GeometricMatches:
 
 
 class Glue:
-    """Registers RGB-D frames by the features and parameters of a configuration."""
+    """Registers RGB-D frames with the features and parameters of a configuration."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -160,11 +160,11 @@ class Glue:
 
     @property
     def inlier_threshold(self) -> float:
-        """t_in, the distance within which a visual match agrees with a transform, metres."""
+        """t_in, the maximum distance at which a visual match agrees with a transform, metres."""
         return self._config.glue.inlier_threshold
 
     def reconfigure(self, config: Config) -> None:
-        """Takes other parameters, with the same features."""
+        """Sets other parameters, with the same features."""
         self._config = config
 
     def extract(self, view: View) -> FrameFeatures:
@@ -173,7 +173,7 @@ class Glue:
         return _features(view, visual, timed(self._geometric.extract, view))
 
     def extract_on_two_threads(self, view: View, executor: Executor) -> FrameFeatures:
-        """The same, with the geometric features extracted by an executor's thread."""
+        """Like ``extract``, with geometric features extracted by an executor's thread."""
         geometric = executor.submit(timed, self._geometric.extract, view)
         return _features(view, timed(self._visual.extract, view), geometric.result())
 
@@ -189,11 +189,11 @@ class Glue:
         Args:
             source: frame whose points are p.
             target: frame whose points are q.
-            prior: a transform to search around when visual matches give none; None for the
-                paper's method, which then skips the filter.
+            prior: a transform to search around if visual matches give none; None for the paper's
+                method, which then skips the filter.
 
         Returns:
-            The result; its status says why where there is no transform.
+            The result; its status says why if there is no transform.
         """
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
@@ -241,7 +241,7 @@ class Glue:
     def _rough_transform(
         self, C_vis: Correspondences, prior: TransformPrior | None, rng: np.random.Generator
     ) -> _RoughTransform:
-        """Section 3.2 with equations 4 to 7; the prior where visual matches are too few."""
+        """Section 3.2 with equations 4 to 7; the prior if there are too few visual matches."""
         glue, ransac_config = self._config.glue, self._config.ransac
         T, agreeing = ransac(C_vis, glue.inlier_threshold, ransac_config.iterations, rng)
         if T is None or agreeing < ransac_config.min_inliers:
@@ -256,7 +256,7 @@ class Glue:
     def _filtered(
         self, source: FrameFeatures, target: FrameFeatures, prior: TransformPrior | None
     ) -> _GeometricMatches:
-        """C_geo, and what equation 8 leaves of it where the filter is on and has a transform."""
+        """C_geo, and what equation 8 leaves of it if the filter is on and has a transform."""
         guide = prior if self._config.glue.filter else None
         C_geo = self._geometric.match(source.geometric, target.geometric, guide)
         credible = None if guide is None else surviving(C_geo, guide, self._config)
@@ -270,7 +270,7 @@ class Glue:
         rough: _RoughTransform,
         geometric: _GeometricMatches,
     ) -> tuple[_RoughTransform, _GeometricMatches]:
-        """The same by a transform from geometric matches alone; as it was where there is none."""
+        """Filters by a transform from geometric matches alone; unchanged if there is none."""
         glue = self._config.glue
         unguided = geometric.matches
         if rough.prior is not None:
@@ -288,6 +288,6 @@ class Glue:
 
 
 def _features(view: View, visual: tuple[Any, float], geometric: tuple[Any, float]) -> FrameFeatures:
-    """Features with the milliseconds that each took."""
+    """Features, and the milliseconds that each took."""
     times = {"visual_features": visual[1], "geometric_features": geometric[1]}
     return FrameFeatures(view, visual[0], geometric[0], times)

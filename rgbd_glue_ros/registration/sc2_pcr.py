@@ -1,7 +1,7 @@
 """SC2-PCR: second order spatial compatibility (Chen, Sun, Yang and Tao, CVPR 2022).
 
-Two matches are compatible when a rigid motion could have moved both; inliers have many third
-matches in common that are compatible with both, which outliers seldom have.
+Two matches are compatible if a rigid motion could have moved both; two inliers have many third
+matches that are compatible with both, which outliers rarely have.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ def sc2_pcr(
 
     Args:
         matches: geometric matches, most of them wrong.
-        threshold: by how much the lengths between compatible matches may differ, and how far an
-            inlier may be off, metres; the publication takes 10 cm indoors.
-        most: matches that are looked at, those of the greatest weight.
+        threshold: maximum difference of lengths between compatible matches, and maximum error of
+            an inlier, metres; the publication uses 10 cm indoors.
+        most: maximum number of matches considered, those with the largest weights.
 
     Returns:
-        T_target_source, None when there are less than three matches; and the number of matches
-        looked at that agree with it.
+        T_target_source, None if there are fewer than three matches; and the number of considered
+        matches that agree with it.
     """
     if len(matches) > most:
         matches = matches.select(np.argsort(-matches.weights, kind="stable")[:most])
@@ -60,7 +60,7 @@ def sc2_pcr(
 
 
 def _leading_eigenvector(matrix: Float32) -> Float32:
-    """Of a matrix without negative elements; its elements say how well each match fits in."""
+    """That of a non-negative matrix; its elements say how well each match fits in."""
     vector = np.ones(len(matrix), np.float32)
     for _ in range(_POWER_ITERATIONS):
         vector = matrix @ vector
@@ -84,7 +84,7 @@ def _seeds(confidence: Float32, points: Float64, radius: float) -> Int64:
 
 
 def _consensus(seed: int, second_order: Float32, hard: Float32) -> Int64:
-    """The matches most compatible with a seed, chosen from all, then among the chosen anew."""
+    """The matches most compatible with a seed, chosen from all, then again among the chosen."""
     first = np.argsort(-second_order, kind="stable")[:_FIRST_SET]
     first = first[second_order[first] > 0]
     if seed not in first:

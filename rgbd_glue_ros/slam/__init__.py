@@ -1,1 +1,1 @@
-"""From odometry to a map: places recognised, loops verified, the pose graph at its optimum."""
+"""From odometry to a map: place recognition, loop verification, pose graph optimisation."""

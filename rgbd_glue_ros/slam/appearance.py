@@ -1,8 +1,8 @@
-"""Which earlier keyframes look like a new one: candidates of loops, found without any pose.
+"""Finds earlier keyframes that look like a new one: candidates for loops, without any pose.
 
 A Hamming binary search tree (Schlegel and Grisetti 2018) holds the ORB descriptors of all
-keyframes; nothing is trained beforehand, and a search takes a few milliseconds however many there
-are. What it finds is a candidate and no more.
+keyframes; nothing is trained beforehand, and a search takes a few milliseconds whatever their
+number. The results are only candidates.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from rgbd_glue_ros.features.matching import nearest_two
 from rgbd_glue_ros.types import UInt8
 
 DESCRIPTORS = 200
-"""The strongest so many describe an image."""
+"""Number of strongest descriptors per image."""
 
 MAX_DISTANCE_BITS = 50
-"""Of 256: descriptors farther apart are of different points."""
+"""Of 256 bits: descriptors that differ by more are of different points."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Likeness:
 
     Attributes:
         number: of the earlier keyframe.
-        matches: descriptors of the new one that it has, too.
+        matches: number of descriptors shared with the new one.
     """
 
     number: int
@@ -37,20 +37,20 @@ class Likeness:
 
 
 class Appearance(Protocol):
-    """Keyframes by what they look like."""
+    """Keyframes indexed by appearance."""
 
     def add(self, number: int, descriptors: UInt8) -> None:
         """Adds a keyframe with binary descriptors [N, 32], strongest first."""
 
     def like(self, descriptors: UInt8) -> list[Likeness]:
-        """All keyframes that share a descriptor with these [N, 32], most alike first."""
+        """All keyframes that share a descriptor with these [N, 32], most similar first."""
 
 
 class SearchTree:
     """The binary search tree of pyHBST."""
 
     def __init__(self) -> None:
-        """An empty one.
+        """Creates an empty tree.
 
         Raises:
             MissingExtraError: pyHBST is not installed.
@@ -69,7 +69,7 @@ class SearchTree:
             self._tree.add([(0.0, 0.0)] * len(bits), bits, number, self._split)
 
     def like(self, descriptors: UInt8) -> list[Likeness]:
-        """All keyframes that share a descriptor with these [N, 32], most alike first."""
+        """All keyframes that share a descriptor with these [N, 32], most similar first."""
         bits = _bits(descriptors)
         if not bits or not self._tree.trainedIdentifiers():
             return []
@@ -80,7 +80,7 @@ class SearchTree:
 
 
 class HammingVotes:
-    """Every descriptor votes for the keyframe that has the nearest one: simple, and linear."""
+    """Every descriptor votes for the keyframe with the nearest one: simple, and linear in time."""
 
     def __init__(self) -> None:
         self._descriptors: list[UInt8] = []
@@ -93,7 +93,7 @@ class HammingVotes:
         self._numbers += [number] * len(strongest)
 
     def like(self, descriptors: UInt8) -> list[Likeness]:
-        """All keyframes that share a descriptor with these [N, 32], most alike first."""
+        """All keyframes that share a descriptor with these [N, 32], most similar first."""
         if len(self._numbers) < 2 or not len(descriptors):
             return []
         reference = np.concatenate(self._descriptors)

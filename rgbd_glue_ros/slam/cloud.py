@@ -17,15 +17,15 @@ from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigma
 from rgbd_glue_ros.types import Float32, Float64, Int64, RgbdFrame, UInt8
 
 VOXEL_M = 0.01
-"""Points nearer together than this become one."""
+"""Points nearer to each other than this are merged."""
 
-# Every so many pixels give a point.
+# Pixels between points.
 _STRIDE_PX = 2
-# Structured light and stereo bend walls beyond; what is farther is seen nearer by another keyframe.
+# Structured light and stereo distort walls beyond this; another keyframe sees them from nearer.
 _FARTHEST_M = 4.0
-# What recedes by this part of its depth from one pixel to the next is still one surface.
+# A surface may recede by this fraction of its depth from one pixel to the next.
 _SLOPE = 0.03
-# So many bits for a voxel's number along an axis: 20 km in both directions at 1 cm.
+# Bits of a voxel's index along an axis: 20 km in both directions at 1 cm.
 _BITS = 21
 
 
@@ -46,9 +46,9 @@ class ColoredCloud:
 
 
 def cloud_of(frame: RgbdFrame, voxel_m: float = VOXEL_M) -> ColoredCloud:
-    """What a frame shows within 4 m, in its optical frame, without the edges of its depth.
+    """The points of a frame within 4 m, in its optical frame, without depth edges.
 
-    Pixels at an edge have a depth that is on neither side of it.
+    Pixels at an edge have a depth that belongs to neither side.
     """
     frame = rectified(frame)
     depth = frame.depth[::_STRIDE_PX, ::_STRIDE_PX]
@@ -61,7 +61,7 @@ def cloud_of(frame: RgbdFrame, voxel_m: float = VOXEL_M) -> ColoredCloud:
 
 
 def fused(clouds: Sequence[ColoredCloud], poses: Float64, voxel_m: float = VOXEL_M) -> ColoredCloud:
-    """The clouds in one frame, a point a voxel, without voxels that one point alone speaks for.
+    """The clouds in one frame, one point per voxel, without voxels with a single point.
 
     Args:
         clouds: each in its camera's frame.

@@ -7,16 +7,16 @@ import numpy as np
 from rgbd_glue_ros.slam.optimiser import TRUSTED, between_factor, fixed_factor, load_gtsam
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
-# Residuals beyond so many standard deviations lose weight (Cauchy): a false loop may be among them.
+# Residuals beyond this many standard deviations lose weight (Cauchy): some loops may be false.
 _ROBUST_SIGMAS = 3.0
 _RELINEARISE_BEYOND = 0.01
 
 
 class IncrementalOptimiser:
-    """Takes keyframes and edges one by one; what has not changed is not solved again."""
+    """Takes keyframes and edges one by one; unchanged parts are not solved again."""
 
     def __init__(self) -> None:
-        """An empty graph.
+        """Creates an empty graph.
 
         Raises:
             MissingExtraError: GTSAM is not installed.
@@ -25,7 +25,7 @@ class IncrementalOptimiser:
         params = self._gtsam.ISAM2Params()
         params.setRelinearizeThreshold(_RELINEARISE_BEYOND)
         params.relinearizeSkip = 1
-        # of long chains Cholesky runs out of digits
+        # for long chains Cholesky runs out of digits
         params.setFactorization("QR")
         self._isam = self._gtsam.ISAM2(params)
         self._begin()
@@ -36,7 +36,7 @@ class IncrementalOptimiser:
         self._values = self._gtsam.Values()
 
     def add(self, number: int, T_map_camera: Float64) -> None:
-        """Adds a keyframe where it is thought to be; the first stays there."""
+        """Adds a keyframe at its assumed pose; the first is fixed there."""
         self._values.insert(number, self._gtsam.Pose3(T_map_camera))
         if self._count == 0:
             self._factors.add(fixed_factor(self._gtsam, number, T_map_camera))
@@ -55,7 +55,7 @@ class IncrementalOptimiser:
         self._factors.add(factor)
 
     def update(self) -> dict[int, Float64]:
-        """The poses T_map_camera [4, 4] of all keyframes, with what was added since."""
+        """The poses T_map_camera [4, 4] of all keyframes, including recent additions."""
         self._isam.update(self._factors, self._values)
         self._begin()
         estimate = self._isam.calculateEstimate()

@@ -1,4 +1,4 @@
-"""Puts keyframes together again whose poses and edges come on two topics, in any order."""
+"""Reassembles keyframes whose poses and edges arrive on two topics, in any order."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 @dataclass(frozen=True)
 class NewKeyframe:
-    """A keyframe that is complete.
+    """A complete keyframe.
 
     Attributes:
-        number: the odometry's.
+        number: the odometry's number.
         stamp_ns: of its image.
         T_odom_child: float64 [4, 4], as published.
         edge: to the one that it was tracked from; None for the first of a graph.
@@ -33,9 +33,17 @@ class KeyframeStream:
         self._poses: dict[int, Float64] = {}
         self._edges: dict[int, PoseGraphEdge] = {}
         self._stamps: dict[int, int] = {}
+        self._newest_ns: int | None = None
 
     def add_pose(self, stamp_ns: int, T_odom_child: Float64) -> list[NewKeyframe]:
-        """Takes the pose [4, 4] of a keyframe; returns the keyframes that are complete now."""
+        """Adds the pose [4, 4] of a keyframe; returns the keyframes that are now complete.
+
+        If time went back, as with a bag in a loop, the odometry has restarted. Numbers and stamps
+        may then repeat, so they do not show it.
+        """
+        if self._newest_ns is not None and stamp_ns < self._newest_ns:
+            self._poses, self._edges, self._stamps = {}, {}, {}
+        self._newest_ns = stamp_ns
         self._poses[stamp_ns] = T_odom_child
         edge = self._edges.pop(stamp_ns, None)
         return [] if edge is None else self._completed(stamp_ns, edge)
@@ -43,14 +51,14 @@ class KeyframeStream:
     def add_edge(
         self, stamp_ns: int, edge: PoseGraphEdge
     ) -> tuple[list[NewKeyframe], PoseGraphEdge | None]:
-        """Takes an edge.
+        """Adds an edge.
 
         Args:
-            stamp_ns: of its child.
-            edge: by the odometry's numbers.
+            stamp_ns: stamp of its child.
+            edge: with the odometry's numbers.
 
         Returns:
-            The keyframes that are complete now; and the edge, if both its ends were so before.
+            The keyframes that are now complete; and the edge, if both its ends already were.
         """
         if self._stamps.get(edge.child) == stamp_ns:
             return [], edge
@@ -78,5 +86,5 @@ class KeyframeStream:
         return keyframes
 
     def _first_before(self, stamp_ns: int) -> int | None:
-        """The stamp of the latest pose before that no edge named: it begins the graph."""
+        """The stamp of the latest earlier pose without an edge: it begins the graph."""
         return max((stamp for stamp in self._poses if stamp < stamp_ns), default=None)

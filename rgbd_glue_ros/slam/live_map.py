@@ -36,22 +36,22 @@ class Keyed:
 
 
 class LiveMap:
-    """Closes loops as keyframes come.
+    """Closes loops as keyframes arrive.
 
-    With a map made before, keyframes wait until one of them shows a place of it.
+    With an existing map, keyframes wait until one of them shows a place of it.
 
     Attributes:
         poses: T_map_camera [4, 4] of every keyframe, by its row.
-        loops: how many were closed.
-        T_map_odom: float64 [4, 4]; None as long as no place of the map was recognised.
+        loops: number of closed loops.
+        T_map_odom: float64 [4, 4]; None until a place of the map is recognised.
     """
 
     def __init__(self, config: Config, before: SavedMap | None = None) -> None:
-        """A map to begin with.
+        """Creates a map.
 
         Args:
             config: how keyframes are compared.
-            before: a map made before; None begins an empty one.
+            before: an existing map; None starts an empty one.
 
         Raises:
             MissingExtraError: the libraries of the extra slam are not installed.
@@ -62,7 +62,7 @@ class LiveMap:
         self.clear()
 
     def clear(self) -> None:
-        """Begins anew, from the map made before if there is one."""
+        """Starts over, from the existing map if there is one."""
         self._mapper = Mapper(self._config, self._glue, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
@@ -75,14 +75,13 @@ class LiveMap:
 
     @property
     def is_placed(self) -> bool:
-        """Whether it is known where ``odom`` lies in the map."""
+        """Whether the pose of ``odom`` in the map is known."""
         return self.T_map_odom is not None
 
     def add(self, number: int, keyed: Keyed) -> None:
-        """Takes a keyframe with its edges.
+        """Adds a keyframe with its edges.
 
-        Without an edge to a keyframe that is known, as of the first, it is held where the
-        odometry has it.
+        Without an edge to a known keyframe, as for the first one, it is fixed at its odometry pose.
 
         Args:
             number: the odometry's.
@@ -97,10 +96,10 @@ class LiveMap:
             self._add([(number, keyed)])
 
     def locate(self, keyed: Keyed) -> bool:
-        """Looks for a keyframe among those of the map, which stays as it is.
+        """Searches for a keyframe among those of the map, which is not changed.
 
         Returns:
-            Whether it was found; ``T_map_odom`` is that of the keyframe then.
+            Whether it was found; ``T_map_odom`` is then that of the keyframe.
         """
         keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
         loops = self._mapper.recognised(keyframe)
@@ -115,7 +114,7 @@ class LiveMap:
         return {keyframe.number: keyframe.stamp_ns for keyframe in self._mapper.keyframes}
 
     def saved(self) -> SavedMap:
-        """The map as it is now, for a file."""
+        """The current map, for a file."""
         keyframes = self._mapper.keyframes
         stamps = np.array([keyframe.stamp_ns for keyframe in keyframes], np.int64)
         poses = np.array([self.poses[row] for row in range(len(keyframes))]).reshape(-1, 4, 4)
@@ -130,7 +129,7 @@ class LiveMap:
         self.T_map_odom = None
 
     def _add(self, keyframes: Sequence[tuple[int, Keyed]]) -> None:
-        """Takes keyframes that are linked to one another or to the map."""
+        """Adds keyframes that are linked to one another or to the map."""
         T_map_odom = self.T_map_odom
         assert T_map_odom is not None  # noqa: S101 - for the type checker
         edges: list[PoseGraphEdge] = []
@@ -155,7 +154,7 @@ class LiveMap:
         self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
 
     def add_edge(self, edge: PoseGraphEdge) -> None:
-        """Takes an edge that came later, between keyframes that are known."""
+        """Adds a later edge between known keyframes."""
         if edge.parent in self._rows and edge.child in self._rows:
             parent, child = self._rows[edge.parent], self._rows[edge.child]
             moved = replace(edge, parent=parent, child=child)

@@ -1,9 +1,8 @@
-"""Whether two keyframes show the same place, and where they were taken from each other.
+"""Whether two keyframes show the same place, and their relative pose.
 
-A candidate becomes a loop when RGBD-Glue finds a transform in the two images, or the graph expects
-one, the refinement from there is certain of it, and so is the refinement of the first on the
-second, at the same place.
-A place that looks like another may pass one of these; two rooms never passed all.
+A candidate becomes a loop if RGBD-Glue finds a transform from the two images, or the graph predicts
+one, the refinement from there is certain, and so is the refinement of the first on the second, at
+the same pose. A similar place may pass one of these tests; two rooms never passed all.
 """
 
 from __future__ import annotations
@@ -18,11 +17,12 @@ from rgbd_glue_ros.odometry.keyframe_edges import refined_covariance
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.agreement import BandAgreement
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
-# Metres plus radians that the two refinements may differ by: several times their errors.
+# Maximum difference of the two refinements, metres plus radians: several times their errors.
 _SAME = 0.05
 
 
@@ -33,15 +33,15 @@ def loop_edge(
     config: Config,
     T_parent_child_expected: Float64 | None = None,
 ) -> PoseGraphEdge | None:
-    """The edge between two keyframes, or None where they do not surely show the same place.
+    """The edge between two keyframes, or None if they do not certainly show the same place.
 
     Args:
         parent: the earlier one.
         child: the later one.
         glue: registers.
-        config: how poses are refined, and when they are believed.
-        T_parent_child_expected: float64 [4, 4], from the graph; the search starts there where
-            the images give no transform. None if nothing is known.
+        config: how poses are refined, and when they are accepted.
+        T_parent_child_expected: float64 [4, 4], from the graph; the search starts there if the
+            images give no transform. None if nothing is known.
     """
     result = glue.register(child.features, parent.features)
     T = result.T_target_source
@@ -49,26 +49,25 @@ def loop_edge(
         T = T_parent_child_expected
     if T is None:
         return None
-    refinement = _refined(T, parent, child, config)
+    problem = RefinementProblem(parent.model, child.features.view, config.refine)
+    refinement = _refined(T, problem, config)
     if refinement is None:
         return None
-    back = _refined(se3.inverse(refinement.T_model_source), child, parent, config)
+    swapped = RefinementProblem(child.model, parent.features.view, config.refine)
+    back = _refined(se3.inverse(refinement.T_model_source), swapped, config)
     if back is None:
         return None
     T = refinement.T_model_source
     if se3.difference(T, se3.inverse(back.T_model_source)) > _SAME:
         return None
-    view = child.features.view
-    # two that were taken long apart may disagree as no neighbours do
-    agreement = BandAgreement().after_frame(refinement, parent.model, view, config.refine)
+    # two that were taken far apart in time may disagree more than neighbours do
+    agreement = BandAgreement().after_frame(refinement, problem)
     honest = replace(config, refine=agreement.applied_to(config.refine))
-    covariance = refined_covariance(refinement, np.eye(4), view.twist, honest)
+    covariance = refined_covariance(refinement, np.eye(4), problem.view.twist, honest)
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
 
-def _refined(
-    T: Float64, model: MapKeyframe, source: MapKeyframe, config: Config
-) -> Refinement | None:
-    """The pose of one keyframe on the model of another, if planes and pixels are sure of it."""
-    refinement = refine(T, model.model, source.features.view, config.refine)
+def _refined(T: Float64, problem: RefinementProblem, config: Config) -> Refinement | None:
+    """The pose of one keyframe on the model of another, if planes and pixels are certain."""
+    refinement = refine(T, problem)
     return refinement if is_conclusive(refinement, config.odometry) else None

@@ -1,6 +1,6 @@
-"""Maps in files: keyframes with their images, and what was measured between them.
+"""Map files: keyframes with their images, and the measurements between them.
 
-Features are not kept: they are extracted again, by whatever parameters the map is used with.
+Features are not stored: they are extracted again, with the parameters in use.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _FORMAT = "rgbd_glue_ros map 1"
 # Unit of depth in a file: an eighth of the noise at the nearest, and 16 m in 16 bits.
 _DEPTH_UNIT_M = 0.00025
 _FARTHEST = 65535
-# A file holds no more keyframes: at 0.3 MB each, 30 GB.
+# Maximum number of keyframes in a file: at 0.3 MB each, 30 GB.
 _MOST_KEYFRAMES = 100_000
 
 
 @dataclass(frozen=True)
 class SavedMap:
-    """A map as a file holds it.
+    """A map as stored in a file.
 
     Attributes:
         graph: T_map_camera of the keyframes, and the edges between them.
@@ -55,10 +55,10 @@ class SavedMap:
 
 
 def write_map(path: Path, saved: SavedMap) -> None:
-    """Writes a map; the file is whole or as it was.
+    """Writes a map atomically.
 
     Raises:
-        InputError: it cannot be written, or a keyframe cannot be kept.
+        InputError: the file cannot be written, or a keyframe cannot be stored.
     """
     edges, views = saved.graph.edges, saved.views
     arrays: dict[str, Any] = {
@@ -86,7 +86,7 @@ def read_map(path: Path) -> SavedMap:
     """Reads a map.
 
     Raises:
-        InputError: the file cannot be read, or holds no map.
+        InputError: the file cannot be read, or is not a map.
     """
     with open_file(path) as file:
         try:
@@ -97,11 +97,13 @@ def read_map(path: Path) -> SavedMap:
         except InputError:
             raise
         except Exception as error:
-            raise InputError(path, f"holds no map ({error})", "give one of --save-map") from error
+            raise InputError(
+                path, f"holds no valid map ({error})", "give one of --save-map"
+            ) from error
 
 
 def _check_stored(archive: zipfile.ZipFile) -> None:
-    """Refuses what would grow when it is read: images are compressed already."""
+    """Refuses entries that would expand on reading: images are already compressed."""
     if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
         raise ValueError("an entry is compressed")
 
@@ -114,10 +116,10 @@ def _map(arrays: Mapping[str, Any], path: Path) -> SavedMap:
     if not 0 < count <= _MOST_KEYFRAMES:
         raise ValueError(f"{count} keyframes")
     if stamps.dtype != np.int64 or poses.shape != (count, 4, 4) or not np.isfinite(poses).all():
-        raise ValueError("poses that are none")
+        raise ValueError("invalid poses")
     ends = arrays["edge_ends"]
     if ends.size and not (ends.min() >= 0 and ends.max() < count):
-        raise ValueError("an edge of a keyframe that is missing")
+        raise ValueError("an edge of a missing keyframe")
     edges = tuple(
         PoseGraphEdge(int(parent), int(child), T, covariance, EdgeOrigin(str(origin)))
         for (parent, child), T, covariance, origin in zip(
@@ -138,7 +140,7 @@ def _view(arrays: Mapping[str, Any], i: int, path: Path) -> View:
         for name in ("grey", "depth")
     )
     if grey.dtype != np.uint8 or units.dtype != np.uint16 or grey.shape != units.shape:
-        raise ValueError(f"images of keyframe {i} that do not fit")
+        raise ValueError(f"images of keyframe {i} that do not match")
     depth = np.where(units > 0, units * np.float32(_DEPTH_UNIT_M), np.float32(np.nan))
     fx, fy, cx, cy = map(float, arrays["cameras"][i])
     height, width = grey.shape
@@ -155,7 +157,7 @@ def _view(arrays: Mapping[str, Any], i: int, path: Path) -> View:
 
 
 def _contrast(arrays: Mapping[str, Any], i: int) -> float:
-    # maps of earlier versions have none
+    # maps of earlier versions do not have it
     contrast = float(arrays["contrasts"][i]) if "contrasts" in arrays else 1.0
     if not 0 < contrast <= 1:
         raise ValueError(f"contrast {contrast:g} of keyframe {i}")

@@ -42,6 +42,6 @@ class MapKeyframe:
     def seen(
         number: int, stamp_ns: int, T_odom_camera: Float64, view: View, glue: Glue, config: Config
     ) -> MapKeyframe:
-        """A keyframe that is known by its view and its pose [4, 4] alone."""
+        """A keyframe known only by its view and its pose [4, 4]."""
         model = model_of(view, config.refine.grid_step)
         return MapKeyframe(number, stamp_ns, T_odom_camera, glue.extract(view), model)

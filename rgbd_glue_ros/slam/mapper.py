@@ -20,10 +20,10 @@ from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import Optimum, optimise
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory, UInt8
 
-# Candidates that a keyframe is compared with, by likeness and by nearness: each costs as much as
+# Candidates that a keyframe is compared with, by appearance and by proximity: each costs as much as
 # tracking a frame.
 _MOST_ALIKE, _NEAREST = 2, 2
-# Fewer common descriptors than this are common to any two images.
+# Any two images may share fewer descriptors than this.
 _MIN_MATCHES = 12
 # Keyframes nearer than this, metres and radians added, see the same.
 _NEAR = 0.8
@@ -33,7 +33,7 @@ class Mapper:
     """Collects keyframes and edges, and closes loops.
 
     Attributes:
-        session_start: number of the first keyframe that is not of a map made before.
+        session_start: number of the first keyframe that is not from an existing map.
         keyframes: all so far, by number.
         edges: of the odometry and of loops.
     """
@@ -43,8 +43,8 @@ class Mapper:
 
         Args:
             config: how keyframes are compared.
-            glue: of that configuration: registers them.
-            appearance: finds those that look alike.
+            glue: registers them, with that configuration.
+            appearance: finds similar keyframes.
         """
         self._config = config
         self._glue = glue
@@ -55,9 +55,9 @@ class Mapper:
         self.edges: list[PoseGraphEdge] = []
 
     def restore(self, saved: SavedMap) -> None:
-        """Takes a map made before, as the first; what comes next is another session's.
+        """Adds an existing map, first; later keyframes belong to another session.
 
-        Until a loop links them, nothing is known of how the two lie to one another.
+        Until a loop links them, the pose between the two is unknown.
         """
         keyframes = saved.graph.keyframes
         for stamp_ns, T, view in zip(
@@ -71,15 +71,15 @@ class Mapper:
         self.session_start = len(self.keyframes)
 
     def add_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
-        """Takes what the odometry measured."""
+        """Adds edges measured by the odometry."""
         self.edges += edges
 
     def add(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
-        """Takes a keyframe, and looks for places that it looks like.
+        """Adds a keyframe, and searches for similar places.
 
         Args:
             keyframe: its number is the next one.
-            config: with what the odometry knows of the camera by now.
+            config: with what the odometry knows about the camera so far.
 
         Returns:
             The loops found.
@@ -94,7 +94,7 @@ class Mapper:
         return loops
 
     def recognised(self, keyframe: MapKeyframe) -> tuple[PoseGraphEdge, ...]:
-        """The loops of a keyframe, which is not added, with those that it looks like."""
+        """The loops of a keyframe, which is not added, with similar ones."""
         return self._loops(keyframe, self._appearance.like(self._descriptors(keyframe)))
 
     def _loops(self, keyframe: MapKeyframe, alike: Sequence[Likeness]) -> tuple[PoseGraphEdge, ...]:
@@ -112,7 +112,7 @@ class Mapper:
         return tuple(edge for edge in edges if edge is not None)
 
     def T_map_odom(self) -> Float64 | None:
-        """Where this session's odom frame lies in a map made before, float64 [4, 4].
+        """The pose of this session's odom frame in an existing map, float64 [4, 4].
 
         The identity without such a map; None as long as no loop links the two.
         """
@@ -132,7 +132,7 @@ class Mapper:
         """The pose graph, with poses as the odometry published them, placed in the map.
 
         Raises:
-            InputError: no loop links this session to the map made before.
+            InputError: no loop links this session to the existing map.
         """
         T_map_odom = self.T_map_odom()
         if T_map_odom is None:
@@ -146,13 +146,13 @@ class Mapper:
         return PoseGraph(Trajectory(stamps, poses), tuple(self.edges))
 
     def saved(self, graph: PoseGraph) -> SavedMap:
-        """The map for a file, with the poses of ``graph``, which is of all keyframes."""
+        """The map for a file, with the poses of ``graph``, which has all keyframes."""
         return SavedMap(graph, tuple(keyframe.features.view for keyframe in self.keyframes))
 
     def finish(self) -> Optimum:
-        """The optimum, after keyframes that it takes near each other were compared, too.
+        """The optimum, after also comparing keyframes that it places near each other.
 
-        Without a loop the poses stay where they are: the odometry knew all other edges.
+        Without a loop the poses are unchanged: the odometry knew all other edges.
         """
         first = optimise(self.graph)
         poses = dict(enumerate(first.graph.keyframes.poses))
@@ -168,8 +168,8 @@ class Mapper:
         """Compares a keyframe with the nearest earlier ones that it is not linked to.
 
         Args:
-            child: of those that were added.
-            poses: T_map_camera [4, 4] of keyframes by their numbers, this one among them.
+            child: one of the added keyframes.
+            poses: T_map_camera [4, 4] of keyframes by their numbers, including this one.
 
         Returns:
             The loops found.
@@ -191,7 +191,7 @@ class Mapper:
         return loops
 
     def _is_earlier(self, parent: int, child: int) -> bool:
-        """Whether the odometry has not compared the two anyway."""
+        """Whether the odometry has not already compared the two."""
         return parent < max(self.session_start, child - self._config.odometry.window)
 
     def _is_linked(self, parent: int, child: int) -> bool:

@@ -1,8 +1,8 @@
 """The optimum of a pose graph, by GTSAM.
 
-Edges of tracking are taken as they are. Loops are believed as far as they agree with the rest, by
+Edges of tracking are used as they are. Loops are weighted by their agreement with the rest, by
 graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas and Carlone 2020):
-one that contradicts gets the weight 0 and changes nothing.
+one that contradicts gets the weight 0 and has no effect.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, residual_covariance
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
 
 INLIER_PROBABILITY = 0.99
-"""A right loop's residual is below the threshold with this probability."""
+"""A correct loop's residual is below the threshold with this probability."""
 
 TRUSTED = frozenset({EdgeOrigin.TRACKING, EdgeOrigin.ASSUMED})
-"""Origins of edges that cannot have mistaken a place for another."""
+"""Origins of edges that cannot confuse one place with another."""
 
 # GTSAM has rotation before translation
 _ROTATION_FIRST = np.array([3, 4, 5, 0, 1, 2])
-# a tenth of a millimetre: tighter, and solvers run out of digits over hundreds of keyframes
+# a tenth of a millimetre: if tighter, solvers run out of digits over hundreds of keyframes
 _FIXED_SIGMA = 1e-4
 
 
@@ -34,9 +34,9 @@ class Optimum:
     """A pose graph at its optimum.
 
     Attributes:
-        graph: with optimised poses; the first is where it was.
-        weights: float64 [E], of its edges, 0 for one that was not believed.
-        chi_squared: sum of the believed edges' squared Mahalanobis distances.
+        graph: with optimised poses; the first is unchanged.
+        weights: float64 [E], of its edges, 0 for a rejected one.
+        chi_squared: sum of the accepted edges' squared Mahalanobis distances.
     """
 
     graph: PoseGraph
@@ -45,13 +45,13 @@ class Optimum:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Believed measurements less unknowns."""
+        """Accepted measurements minus unknowns."""
         believed = int((self.weights > 0.5).sum())
         return 6 * (believed - len(self.graph.keyframes) + 1)
 
 
 def load_gtsam(purpose: str = "the optimum of a pose graph") -> Any:
-    """The module.
+    """Imports and returns GTSAM.
 
     Raises:
         MissingExtraError: it is not installed.
@@ -64,7 +64,7 @@ def load_gtsam(purpose: str = "the optimum of a pose graph") -> Any:
 
 
 def between_factor(gtsam: Any, edge: PoseGraphEdge) -> Any:
-    """An edge as GTSAM's ``BetweenFactorPose3``, keys being numbers of keyframes."""
+    """An edge as GTSAM's ``BetweenFactorPose3``, with numbers of keyframes as keys."""
     covariance = residual_covariance(edge)[np.ix_(_ROTATION_FIRST, _ROTATION_FIRST)]
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
     T = gtsam.Pose3(edge.T_parent_child)
@@ -72,7 +72,7 @@ def between_factor(gtsam: Any, edge: PoseGraphEdge) -> Any:
 
 
 def fixed_factor(gtsam: Any, key: int, T: Float64) -> Any:
-    """Holds a keyframe where it is."""
+    """Fixes a keyframe at its pose."""
     noise = gtsam.noiseModel.Isotropic.Sigma(6, _FIXED_SIGMA)
     return gtsam.PriorFactorPose3(key, gtsam.Pose3(T), noise)
 
@@ -90,7 +90,7 @@ def optimise(graph: PoseGraph) -> Optimum:
     """The most likely poses.
 
     Args:
-        graph: connected, with one keyframe at least.
+        graph: connected, with at least one keyframe.
 
     Raises:
         MissingExtraError: GTSAM is not installed.
@@ -116,7 +116,7 @@ def _graduated(
     """The optimum, and a weight for every edge."""
     params = gtsam.GncLMParams()
     params.setLossType(gtsam.GncLossType.TLS)
-    # the first factor holds the first keyframe
+    # the first factor fixes the first keyframe
     params.setKnownInliers([0, *(i for i, doubt in enumerate(doubted, 1) if not doubt)])
     optimiser = gtsam.GncLMOptimizer(factors, initial, params)
     optimiser.setInlierCostThresholdsAtProbability(INLIER_PROBABILITY)

@@ -1,4 +1,4 @@
-"""A picture of a coloured cloud, as somebody sees it who stands in the room."""
+"""A picture of a coloured cloud, as seen by an onlooker in the room."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ PATH_RGB, CAMERA_RGB, PAGE = (29, 95, 209), (207, 47, 60), 246
 # of the width of the picture
 _FOCAL = 0.95
 _NEAREST_M = 0.3
-# drawn twice as large and smoothed
+# drawn at twice the size and smoothed
 _JPEG_WIDTH, _JPEG_HEIGHT, _JPEG_QUALITY = 880, 560, 80
 # of the pinhole that a camera is drawn as, and half the width of a point, metres
 _EYE_M, _SPLAT_M = 0.09, 0.009
-# where somebody stands who sees all: how far above the cameras' line of sight, and how much of the
-# cloud, points apart, is to be in the picture
+# position of the onlooker: height above the cameras' line of sight, and the percentage of points
+# that must be in the picture
 _RISE, _INSIDE = 0.55, 90
 
 
 @dataclass(frozen=True)
 class Onlooker:
-    """Somebody who looks at a room.
+    """An onlooker who views a room.
 
     Attributes:
         T_view_room: float64 [4, 4], from the room to the optical frame of the eye.
@@ -43,7 +43,7 @@ class Onlooker:
 
     @staticmethod
     def at(eye: Float64, target: Float64, up: Float64, width: int, height: int) -> Onlooker:
-        """Somebody at ``eye`` [3] who looks at ``target`` [3], the head up [3]."""
+        """An onlooker at ``eye`` [3] who views ``target`` [3], with the given up direction [3]."""
         forward = target - eye
         z = forward / np.linalg.norm(forward)
         x = np.cross(z, up)
@@ -53,10 +53,10 @@ class Onlooker:
 
     @staticmethod
     def of(cloud: ColoredCloud, poses: Float64, width: int, height: int) -> Onlooker:
-        """Somebody behind and above the cameras, far enough away to see most of the cloud.
+        """An onlooker behind and above the cameras, far enough away to see most of the cloud.
 
         Args:
-            cloud: with one point at least.
+            cloud: with at least one point.
             poses: T_room_camera of the cameras, float64 [N, 4, 4], upright in the mean.
             width: of the picture, pixels.
             height: of the picture, pixels.
@@ -75,7 +75,7 @@ class Onlooker:
         return Onlooker.at(target + away * back / np.linalg.norm(back), target, up, width, height)
 
     def sees(self, points: Float64) -> tuple[Float64, Float64]:
-        """Where points [N, 3] are in the picture, pixels [N, 2], and how far away, metres [N]."""
+        """Positions of points [N, 3] in the picture, pixels [N, 2], and distances, metres [N]."""
         x, y, z = se3.transform(self.T_view_room, points).T
         safe = np.maximum(z, 1e-3)
         focal = _FOCAL * self.width
@@ -84,7 +84,7 @@ class Onlooker:
 
 
 def picture(cloud: ColoredCloud, onlooker: Onlooker) -> UInt8:
-    """The cloud on a light ground, uint8 [H, W, 3] RGB; each point is a square that nears cover."""
+    """The cloud on a light background, uint8 [H, W, 3] RGB; points are squares, nearest on top."""
     width, height = onlooker.width, onlooker.height
     image = np.full((height, width, 3), PAGE, np.uint8)
     uv, z = onlooker.sees(cloud.points.astype(np.float64))
@@ -101,12 +101,12 @@ def picture(cloud: ColoredCloud, onlooker: Onlooker) -> UInt8:
 
 
 def with_path(image: UInt8, poses: Float64, onlooker: Onlooker, thickness: int) -> UInt8:
-    """The picture with the way of the camera, and the camera where it is last.
+    """The picture with the camera's path, and the camera at its end.
 
     Args:
         image: of ``onlooker``, uint8 [H, W, 3]; a copy is drawn on.
-        poses: T_room_camera, float64 [N, 4, 4], one at least.
-        onlooker: who sees it.
+        poses: T_room_camera, float64 [N, 4, 4], at least one.
+        onlooker: the onlooker.
         thickness: of the lines, pixels.
     """
     drawn: UInt8 = image.copy()
@@ -123,7 +123,7 @@ def with_path(image: UInt8, poses: Float64, onlooker: Onlooker, thickness: int) 
 
 
 def _draw(image: UInt8, onlooker: Onlooker, line: Float64, rgb: RGB, thickness: int) -> None:
-    """Draws the parts of a line through points [N, 3] that are before the eye."""
+    """Draws the parts of a line through points [N, 3] that are in front of the eye."""
     uv, z = onlooker.sees(line)
     visible = z > _NEAREST_M
     for part in np.split(np.arange(len(line)), np.flatnonzero(np.diff(visible)) + 1):
@@ -132,7 +132,7 @@ def _draw(image: UInt8, onlooker: Onlooker, line: Float64, rgb: RGB, thickness: 
 
 
 def map_jpeg(cloud: ColoredCloud, poses: Float64) -> bytes:
-    """A small JPEG of a map with the way of the camera; empty of an empty cloud.
+    """A small JPEG of a map with the camera's path; empty for an empty cloud.
 
     Args:
         cloud: in the frame of the poses.

@@ -1,4 +1,4 @@
-"""Arrays by their numbers, and the unit of stamps."""
+"""Array types by their elements, and the unit of stamps."""
 
 from __future__ import annotations
 

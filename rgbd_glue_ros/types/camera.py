@@ -1,4 +1,4 @@
-"""A camera: its pinhole and its lens."""
+"""A camera: pinhole model and lens."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from rgbd_glue_ros.types.checks import check_distortion, check_intrinsics
 
 
 class LensModel(Enum):
-    """How a lens moves points away from where a pinhole has them; coefficients as in OpenCV.
+    """How a lens displaces points relative to a pinhole camera; coefficients as in OpenCV.
 
-    The values are what ROS calls the models.
+    The values are the names of the models in ROS.
     """
 
     BROWN_CONRADY = "plumb_bob"
     """k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]] (Brown 1966; rational in k4 to k6)"""
     INVERSE_BROWN_CONRADY = "inverse_brown_conrady"
-    """The same, but from the distorted point back to the pinhole's, as in librealsense"""
+    """as ``BROWN_CONRADY``, but from the distorted to the undistorted point, as in librealsense"""
     KANNALA_BRANDT = "equidistant"
     """k1 k2 k3 k4, a polynomial in the angle to the axis (Kannala and Brandt 2006)"""
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """How many coefficients there can be, zeros behind the last one included."""
+        """The possible numbers of coefficients, including trailing zeros."""
         return (4,) if self is LensModel.KANNALA_BRANDT else (4, 5, 8, 12, 14)
 
 
@@ -35,14 +35,14 @@ class CameraIntrinsics:
     """A pinhole camera behind a lens; pixel centres are at integer coordinates.
 
     Attributes:
-        width: image width, pixels; 0 with ``height`` where a calibration does not tell the size.
+        width: image width, pixels; 0 with ``height`` if a calibration does not give the size.
         height: image height, pixels.
         fx: focal length along x, pixels.
         fy: focal length along y, pixels.
         cx: principal point x, pixels.
         cy: principal point y, pixels.
         distortion: coefficients of ``lens``; empty for a rectified image.
-        lens: what they are the coefficients of.
+        lens: the model of the coefficients.
     """
 
     width: int
@@ -58,7 +58,7 @@ class CameraIntrinsics:
         """Checks the numbers.
 
         Raises:
-            InputError: a size, a focal length or a centre is none, or the coefficients are no lens.
+            InputError: a size, focal length or centre is invalid, or the coefficients fit no lens.
         """
         check_intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
         check_distortion(self.distortion, self.lens.counts)
@@ -72,7 +72,7 @@ class CameraIntrinsics:
 
     @property
     def focal_and_centre(self) -> Float64:
-        """fx, fy, cx, cy as an array [4], which compiled code takes."""
+        """fx, fy, cx, cy as an array [4], for compiled code."""
         return np.array([self.fx, self.fy, self.cx, self.cy], np.float64)
 
     def scaled(self, width: int, height: int) -> CameraIntrinsics:

@@ -1,4 +1,4 @@
-"""What arrays must be to be a frame: each fault is one line that says what to do about it."""
+"""Checks of the arrays of a frame: each fault is one line that says what to do about it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 
 _END_OF_TIME_NS = 2**63
-# Pixels: no camera that an image is of has others, and with others numbers overflow.
+# Pixels: no real camera is beyond these limits, and beyond them numbers overflow.
 _SHORTEST, _LONGEST = 0.01, 1e6
-# What a rotation of single precision, multiplied a few times, is off by.
+# The error of a single-precision rotation that was multiplied a few times.
 _NOT_ORTHONORMAL = 1e-3
-# Farther from where it started no odometry is, metres.
+# The farthest an odometry gets from its start, metres.
 _FARTHEST_M = 1e7
 _GUESS = "T_guess_camera"
 _CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"
@@ -22,19 +22,19 @@ _TRAJECTORY = "Trajectory"
 
 
 def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
-    """Refuses a camera that can see nothing.
+    """Refuses an impossible camera.
 
     Args:
-        width: of its images, pixels.
-        height: the same.
-        fx: focal length, pixels.
-        fy: the same.
-        cx: principal point, pixels.
-        cy: the same.
+        width: width of its images, pixels.
+        height: height of its images, pixels.
+        fx: focal length along x, pixels.
+        fy: focal length along y, pixels.
+        cx: principal point x, pixels.
+        cy: principal point y, pixels.
 
     Raises:
-        InputError: a size is negative, a focal length not from 0.01 to a million pixels, or the
-            centre farther away.
+        InputError: a size is negative, a focal length not between 0.01 and a million pixels, or
+            the centre more than a million pixels away.
     """
     numbers = {"width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
     for name, number in numbers.items():
@@ -52,14 +52,14 @@ def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, c
 
 
 def check_distortion(coefficients: Any, counts: Collection[int]) -> None:
-    """Refuses coefficients that are no lens.
+    """Refuses coefficients that fit no lens model.
 
     Args:
         coefficients: of the distortion, numbers in any shape; none for a rectified image.
-        counts: how many there can be.
+        counts: the possible numbers of coefficients.
 
     Raises:
-        InputError: there are as many as no model has, or one is not finite.
+        InputError: no model has this number of coefficients, or one is not finite.
     """
     numbers = np.ravel(coefficients)
     known = ", ".join(map(str, counts))
@@ -74,10 +74,10 @@ def check_distortion(coefficients: Any, counts: Collection[int]) -> None:
 
 
 def check_stamps(stamp_ns: object, depth_delay_ns: object) -> None:
-    """Refuses times that are no whole nanoseconds, or beyond what 64 bits hold.
+    """Refuses times that are not whole nanoseconds, or exceed 64 bits.
 
     Raises:
-        InputError: they are.
+        InputError: the stamps are not whole nanoseconds, or exceed 64 bits.
     """
     for name, value in (("stamp_ns", stamp_ns), ("depth_delay_ns", depth_delay_ns)):
         if not isinstance(value, (int, np.integer)) or abs(int(value)) >= _END_OF_TIME_NS:
@@ -86,13 +86,14 @@ def check_stamps(stamp_ns: object, depth_delay_ns: object) -> None:
 
 
 def check_guess(T_guess_camera: Any) -> None:
-    """Refuses a pose that no camera has.
+    """Refuses an impossible pose of a camera.
 
     Args:
-        T_guess_camera: to be float64 [4, 4].
+        T_guess_camera: must be float64 [4, 4].
 
     Raises:
-        InputError: it is another array, not finite, or no rotation and translation.
+        InputError: the array has another type or shape, is not finite, or is not a rotation and
+            translation.
     """
     T = T_guess_camera
     if not _is_array(T, np.float64) or T.shape != (4, 4):
@@ -101,33 +102,48 @@ def check_guess(T_guess_camera: Any) -> None:
     # with NaN the comparisons are false
     is_rotation = np.abs(R @ R.T - np.eye(3)).max() < _NOT_ORTHONORMAL and np.linalg.det(R) > 0
     if not (is_rotation and (np.abs(T[:3, 3]) < _FARTHEST_M).all() and (T[3] == last_row).all()):
-        remedy = "give a rotation and metres, or None where the other odometry has no pose"
-        raise _fault("track", _GUESS, f"is no pose: {T.round(3).tolist()}", remedy)
+        remedy = "give a rotation and metres, or None if the other odometry has no pose"
+        raise _fault("track", _GUESS, f"is not a pose: {T.round(3).tolist()}", remedy)
 
 
 def check_frame_id(frame_id: object) -> None:
-    """Refuses a name that is no text.
+    """Refuses a name that is not a text.
 
     Raises:
-        InputError: it is none.
+        InputError: the name is not a text.
     """
     if not isinstance(frame_id, str):
         raise _fault(_FRAME, "frame_id", f"is {frame_id!r}", "give a text, empty if it is unknown")
 
 
-def check_frame(color: Any, depth: Any, width: int, height: int) -> None:
-    """Refuses images that are of another type or shape than they are taken for.
-
-    Depth of another unit has the right type: the odometry's estimate says so.
+def check_camera(camera: object, kind: type) -> None:
+    """Refuses anything that is not a camera, such as the matrix K.
 
     Args:
-        color: to be uint8 [H, W, 3] or [H, W].
-        depth: to be float32 [H, W].
-        width: of the images that the intrinsics are of, pixels; 0 if it is not known.
-        height: the same.
+        camera: of a frame.
+        kind: the required class.
 
     Raises:
-        InputError: they are.
+        InputError: ``camera`` has another class.
+    """
+    if not isinstance(camera, kind):
+        remedy = "give CameraIntrinsics(width, height, fx, fy, cx, cy)"
+        raise _fault(_FRAME, "intrinsics", f"are {_described(camera)}", remedy)
+
+
+def check_frame(color: Any, depth: Any, width: int, height: int) -> None:
+    """Refuses images of another type or shape than expected.
+
+    Depth in another unit has the right type and passes: the odometry's estimate reports it.
+
+    Args:
+        color: must be uint8 [H, W, 3] or [H, W].
+        depth: must be float32 [H, W].
+        width: width of the images that the intrinsics are for, pixels; 0 if it is not known.
+        height: height of these images, pixels.
+
+    Raises:
+        InputError: an image has another type or shape, or does not fit the others.
     """
     if not _is_array(color, np.uint8) or color.shape[2:] not in {(), (3,)} or color.ndim < 2:
         remedy = "give uint8, [H, W, 3] RGB or [H, W] grey"
@@ -136,7 +152,7 @@ def check_frame(color: Any, depth: Any, width: int, height: int) -> None:
         remedy = "give float32 [H, W], metres, NaN where unknown"
         if isinstance(depth, np.ndarray) and depth.dtype.kind in "iu":
             remedy += (
-                "; of millimetres that is np.where(d > 0, d / 1000, np.nan).astype(np.float32)"
+                "; for millimetres that is np.where(d > 0, d / 1000, np.nan).astype(np.float32)"
             )
         raise _fault(_FRAME, "depth", f"is {_described(depth)}", remedy)
     if depth.shape != color.shape[:2]:
@@ -146,23 +162,25 @@ def check_frame(color: Any, depth: Any, width: int, height: int) -> None:
         raise _fault(_FRAME, "depth", f"is {_described(depth)}", "give images that hold pixels")
     if (height, width) not in {depth.shape, (0, 0)}:
         cause = f"are of {width}x{height}, but the images {_size(depth)}"
-        raise _fault(_FRAME, "intrinsics", cause, "give those of these images, as by scaled(w, h)")
+        raise _fault(
+            _FRAME, "intrinsics", cause, "give those of these images, for example by scaled(w, h)"
+        )
 
 
 def check_imu(stamps_ns: Any, angular_velocity: Any, linear_acceleration: Any) -> None:
-    """Refuses samples of an IMU that are of another type or shape than they are taken for.
+    """Refuses IMU samples of another type or shape than expected.
 
     Args:
-        stamps_ns: to be int64 [N], increasing.
-        angular_velocity: to be float64 [N, 3].
-        linear_acceleration: the same.
+        stamps_ns: must be int64 [N], increasing.
+        angular_velocity: must be float64 [N, 3].
+        linear_acceleration: must be float64 [N, 3].
 
     Raises:
-        InputError: they are.
+        InputError: an array has another type or shape, or the stamps do not increase.
     """
     _check_stamp_array(_IMU, stamps_ns)
     if (np.diff(stamps_ns) <= 0).any():
-        remedy = "sort the samples, and leave out what repeats a stamp"
+        remedy = "sort the samples, and remove those that repeat a stamp"
         raise _fault(_IMU, "stamps_ns", "does not increase", remedy)
     shape = (len(stamps_ns), 3)
     for name, value in (
@@ -170,19 +188,19 @@ def check_imu(stamps_ns: Any, angular_velocity: Any, linear_acceleration: Any) -
         ("linear_acceleration", linear_acceleration),
     ):
         if not _is_array(value, np.float64) or value.shape != shape:
-            remedy = f"give float64 {list(shape)}, NaN where it was not measured"
+            remedy = f"give float64 {list(shape)}, NaN where not measured"
             raise _fault(_IMU, name, f"is {_described(value)}", remedy)
 
 
 def check_trajectory(stamps_ns: Any, poses: Any) -> None:
-    """Refuses a trajectory that is of another type or shape than it is taken for.
+    """Refuses a trajectory of another type or shape than expected.
 
     Args:
-        stamps_ns: to be int64 [N].
-        poses: to be float64 [N, 4, 4], finite.
+        stamps_ns: must be int64 [N].
+        poses: must be float64 [N, 4, 4], finite.
 
     Raises:
-        InputError: it is.
+        InputError: an array has another type or shape, or a pose is not finite.
     """
     _check_stamp_array(_TRAJECTORY, stamps_ns)
     shape = (len(stamps_ns), 4, 4)
@@ -190,7 +208,7 @@ def check_trajectory(stamps_ns: Any, poses: Any) -> None:
         remedy = f"give float64 {list(shape)}, one pose for each stamp"
         raise _fault(_TRAJECTORY, "poses", f"is {_described(poses)}", remedy)
     if not np.isfinite(poses).all():
-        remedy = "leave out stamps that have no pose"
+        remedy = "remove stamps that have no pose"
         raise _fault(_TRAJECTORY, "poses", "is not finite", remedy)
 
 

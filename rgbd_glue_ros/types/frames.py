@@ -1,4 +1,4 @@
-"""Frames as a camera gives them, and as they are registered."""
+"""Frames as a camera provides them, and prepared for registration."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from rgbd_glue_ros.types.arrays import Float32, Float64, UInt8
 from rgbd_glue_ros.types.camera import CameraIntrinsics
-from rgbd_glue_ros.types.checks import check_frame, check_frame_id, check_stamps
+from rgbd_glue_ros.types.checks import check_camera, check_frame, check_frame_id, check_stamps
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RgbdFrame:
     """One colour image with the depth image registered to it.
 
@@ -19,9 +19,9 @@ class RgbdFrame:
         stamp_ns: time of the colour image, nanoseconds.
         color: uint8, [H, W, 3] RGB or [H, W] grey.
         depth: float32 [H, W], metres along the optical axis, NaN where unknown.
-        intrinsics: of both images, whose size they take where they have none.
+        intrinsics: of both images; if they have no size, they take that of the images.
         frame_id: the optical frame of the camera, from the message header; "" if unknown.
-        depth_delay_ns: stamp of the depth image less ``stamp_ns``, nanoseconds.
+        depth_delay_ns: stamp of the depth image minus ``stamp_ns``, nanoseconds.
     """
 
     stamp_ns: int
@@ -35,9 +35,10 @@ class RgbdFrame:
         """Checks the images.
 
         Raises:
-            InputError: they are of another type, shape or unit.
+            InputError: an image has another type, shape or unit.
         """
         camera = self.intrinsics
+        check_camera(camera, CameraIntrinsics)
         check_frame(self.color, self.depth, camera.width, camera.height)
         check_stamps(self.stamp_ns, self.depth_delay_ns)
         check_frame_id(self.frame_id)
@@ -47,7 +48,7 @@ class RgbdFrame:
             object.__setattr__(self, "intrinsics", sized)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """A frame prepared for registration: no distortion, no depth out of range.
 
@@ -60,8 +61,8 @@ class View:
         readout_time: seconds from the first row to the last of a rolling shutter; 0 for a global
             shutter.
         depth_delay: how much later than colour depth was taken, seconds.
-        contrast: of ``grey``, as a part of that of a well-lit image; limits in grey levels are
-            multiplied by it.
+        contrast: of ``grey``, relative to a well-lit image; grey-level limits are multiplied by
+            it.
     """
 
     grey: UInt8

@@ -1,4 +1,4 @@
-"""What an inertial sensor (IMU) measured: data like those in ``types``, frozen too."""
+"""Measurements of an inertial sensor (IMU), frozen like all data in ``types``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rgbd_glue_ros.types import Float64, Int64
 from rgbd_glue_ros.types.checks import check_imu
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImuSamples:
-    """What an inertial sensor (IMU) measured, in one frame's axes and in order of time.
+    """Measurements of an inertial sensor (IMU), in one frame's axes and in order of time.
 
     Attributes:
         stamps_ns: int64 [N], increasing, nanoseconds.
@@ -29,7 +29,7 @@ class ImuSamples:
         """Checks the arrays.
 
         Raises:
-            InputError: they are of another type or shape, or the stamps do not increase.
+            InputError: an array has another type or shape, or the stamps do not increase.
         """
         check_imu(self.stamps_ns, self.angular_velocity, self.linear_acceleration)
 
@@ -37,7 +37,7 @@ class ImuSamples:
         return len(self.stamps_ns)
 
     def rotated(self, R: Float64) -> ImuSamples:
-        """The same in the axes of another frame, to which R [3, 3] turns vectors."""
+        """These samples in the axes of another frame, to which R [3, 3] rotates vectors."""
         return replace(
             self,
             angular_velocity=self.angular_velocity @ R.T,
@@ -45,12 +45,12 @@ class ImuSamples:
         )
 
     def between(self, first_ns: int, last_ns: int) -> ImuSamples:
-        """Those with stamps from ``first_ns`` to ``last_ns``, both included."""
+        """The samples with stamps from ``first_ns`` to ``last_ns``, inclusive."""
         ends = np.searchsorted(self.stamps_ns, [first_ns, last_ns + 1])
         return ImuSamples(*(values[slice(*ends)] for values in vars(self).values()))
 
     def with_later(self, later: ImuSamples) -> ImuSamples:
-        """These, and those of others that are later than all of them."""
+        """These samples, followed by those of ``later`` that come after all of them."""
         if len(self) and len(later):
             later = later.between(int(self.stamps_ns[-1]) + 1, int(later.stamps_ns[-1]))
         both = zip(vars(self).values(), vars(later).values(), strict=True)
@@ -68,20 +68,20 @@ class ImuUse(Enum):
     NONE = "no samples"
     GRAVITY = "gravity alone: it measures no angular velocity"
     TURNS = "turns and gravity"
-    DISTRUSTED = "not for turns: it turns otherwise than the images do"
+    DISTRUSTED = "not for turns: it disagrees with the images"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImuCalibration:
-    """What was learnt of an IMU beside the images.
+    """What was learnt about an IMU from the images.
 
     Attributes:
-        use: made of it.
-        bias: float64 [3], what the gyroscope shows at rest, in the axes of the camera's optical
-            frame, rad/s.
-        bias_sigmas: float64 [3], standard deviations of it.
-        time_offset: the IMU's stamp of a moment less the camera's, seconds.
-        time_offset_sigma: standard deviation of it.
+        use: what it is used for.
+        bias: float64 [3], gyroscope reading at rest, in the axes of the camera's optical frame,
+            rad/s.
+        bias_sigmas: float64 [3], standard deviations of ``bias``.
+        time_offset: the IMU's stamp of a moment minus the camera's, seconds.
+        time_offset_sigma: standard deviation of ``time_offset``.
     """
 
     use: ImuUse
@@ -91,7 +91,7 @@ class ImuCalibration:
     time_offset_sigma: float
 
     def values(self) -> dict[str, str | float | list[float]]:
-        """By name and unit, as ``metrics.json`` and diagnostics have them."""
+        """The values by name and unit, as in ``metrics.json`` and diagnostics."""
         return {
             "use": self.use.value,
             "bias_rad_s": self.bias.tolist(),

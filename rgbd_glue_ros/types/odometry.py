@@ -1,4 +1,4 @@
-"""What the odometry knows after a frame, and between keyframes."""
+"""Results of the odometry: after a frame, and between keyframes."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class EdgeOrigin(Enum):
 
     TRACKING = "the child was tracked from the parent"
     ASSUMED = "the camera was lost in between, and hardly moved as far as the covariance says"
-    REVISIT = "the child saw again what the parent, an anchor of long ago, had seen"
+    REVISIT = "the child saw again what the parent, a much earlier anchor, had seen"
     LOOP = "recognised by appearance and verified by registration"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseGraphEdge:
     """A measured transform between two keyframes.
 
@@ -48,12 +48,12 @@ class PoseGraphEdge:
 
 @dataclass(frozen=True)
 class DepthSummary:
-    """What a depth image holds.
+    """What a depth image contains.
 
     Attributes:
         known: share of its pixels that have a depth, 0 to 1.
         in_range: share of its pixels whose depth is between ``camera.depth_min`` and ``depth_max``.
-        median_m: of the known ones, metres; NaN if there is none.
+        median_m: median of the known depths, metres; NaN if there are none.
     """
 
     known: float
@@ -61,31 +61,31 @@ class DepthSummary:
     median_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OdometryEstimate:
-    """What the odometry knows after one frame.
+    """Result of the odometry for one frame.
 
     Attributes:
         stamp_ns: stamp of the frame.
         state: tracking state after the frame.
-        T_odom_camera: float64 [4, 4]; None when LOST or INITIALIZING: no pose is made up.
+        T_odom_camera: float64 [4, 4]; None when LOST or INITIALIZING: no pose is invented.
         covariance: float64 [6, 6] as in nav_msgs/Odometry: of the position, and of the rotation
-            about the odom frame's axes through it (x y z rx ry rz; m, rad); None when there is no
+            about the odom frame's axes through it (x y z rx ry rz; m, rad); None if there is no
             pose.
         twist: float64 [6], linear then angular velocity in the camera's optical frame
-            (m/s, rad/s); None when there is no pose, or no earlier one to differ from.
-        twist_covariance: float64 [6, 6] of ``twist``; None when that is.
+            (m/s, rad/s); None if there is no pose, or no earlier one to compare with.
+        twist_covariance: float64 [6, 6] of ``twist``; None if that is None.
         is_keyframe: whether the frame is known to be a keyframe.
         keyframe_id: number of the keyframe that the frame was registered against (its own
-            number if it became the first); -1 when there is none.
-        registration: against that keyframe, or the one that failed when LOST; None for a frame
-            that starts anew.
-        edges: measured between keyframes since the estimate before, this frame's included.
-        stages_ms: wall time of each stage, milliseconds, registration included.
-        depth: of a frame without a pose, what its depth image holds; None when there is a pose.
+            number if it became the first); -1 if there is none.
+        registration: against that keyframe, or the failed one when LOST; None for a frame at
+            which the odometry starts or restarts.
+        edges: measured between keyframes since the previous estimate, including this frame's.
+        stages_ms: wall time of each stage, milliseconds, including registration.
+        depth: contents of the depth image of a frame without a pose; None if there is a pose.
         covariance_from_keyframe: float64 [6, 6] of the pose given that of the keyframe it was
-            registered against; perturbation on the left, in the odom frame. None for a frame that
-            starts anew.
+            registered against; perturbation on the left, in the odom frame. None for a frame at
+            which the odometry starts or restarts.
     """
 
     stamp_ns: int

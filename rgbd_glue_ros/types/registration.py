@@ -1,4 +1,4 @@
-"""Matches of two frames, and the transform between them."""
+"""Matches between two frames, and the transform between them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.types.arrays import Float64, Int64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Correspondences:
-    """Matched 3D points, one row a match.
+    """Matched 3D points, one row per match.
 
     Attributes:
         source: float64 [N, 3], points p in the source camera's optical frame, metres.
@@ -59,9 +59,9 @@ class RegistrationStatus(Enum):
     INCONSISTENT = "the transform disagrees with the depth images or the motion"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RegistrationResult:
-    """What registering a source frame against a target frame gave.
+    """Result of registering a source frame against a target frame.
 
     Attributes:
         T_target_source: float64 [4, 4], or None unless ``status`` is OK.
@@ -69,10 +69,10 @@ class RegistrationResult:
         visual: C_vis, lifted to 3D.
         visual_inliers: C_vis^in, equation 4.
         geometric: C_geo, before the filter.
-        credible: C_geo^in, equation 8; C_geo when the filter was skipped.
+        credible: C_geo^in, equation 8; C_geo if the filter was skipped.
         filtered: whether the consistency filter was applied (equation 8) or skipped.
-        sigma_m: sigma-hat of equation 5, metres; NaN when there was none.
-        epsilon_m: epsilon of equation 7, metres; NaN when the filter was skipped.
+        sigma_m: sigma-hat of equation 5, metres; NaN if there was none.
+        epsilon_m: epsilon of equation 7, metres; NaN if the filter was skipped.
         covariance: float64 [6, 6] of T_target_source (x y z rx ry rz, perturbation on the left,
             in the target frame; m, rad), or None unless ``status`` is OK.
         stages_ms: wall time of each stage, milliseconds.
@@ -100,9 +100,9 @@ class RegistrationResult:
         )
 
     def refused(self, status: RegistrationStatus) -> RegistrationResult:
-        """This result without a transform, and why."""
+        """This result without a transform, with the reason."""
         return replace(self, T_target_source=None, covariance=None, status=status)
 
     def with_stage(self, name: str, milliseconds: float) -> RegistrationResult:
-        """This result with the wall time of one more stage."""
+        """This result with the wall time of an additional stage."""
         return replace(self, stages_ms={**self.stages_ms, name: milliseconds})

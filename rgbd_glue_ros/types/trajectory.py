@@ -8,7 +8,7 @@ from rgbd_glue_ros.types.arrays import Float64, Int64
 from rgbd_glue_ros.types.checks import check_trajectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Poses over time.
 
@@ -24,7 +24,7 @@ class Trajectory:
         """Checks the arrays.
 
         Raises:
-            InputError: they are of another type or shape, or a pose is not finite.
+            InputError: an array has another type or shape, or a pose is not finite.
         """
         check_trajectory(self.stamps_ns, self.poses)
 

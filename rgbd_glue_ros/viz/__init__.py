@@ -1,1 +1,1 @@
-"""What a run looks like in the Rerun viewer: everything in one place, over time."""
+"""Shows a run in the Rerun viewer: everything in one place, over time."""

@@ -1,4 +1,4 @@
-"""How the viewer is arranged when a recording is opened, and what in it is called what."""
+"""The layout of the viewer when a recording is opened, and the names in it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ ELAPSED, STAMP = "elapsed", "stamp"
 """Timelines: since the first frame, and the stamps of the images."""
 
 ODOM = "odom"
-"""The odom frame of the camera's axes, in the fixed frame, whose z axis is up."""
+"""The odom frame with the camera's axes, in the fixed frame, whose z axis is up."""
 
 CAMERA, DEPTH_CAMERA = f"{ODOM}/camera", f"{ODOM}/depth_camera"
 COLOR, DEPTH = f"{CAMERA}/color", f"{DEPTH_CAMERA}/depth"
@@ -22,9 +22,9 @@ EPSILON, COUNTS, LATENCY = "plots/epsilon", "plots/matches", "plots/latency"
 
 
 def blueprint(rerun: Any) -> Any:
-    """The arrangement: the scene large, beside it the images and the plots."""
+    """The layout: a large scene, beside it the images and the plots."""
     views = rerun.blueprint
-    # a trajectory is logged piece by piece, and is to be seen whole up to now
+    # a trajectory is logged piece by piece, and should be visible up to the current time
     so_far = views.VisibleTimeRanges(
         [
             views.VisibleTimeRange(

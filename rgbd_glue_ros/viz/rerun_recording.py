@@ -1,4 +1,4 @@
-"""A run as a recording of Rerun (rerun.io): a file, or straight to a viewer."""
+"""A run as a Rerun recording (rerun.io): a file, or sent to a viewer."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from rgbd_glue_ros.viz import layout
 logger = logging.getLogger(__name__)
 
 ADDRESS = "rerun+http"
-"""What the address of a viewer begins with."""
+"""Prefix of the address of a viewer."""
 
-# where a viewer listens, and how long it may take to answer
+# where a viewer listens, and how long it may take to respond
 _PORT, _PATIENCE_S = 9876, 5.0
 _APPLICATION = "rgbd_glue_ros"
-# Enough to look at; a second of 640x480 at 30 Hz is 4 MB of a file.
+# Sufficient for viewing; a second of 640x480 at 30 Hz is 4 MB of a file.
 _COLOR_WIDTH, _DEPTH_WIDTH, _JPEG_QUALITY = 640, 320, 80
 # Rerun has the corner of an image at the origin, and pixel centres between whole numbers.
 _HALF_PIXEL = 0.5
@@ -63,7 +63,7 @@ _LEVELS = {TrackingState.TRACKING: "INFO", TrackingState.LOST: "ERROR"}
 
 
 class RerunRecording(Closing):
-    """Logs frames and what is known of them.
+    """Logs frames and their results.
 
     The scene's z axis is up, its x axis where the camera first looks; below it everything is in
     the camera's axes.
@@ -73,12 +73,12 @@ class RerunRecording(Closing):
         """Opens the file, or connects to the viewer.
 
         Args:
-            target: file to write, ``.rrd`` by custom, or address of a viewer that runs, as
+            target: file to write, by convention ``.rrd``, or address of a running viewer, such as
                 ``rerun+http://127.0.0.1:9876/proxy``.
-            truth: T_world_camera, drawn beside the trajectory in the end.
+            truth: T_world_camera, finally drawn beside the trajectory.
 
         Raises:
-            InputError: the file cannot be written, or no viewer answers at the address.
+            InputError: the file cannot be written, or no viewer responds at the address.
             MissingExtraError: Rerun is not installed.
         """
         self._rerun = load_rerun()
@@ -100,19 +100,19 @@ class RerunRecording(Closing):
         self.place(T_BODY_OPTICAL)
 
     def close(self) -> None:
-        """Draws the truth, and finishes what is written.
+        """Draws the ground truth, and completes the output.
 
-        A viewer that has ended meanwhile is not waited for.
+        It does not wait for a viewer that has ended.
         """
         self._draw_truth()
         try:
             self._stream.flush(timeout_sec=_PATIENCE_S)
         except RuntimeError as error:
-            logger.warning("%s: has not got all of it (%s)", self._target, error)
+            logger.warning("%s: is incomplete (%s)", self._target, error)
         self._stream.disconnect()
 
     def place(self, T_fixed_odom: Float64) -> None:
-        """Says where the odom frame of the camera's axes lies, float64 [4, 4]."""
+        """Sets the pose of the odom frame with the camera's axes, float64 [4, 4]."""
         if not np.array_equal(T_fixed_odom, self._T_fixed_odom):
             self._T_fixed_odom = T_fixed_odom
             self._log(layout.ODOM, self._transform(T_fixed_odom), static=True)
@@ -122,7 +122,7 @@ class RerunRecording(Closing):
         self._poses.clear()
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Takes a frame and what is known after it."""
+        """Adds a frame and its result."""
         frame = rectified(frame)
         self._set_time(frame.stamp_ns)
         self._draw_images(frame, estimate)
@@ -139,12 +139,12 @@ class RerunRecording(Closing):
             self._add_keyframe(frame, estimate.T_odom_camera)
 
     def correct(self, trajectory: Trajectory, graph: PoseGraph, first: int = 0) -> None:
-        """Draws what closing loops came to, at the end of the recording.
+        """Draws the result of loop closure, at the end of the recording.
 
         Args:
             trajectory: T_map_camera of all frames.
-            graph: of the keyframes, where the optimum has them, and of the loops.
-            first: how many keyframes were added before those of ``graph``.
+            graph: of the keyframes at their optimum, and of the loops.
+            first: number of keyframes that were added before those of ``graph``.
         """
         self._poses = dict(zip(trajectory.stamps_ns.tolist(), trajectory.poses, strict=True))
         for number, T in enumerate(graph.keyframes.poses, first):
@@ -196,7 +196,7 @@ class RerunRecording(Closing):
         camera: CameraIntrinsics,
         rgb: tuple[int, int, int],
     ) -> None:
-        """Lines from where the keyframe saw points to where this frame does."""
+        """Lines from the positions of points in the keyframe to those in this frame."""
         some = drawn(matches)
         ends = [project(points, camera) for points in (some.target, some.source)]
         lines = np.stack(ends, axis=1) + _HALF_PIXEL
@@ -219,7 +219,7 @@ class RerunRecording(Closing):
         if covariance is None:
             return
         variances, axes = np.linalg.eigh(covariance[:3, :3])
-        axes[:, 2] *= np.sign(np.linalg.det(axes))  # a rotation, and no reflection
+        axes[:, 2] *= np.sign(np.linalg.det(axes))  # a rotation, not a reflection
         ellipsoid = self._rerun.Ellipsoids3D(
             centers=[T_odom_camera[:3, 3]],
             half_sizes=[_HOLDS_95 * np.sqrt(np.maximum(variances, 0.0))],
@@ -246,7 +246,7 @@ class RerunRecording(Closing):
         self._log(f"{path}/cloud", points)
 
     def _draw_truth(self) -> None:
-        """Draws the truth, laid upon the trajectory as for the absolute error."""
+        """Draws the ground truth, aligned with the trajectory as for the absolute error."""
         if self._truth is None:
             return
         poses = np.array(list(self._poses.values())).reshape(-1, 4, 4)
@@ -255,7 +255,7 @@ class RerunRecording(Closing):
                 Trajectory(np.array(list(self._poses), np.int64), poses), self._truth
             )
         except InputError:
-            return  # as the figures of the run say
+            return  # as reported in the figures of the run
         T_odom_truth = se3.inverse(aligned.T_reference_estimate)
         way = se3.transform(T_odom_truth, aligned.reference[:, :3, 3])
         self._draw_lines(layout.TRUTH, [way], _TRUTH_RGB, static=True)
@@ -288,7 +288,7 @@ class RerunRecording(Closing):
 
 
 def load_rerun() -> Any:
-    """The module.
+    """Imports and returns Rerun.
 
     Raises:
         MissingExtraError: it is not installed.
@@ -304,7 +304,7 @@ def load_rerun() -> Any:
 def _kinds(
     result: RegistrationResult,
 ) -> tuple[tuple[str, Correspondences, tuple[int, int, int]], ...]:
-    """Matches by what became of them, in three colours."""
+    """Matches by outcome, in three colours."""
     return (
         ("visual", result.visual_inliers, VISUAL),
         ("credible", result.credible, CREDIBLE),
@@ -317,10 +317,10 @@ def _keyframe(number: int) -> str:
 
 
 def _check_viewer(address: str) -> None:
-    """Sees whether a viewer listens: Rerun itself would try for ever.
+    """Checks whether a viewer listens: Rerun itself would try for ever.
 
     Raises:
-        InputError: none does.
+        InputError: no viewer listens.
     """
     try:
         parts = urlsplit(address)
@@ -328,12 +328,12 @@ def _check_viewer(address: str) -> None:
         socket.create_connection(place, timeout=_PATIENCE_S).close()
     except (OSError, ValueError) as error:
         raise InputError(
-            address, f"no viewer answers there ({error})", "start 'rerun' first, or give a file"
+            address, f"no viewer responds there ({error})", "start 'rerun' first, or give a file"
         ) from error
 
 
 def _writable(path: Path) -> Path:
-    """The path, which is of a file that can be written.
+    """The path, after checking that it can be written.
 
     Raises:
         InputError: it is not.

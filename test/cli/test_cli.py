@@ -68,7 +68,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["relpay", "x"], "relpay: no such command, did you mean replay?"),
         (["--versoin"], "--versoin: no such option, did you mean --version?"),
         (["replay", "x", "--gruond-truth=y"], "--gruond-truth: no such option, did you mean --gro"),
-        (["evaluate", "a", "b", "c"], "c: an argument too many; see rgbd-glue evaluate --help"),
+        (["evaluate", "a", "b", "c"], "c: unexpected argument; see rgbd-glue evaluate --help"),
         (["evaluate", "a"], "REF"),
         (["evaluate", "absent.txt", "b"], "absent.txt: cannot be read"),
         (["params", "--preset", "dead"], "'dead'"),
@@ -82,7 +82,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["params", "--set", "max_width=4"], "give a whole number of at least 32 (pixels), or 0"),
         (["params", "glue.q"], "did you mean glue.k?"),
         (["params", "nosuch"], "nosuch: no such parameter; see `rgbd-glue params`"),
-        (["odometry", "max_width:=640"], "by --ros-args -p max_width:=640, of other"),
+        (["odometry", "max_width:=640"], "with --ros-args -p max_width:=640, to other"),
         (["params", "node"], "node: no such parameter"),
         (["replay", "test", "-o", "out", "--limit", "0"], "'0'"),
         (["replay", "test", "-o", "out", "--limit", "many"], "'many'"),
@@ -174,6 +174,17 @@ def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -
     assert tree["seed"] == 5
     assert "| `glue.k` |" in run("params", "--markdown").stdout
     assert "camera_axes: body" in run("params", "--node").stdout
+
+
+def test_the_parameters_of_a_run_can_be_given_to_another(tmp_path: Path) -> None:
+    before, again = tmp_path / "before", tmp_path / "again"
+    changes = ["--set", "glue.k=4", "--set", "depth_scale=0.001"]
+    bag = [str(ROOT / "bags" / "living_room"), "--limit", "3", "-o"]
+    assert run("replay", *bag, str(before), *changes).returncode == 0
+    file = before / "params.yaml"
+    assert run("replay", *bag, str(again), "--preset", str(file)).returncode == 0
+    assert (again / "params.yaml").read_text() == file.read_text()
+    assert "k: 4.0" in file.read_text()
 
 
 @pytest.mark.parametrize(
@@ -308,7 +319,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
         _, errors = process.communicate()
     assert process.returncode == 128 + signal.SIGINT
     (line,) = errors.splitlines()
-    assert f"interrupted; what was done is in {out}" in line
+    assert f"interrupted; the results so far are in {out}" in line
     frames = json.loads((out / "metrics.json").read_text())["frames"]
     assert 4 <= frames <= 9
     assert len(read_tum(out / "trajectory.txt")) == frames

@@ -71,13 +71,13 @@ def test_what_is_not_as_published_is_not_taken(
     (published / "alike-t.pth").write_bytes(CONTENT[:-1] + b"!")
     folder = tmp_path / "weights"
     assert weights_command(folder, "bring", "alike") == BAD_INPUT
-    assert "not the file that was published" in capsys.readouterr().err
+    assert "not the published file" in capsys.readouterr().err
     assert not (folder / "alike_t.pth").exists()
 
 
 @pytest.mark.parametrize(
     ("damaged", "says"),
-    [(CONTENT[:-1], "has 21999 bytes of 22000"), (CONTENT[::-1], "is not the file")],
+    [(CONTENT[:-1], "has 21999 of 22000 bytes"), (CONTENT[::-1], "is not the published file")],
 )
 def test_a_damaged_file_is_told_in_one_line(
     damaged: bytes,
@@ -98,7 +98,7 @@ def test_what_has_no_known_checksum_is_not_said_to_be_as_published(
 ) -> None:
     (tmp_path / "superpoint_lightglue.pth").write_bytes(CONTENT)
     assert weights_command(tmp_path, "check", "superpoint_lightglue.pth") == OK
-    assert "no checksum of it is known" in capsys.readouterr().out
+    assert "its checksum is not known" in capsys.readouterr().out
 
 
 def test_a_feature_without_weights_is_told_in_one_line(
@@ -106,7 +106,7 @@ def test_a_feature_without_weights_is_told_in_one_line(
 ) -> None:
     assert weights_command(tmp_path, "bring", "orb") == BAD_INPUT
     error = capsys.readouterr().err
-    assert "orb: has no learned weights; take one of" in error
+    assert "orb: has no learned weights; use one of" in error
     assert " alike, " in error
 
 
@@ -116,7 +116,7 @@ def test_what_only_its_authors_give_out_is_asked_for_and_taken_from_a_folder(
     folder, given = tmp_path / "weights", tmp_path / "given"
     assert weights_command(folder, "bring", "superpoint_superglue") == BAD_INPUT
     error = capsys.readouterr().err
-    assert "non-commercial research alone" in error
+    assert "non-commercial research only" in error
     assert "get it from github.com/magicleap" in error
     assert error.count("\n") == 1
     entry = replace(
@@ -132,7 +132,7 @@ def test_what_only_its_authors_give_out_is_asked_for_and_taken_from_a_folder(
     assert "holds no superpoint_v1.pth" in capsys.readouterr().err
     (given / entry.file).write_bytes(CONTENT)
     assert weights_command(folder, *bring) == OK
-    assert "non-commercial research alone" in capsys.readouterr().out
+    assert "non-commercial research only" in capsys.readouterr().out
     assert (folder / entry.file).read_bytes() == CONTENT
 
 
@@ -146,7 +146,7 @@ def test_all_that_a_folder_holds_is_brought_from_it_where_nothing_is_named(
     given.mkdir()
     bring = "bring", "--from", str(given)
     assert weights_command(folder, *bring) == BAD_INPUT
-    assert "holds no file of weights by its name" in capsys.readouterr().err
+    assert "holds no weights file with a known name" in capsys.readouterr().err
     (given / entry.file).write_bytes(CONTENT)
     assert weights_command(folder, *bring) == OK
     assert [path.name for path in folder.iterdir()] == [entry.file]
@@ -171,7 +171,7 @@ def test_a_folder_in_the_place_of_weights_is_told_and_left(
 ) -> None:
     (tmp_path / "alike_t.pth").mkdir()
     assert weights_command(tmp_path, "bring", "alike") == BAD_INPUT
-    assert f"{tmp_path / 'alike_t.pth'}: is no file; remove it" in capsys.readouterr().err
+    assert f"{tmp_path / 'alike_t.pth'}: is not a file; remove it" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,7 @@ def test_comments_commas_and_empty_lines_in_a_tum_file_are_no_poses(tmp_path: Pa
         ("1.5 0 0 nan 0 0 0 1", "not finite"),
         ("1.5 0 0 inf 0 0 0 1", "not finite"),
         ("1.5 0 0 0 0 0 0 0", "quaternion of zeros"),
-        ("1.5 0 0 0", "4 values where 8 belong"),
+        ("1.5 0 0 0", "4 values instead of 8"),
         ("now 0 0 0 0 0 0 1", "not a number"),
         ("nan 0 0 0 0 0 0 1", "not finite"),
         ("inf 0 0 0 0 0 0 1", "not finite"),
@@ -106,7 +106,7 @@ def test_a_bad_line_is_skipped_and_named_and_refused_where_it_is_all_there_is(
 def test_a_missing_a_binary_and_an_empty_file_are_refused(tmp_path: Path) -> None:
     (tmp_path / "binary").write_bytes(b"\x89PNG\xff")
     (tmp_path / "empty").write_text("# nothing\n")
-    for name, cause in (("none", "No such file"), ("binary", "no text"), ("empty", "no pose")):
+    for name, cause in (("none", "No such file"), ("binary", "not a text"), ("empty", "no pose")):
         with pytest.raises(InputError, match=cause):
             read_tum(tmp_path / name)
 

@@ -302,7 +302,7 @@ def test_a_benchmark_leaves_figures_tables_and_a_picture(tmp_path: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_peers")
-def test_a_limit_holds_for_all_parts(tmp_path: Path) -> None:
+def test_a_limit_of_frames_holds_for_all_parts_of_the_benchmark(tmp_path: Path) -> None:
     wanted = plan(limit=5, memory_frames=7, robustness=True)
     figures = run_bench([tmp_path], lambda _: Room(), wanted, tmp_path)
     (content,) = figures["sequences"].values()

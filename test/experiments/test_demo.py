@@ -70,6 +70,39 @@ def test_a_node_that_refuses_what_it_is_given_says_so_in_its_own_words(
         demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, ignore)
 
 
+def shown(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """``rgbd-glue demo`` of a second of the bundled recording."""
+    program = [sys.executable, "-m", "rgbd_glue_ros", "demo", str(bundled_bag())]
+    return subprocess.run(
+        [*program, "--duration", "1", "-o", str(folder), *words],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_ros")
+def test_the_unit_of_depth_is_taken_once_however_it_is_given(tmp_path: Path) -> None:
+    """The recording is in millimetres, and played in metres."""
+    for words in (["--set", "depth_scale=0.001"], ["--depth-scale", "1000"]):
+        folder = tmp_path / words[0]
+        done = shown(folder, *words)
+        assert done.returncode == 0, done.stderr
+        assert json.loads((folder / "metrics.json").read_text())["ape"]["rmse_m"] < 0.02
+        scale = float(words[-1].rpartition("=")[2])
+        assert f"depth_scale: {scale}" in (folder / "params.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_ros")
+def test_a_recording_without_a_pose_ends_in_the_nodes_words(tmp_path: Path) -> None:
+    done = shown(tmp_path, "--set", "camera.depth_max=0.5")
+    assert done.returncode == 2
+    assert "the node gave no pose of it: No pose yet: " in done.stderr
+    assert "0.1 to 0.5 m (camera.depth_min, camera.depth_max)" in done.stderr
+
+
 def children(pid: int) -> list[int]:
     words = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
     return [int(word) for word in words]

@@ -77,7 +77,7 @@ def test_a_run_about_something_else_and_a_file_that_is_no_journal_are_refused(
         Journal(path, {"parameters": {"glue.k": 5.0}})
     for content in ("text\n", "{}\n[]\n", '{"a": 1}\n{"b": 2}\n', "", "{"):
         path.write_text(content)
-        with pytest.raises(InputError, match="is no journal"):
+        with pytest.raises(InputError, match="is not a journal"):
             Journal(path, ABOUT)
 
 

@@ -143,7 +143,7 @@ def test_frames_without_a_true_pose_are_left_out_and_counted(tmp_path: Path) -> 
     figures = run_pairs([Path("walk")], walk, experiment, tmp_path, on_pair=measure)
     starts = [start for start in range(9) if 4 not in {start, start + 3}]
     assert lengths == pytest.approx(ways(3, starts))
-    assert figures["problems"] == ["walk: frames without a true pose, left out: 1"]
+    assert figures["problems"] == ["walk: frames without ground truth, skipped: 1"]
 
 
 @pytest.mark.slow
@@ -341,7 +341,7 @@ def test_without_any_pair_the_first_cause_is_the_error(tmp_path: Path) -> None:
     paths = [Path(walk.name) for walk in walks]
     with pytest.raises(InputError, match="untrue: has no ground truth"):
         run_pairs(paths, opened(*walks), Experiment(BLIND, [FRAMES]), tmp_path)
-    with pytest.raises(InputError, match="--gap: no two frames with a true pose are 12 apart"):
+    with pytest.raises(InputError, match="--gap: no two frames with ground truth are 12 apart"):
         run_pairs(paths[1:], opened(*walks), Experiment(BLIND, [FRAMES]), tmp_path)
 
 

@@ -60,10 +60,10 @@ def rendered(table: PaperTable) -> list[list[str]]:
     ]
 
 
-def test_every_table_is_there() -> None:
+def test_every_table_of_the_paper_is_known_and_others_are_refused() -> None:
     assert [*paper_tables()] == NUMBERS
     assert paper_table("s1").number == "S1"
-    with pytest.raises(InputError, match="take one of 1, 2, 3"):
+    with pytest.raises(InputError, match="use one of 1, 2, 3"):
         paper_table("7")
 
 

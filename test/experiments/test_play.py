@@ -75,7 +75,7 @@ def bag(tmp_path: Path) -> Path:
         (0.1, 0.1, range(4, 7)),
     ],
 )
-def test_the_part_asked_for_is_played(
+def test_only_the_requested_part_is_played(
     bag: Path, start_s: float, duration_s: float | None, frames: range
 ) -> None:
     with open_recording(bag) as recording:
@@ -86,7 +86,7 @@ def test_the_part_asked_for_is_played(
 
 
 def test_a_part_beyond_the_end_is_refused(bag: Path) -> None:
-    with open_recording(bag) as recording, pytest.raises(InputError, match="no frame to play"):
+    with open_recording(bag) as recording, pytest.raises(InputError, match="no frames to play"):
         list(PlayedRecording(recording, RAW, 5.0).messages)
 
 
@@ -165,7 +165,7 @@ def test_the_first_frame_reaches_a_node_that_was_there_before(
             listener.wait(lambda: listener.poses, "a pose")
             said, faults = player.communicate()
             assert player.returncode == 0, faults
-    assert "heard by /rgbd_odometry\n" in said
+    assert "received by /rgbd_odometry\n" in said
     assert f"odometry{f' --camera {camera}' if camera else ''}\n" in said
     stamp = fields.header(frames[0].stamp_ns, "").stamp
     first = listener.poses[0].header.stamp
@@ -181,7 +181,7 @@ def test_where_nobody_listens_it_is_said_and_played_all_the_same(
         said, faults = player.communicate()
     assert player.returncode == 0, faults
     assert "publishing /camera/camera/color/camera_info, /camera/camera/color/image_raw, " in said
-    assert "nobody listens; playing all the same\n" in said
+    assert "no subscriber; playing anyway\n" in said
     assert said.endswith("played 10 frames of small\n")
 
 
@@ -199,7 +199,7 @@ def test_topics_that_nobody_listens_to_are_named(bag: Path, ros_domain: int) -> 
         with playing(ros_domain, str(bag)) as player:
             viewer.wait(lambda: len(images) == 10, "all images")
             said, _ = player.communicate()
-    assert "heard by /rig; nobody listens to /rgb/camera_info, /depth/image\n" in said
+    assert "received by /rig; no subscriber of /rgb/camera_info, /depth/image\n" in said
 
 
 @pytest.mark.slow

@@ -113,7 +113,7 @@ def test_a_frame_far_slower_than_others_leaves_them_readable_and_is_said() -> No
     frames[0] = replace(frames[0], latency_ms=9000.0)
     source = page_of(Run("x", Config(), frames=frames, wall_s=1.0))
     assert 'data-range="0,50"' in source
-    assert "9000 ms at most (at 0.0 s)" in source
+    assert "up to 9000 ms (at 0.0 s)" in source
 
 
 def test_the_worst_moments_are_found_by_state_matches_and_time() -> None:

@@ -81,7 +81,7 @@ def test_poses_transforms_and_path_are_those_of_the_run(replayed: tuple[Path, Ru
     np.testing.assert_allclose([velocity.x, velocity.y, velocity.z], [0.45, 0, 0], atol=0.05)
 
 
-def test_matches_are_images(replayed: tuple[Path, Run]) -> None:
+def test_the_bag_holds_the_matches_as_images(replayed: tuple[Path, Run]) -> None:
     folder, _ = replayed
     image = messages(folder / "bag")["/debug/matches/compressed"][-1]
     assert color_from_message(image, "matches").shape == (240, 320, 3)

@@ -266,5 +266,5 @@ def test_the_command_goes_on_with_a_run_that_another_way_of_working_left(
     lines = journal.read_text().splitlines(keepends=True)
     journal.write_text("".join(lines[:3]))
     assert cli.main([*arguments, "--workers", "1"]) == 0
-    assert "going on after 2 pairs" in caplog.text
+    assert "continuing after 2 pairs" in caplog.text
     assert capsys.readouterr().out.split(";")[:2] == first.split(";")[:2]

@@ -142,7 +142,7 @@ def test_matches_are_lifted_where_both_depths_are_known() -> None:
     assert lifted.target[0, 2] == depth[100, 200]
 
 
-def test_none_finds_and_matches_nothing() -> None:
+def test_the_features_named_none_find_and_match_nothing() -> None:
     source, target = views()
     visual, geometric = VISUAL["none"](CONFIG), GEOMETRIC["none"](CONFIG)
     assert len(visual.match(visual.extract(source), visual.extract(target))) == 0

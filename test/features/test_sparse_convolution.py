@@ -74,7 +74,7 @@ def random(*shape: int) -> Any:
 
 @pytest.mark.parametrize("level", [0, 1, 2, 3])
 @pytest.mark.parametrize("size", [1, 3, 5])
-def test_within_a_grid_of_any_step(level: int, size: int) -> None:
+def test_a_convolution_within_a_grid_is_the_dense_one(level: int, size: int) -> None:
     cells = half_full()
     grid = grids(cells)[level]
     x, kernel = random(len(grid.keys), 5), random(size**3, 5, 7)
@@ -84,7 +84,7 @@ def test_within_a_grid_of_any_step(level: int, size: int) -> None:
 
 
 @pytest.mark.parametrize("level", [0, 1, 2])
-def test_to_a_grid_of_twice_the_step(level: int) -> None:
+def test_a_convolution_to_a_coarser_grid_is_the_dense_one(level: int) -> None:
     cells = half_full()
     fine, coarse = grids(cells)[level : level + 2]
     x, kernel = random(len(fine.keys), 5), random(27, 5, 7)
@@ -94,7 +94,7 @@ def test_to_a_grid_of_twice_the_step(level: int) -> None:
 
 
 @pytest.mark.parametrize("level", [0, 1, 2])
-def test_transposed_to_a_grid_of_half_the_step(level: int) -> None:
+def test_a_transposed_convolution_to_a_finer_grid_is_the_dense_one(level: int) -> None:
     cells = half_full()
     fine, coarse = grids(cells)[level : level + 2]
     x, kernel = random(len(coarse.keys), 5), random(27, 5, 7)
@@ -110,7 +110,7 @@ def test_transposed_to_a_grid_of_half_the_step(level: int) -> None:
 
 
 @pytest.mark.parametrize("size", [3, 7])
-def test_of_occupancy_as_of_ones(size: int) -> None:
+def test_convolving_occupancy_equals_convolving_ones(size: int) -> None:
     grid, _ = Grid.of(half_full())
     kernel = random(size**3, 1, 6)
     expected = convolve(torch.ones(len(grid.keys), 1), kernel, pairs(grid, grid, size))
@@ -144,7 +144,7 @@ def test_a_coarser_cell_is_there_where_a_finer_one_is() -> None:
 
 
 @pytest.mark.parametrize("shift", [(1, 0, 0), (0, -3, 0), (5, 7, -11), (800, -800, 3)])
-def test_layers_of_one_step_move_with_the_cells(shift: tuple[int, int, int]) -> None:
+def test_a_convolution_does_not_depend_on_where_the_cells_are(shift: tuple[int, int, int]) -> None:
     cells = half_full()
     kernel = random(27, 1, 4)
     here, there = (Grid.of(moved)[0] for moved in (cells, cells + torch.tensor(shift)))

@@ -116,7 +116,7 @@ def test_the_terms_are_told_once_when_weights_are_read(
         torch.save({"bin_score": torch.ones(())}, tmp_path / name)
         weights.load(name, FeaturesConfig(weights=str(tmp_path)), "cpu")
     (record,) = caplog.records
-    assert "non-commercial research alone" in record.message
+    assert "non-commercial research only" in record.message
 
 
 def test_a_lightglue_for_other_keypoints_is_refused_in_one_line(
@@ -125,5 +125,5 @@ def test_a_lightglue_for_other_keypoints_is_refused_in_one_line(
     monkeypatch.setattr(weights, "check", lambda _: None)
     torch.save({"conv1a.weight": torch.ones(1)}, tmp_path / "superpoint_v1.pth")
     torch.save({"input_proj.weight": torch.ones((4, 128))}, tmp_path / "superpoint_lightglue.pth")
-    with pytest.raises(InputError, match="are not of a LightGlue for SuperPoint"):
+    with pytest.raises(InputError, match="are not those of a LightGlue for SuperPoint"):
         superpoint.superpoint_lightglue(FeaturesConfig(weights=str(tmp_path), device="cpu"))

@@ -126,7 +126,7 @@ def test_what_lies_in_the_place_of_weights_and_is_no_file_is_not_called_missing(
         os.mkfifo(place)
     else:
         place.symlink_to("alike_t.pth" if kind == "link to itself" else "nowhere")
-    with pytest.raises(InputError, match=r"alike_t\.pth: is no file; remove it"):
+    with pytest.raises(InputError, match=r"alike_t\.pth: is not a file; remove it"):
         check(place)
 
 

@@ -31,5 +31,5 @@ def test_the_folders_of_a_file_are_made_and_what_is_in_their_place_is_told(tmp_p
     assert file_to_write(str(path), "graph_file") == path
     assert path.parent.is_dir()
     path.write_text("a file")
-    with pytest.raises(InputError, match=r"the folder of .* cannot be made \(Not a directory\)"):
+    with pytest.raises(InputError, match=r"the folder of .* cannot be created \(Not a directory\)"):
         file_to_write(str(path / "inside" / "graph.g2o"), "graph_file")

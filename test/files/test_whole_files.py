@@ -26,7 +26,7 @@ SHORT = Trajectory(LONG.stamps_ns[:2], LONG.poses[:2])
 
 def test_a_pipe_is_not_replaced_by_a_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match="pipe: is there, and is no file; give another place"):
+    with pytest.raises(InputError, match="pipe: exists and is not a file; give another path"):
         write_whole(tmp_path / "pipe", "x")
     assert (tmp_path / "pipe").is_fifo()
     assert len(list(tmp_path.iterdir())) == 1

@@ -27,7 +27,9 @@ def frame(camera: CameraIntrinsics = LARGE) -> RgbdFrame:
     ("max_width", "size"),
     [(640, (640, 360)), (639, (426, 240)), (426, (426, 240)), (500, (426, 240)), (320, (320, 180))],
 )
-def test_a_plane_stays_where_it_is(max_width: int, size: tuple[int, int]) -> None:
+def test_a_plane_stays_in_place_when_images_are_reduced(
+    max_width: int, size: tuple[int, int]
+) -> None:
     small = reduced(frame(), max_width)
     camera = small.intrinsics
     assert (camera.width, camera.height) == size

@@ -128,7 +128,7 @@ def test_an_unknown_camera_is_told_which_one_may_be_meant(name: str) -> None:
     [
         ("topics: {colour: /a}\nparameters: {}", "no such topics: {'colour'}"),
         ("topics: {}\nparameters: {camera.depth_mix: 1}", "did you mean camera.depth_m"),
-        ("topics: {}\nparameters: {camera.depth_max: far}", "is no float"),
+        ("topics: {}\nparameters: {camera.depth_max: far}", "is not of type float"),
     ],
 )
 def test_a_preset_with_a_misspelt_name_or_a_bad_value_is_refused(

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.live.fault_news import FAULTS_WINDOW_NS, MAX_FAULTS
 from rgbd_glue_ros.live.monitor import Drop, Monitor, Summary
+from rgbd_glue_ros.messages.fault_news import FAULTS_WINDOW_NS, MAX_FAULTS
 from rgbd_glue_ros.types import ImuCalibration, ImuUse, OdometryEstimate, TrackingState
 
 MS = 1_000_000

@@ -75,7 +75,7 @@ def test_a_bag_without_stamps_goes_by_those_of_its_recording(
     bag = write_rosbag2(tmp_path / "bag", [stamped(m, 0) for m in recorded(FRAMES)])
     with open_recording(bag) as recording:
         assert [frame.stamp_ns for frame in recording] == [frame.stamp_ns for frame in FRAMES]
-    assert "images bear no stamp; those of their recording are taken" in caplog.text
+    assert "images have no stamp; their time of recording is used" in caplog.text
 
 
 def test_streams_of_two_clocks_pair_by_receipt_when_that_is_asked_for(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ def test_matches_are_one_to_one_in_order_and_within_the_interval(
 
 @given(st.sets(st.integers(0, 59)), st.sets(st.integers(0, 59)), st.integers(-16, 16))
 @settings(max_examples=50, deadline=None)
-def test_what_loss_leaves_whole_is_matched(
+def test_images_whose_partners_arrive_are_matched_whatever_is_lost(
     lost_colors: set[int], lost_depths: set[int], offset_ms: int
 ) -> None:
     """Both images of a moment arrive: they match, whatever else was lost."""

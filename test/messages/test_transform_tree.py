@@ -89,7 +89,7 @@ def test_when_time_starts_anew_the_old_poses_are_forgotten() -> None:
     np.testing.assert_array_equal(tree.lookup("odom", "base", SECOND, 0), moved(2))
 
 
-def test_the_history_is_bounded() -> None:
+def test_transforms_older_than_the_history_are_forgotten() -> None:
     tree = TransformTree()
     period = HISTORY_NS // 50
     for i in range(200):

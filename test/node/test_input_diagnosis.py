@@ -20,7 +20,7 @@ START_NS = 1_700_000_000 * NANOSECONDS
 PERIOD_NS = NANOSECONDS // 30
 # what depth is multiplied by, and what is told of it
 USELESS = (
-    (0.0, "0% of the pixels have a depth: see that the topic"),
+    (0.0, "0% of the pixels have a depth: check that the topic"),
     (1000.0, "so these are millimetres: set depth_scale to 0.001"),
     (10.0, "if the unit is another, set depth_scale"),
 )

@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rigs.paths import ROOT
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
-from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_POSE, POSE
+from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_FRAME, KEYFRAME_POSE, POSE
 from rgbd_glue_ros.parameters import Config, NodeConfig, parameters
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
@@ -109,10 +110,11 @@ def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path)
         ({"map_frame_id": "odom"}, "map_frame_id: is 'odom', as odom_frame_id is, and a frame is"),
         ({"map_frame_id": "base", "frame_id": "base"}, "map_frame_id: is 'base', as frame_id is"),
         ({"map_frame_id": "/map"}, "map_frame_id: '/map' begins with a slash"),
-        ({"map_frame_id": '""'}, "map_frame_id: '' is no name of a frame; give the name of a fra"),
+        ({"map_frame_id": '""'}, "map_frame_id: '' is not a valid frame name; give the name of"),
         ({"map_file": '"~nobodyhere/x"'}, "map_file: ~nobodyhere has no home folder; give the wh"),
         ({"map_file": "/absent.rgbdmap"}, "/absent.rgbdmap: cannot be read"),
         ({"localize_only": True}, "localize_only: there is no map; set map_file"),
+        ({"stamps": "receipt"}, "stamps: receipt gives an image another stamp in each process, so"),
     ],
 )
 def test_what_makes_no_sense_ends_the_mapping_node_with_exit_code_2_and_a_line(
@@ -135,6 +137,44 @@ def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: in
         assert "TF: none" in node.lines[0]
         assert line.endswith("; publishing /map/path alone, since map -> odom needs tf2_msgs")
         assert node.stop() == 0
+
+
+@pytest.mark.slow
+def test_keyframes_of_images_without_a_stamp_are_left_out_and_why_is_told_once(
+    ros_domain: int,
+) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        node.wait_for_line("Subscribed", START_S)
+        with Rig(ros_domain) as rig:
+            poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
+            edges = rig.publisher(OdometryMessage, KEYFRAME_EDGES)
+            publishers = (rig.color, rig.depth, rig.info, poses, edges)
+            rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+
+            def publish_until(line: str) -> bool:
+                now = rig.node.get_clock().now().to_msg()
+                pose, edge = PoseStamped(), OdometryMessage()
+                pose.header.stamp = edge.header.stamp = now
+                number = len(numbers)
+                edge.header.frame_id = KEYFRAME_FRAME.format(number)
+                edge.child_frame_id = KEYFRAME_FRAME.format(number + 1)
+                edge.pose.covariance = np.eye(6).ravel()
+                pose.pose.orientation.w = edge.pose.pose.orientation.w = 1.0
+                poses.publish(pose)
+                if numbers:
+                    edges.publish(edge)
+                numbers.append(number)
+                rig.publish(corner_frame(0))
+                rig.spin_for(0.05)
+                return any(line in said for said in node.lines)
+
+            numbers: list[int] = []
+            why = "no image has its stamp, so it is left out; images bear no stamp"
+            rig.wait(lambda: publish_until(why), "the reason")
+            rig.wait(lambda: publish_until("") and len(numbers) > 20, "more keyframes")
+        assert len([said for said in node.lines if why in said]) == 1
+        assert node.is_running
+        assert not [line for line in node.lines if "Traceback" in line]
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -23,6 +24,7 @@ from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.fields import copy_fields
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.slam.map_file import read_map
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
@@ -80,13 +82,16 @@ class Session:
         taken = [publisher.get_subscription_count() for publisher in publishers]
         return min(taken) > 0 and bool(self._robot.node.count_publishers(MAP_PATH))
 
-    def publish(self, keyframe: Drifted, T_odom_camera: Float64) -> None:
+    def publish(
+        self, keyframe: Drifted, T_odom_camera: Float64, *, has_images: bool = True
+    ) -> None:
         """A keyframe with its edges: its images come last."""
         frame = recorded_frames()[keyframe.row]
         self._poses.publish(pose_message(T_odom_camera, frame.stamp_ns))
         for edge in keyframe.edges:
             self._edges.publish(edge_message(edge, frame.stamp_ns))
-        self._robot.publish(frame)
+        if has_images:
+            self._robot.publish(frame)
 
     def wait_for_path_of(self, count: int) -> None:
         """Waits until the map has so many keyframes."""
@@ -177,6 +182,72 @@ def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
+
+
+@pytest.mark.slow
+def test_when_a_bag_begins_anew_nothing_waits_for_images_of_the_time_before(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    *keyframes, without_images = drifted()[:6]
+    given = {**CHANGED, "save_map_file": str(tmp_path / "room.rgbdmap")}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.T_odom_camera)
+        session.wait_for_path_of(len(keyframes))
+        session.publish(without_images, without_images.T_odom_camera, has_images=False)
+        session.save()  # which is answered once the keyframe has been received
+        for keyframe in keyframes[:2]:
+            session.publish(keyframe, keyframe.T_odom_camera)
+        session.wait_for_path_of(2)
+    stamps = [recorded_frames()[keyframe.row].stamp_ns for keyframe in keyframes[:2]]
+    assert [stamp_ns(pose.header.stamp) for pose in session.paths[-1].poses] == stamps
+
+
+@pytest.mark.slow
+def test_a_new_map_begins_though_the_first_image_of_the_new_graph_is_missing(
+    ros_domain: int,
+) -> None:
+    before, rows = drifted()[:3], drifted()[3:6]
+    # numbered from 0 again
+    first, *after = [replace(new, edges=old.edges) for new, old in zip(rows, before, strict=True)]
+    with (
+        NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in before:
+            session.publish(keyframe, keyframe.T_odom_camera)
+        session.wait_for_path_of(len(before))
+        session.publish(first, first.T_odom_camera, has_images=False)
+        for keyframe in after:
+            session.publish(keyframe, keyframe.T_odom_camera)
+        node.wait_for_line("no image has its stamp, so it is left out", MAPPED_S)
+        session.wait_for_path_of(len(after))
+    stamps = [recorded_frames()[keyframe.row].stamp_ns for keyframe in after]
+    assert [stamp_ns(pose.header.stamp) for pose in session.paths[-1].poses] == stamps
+
+
+@pytest.mark.slow
+def test_images_of_keyframes_are_as_small_as_those_of_the_odometry(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes, room = drifted()[:2], tmp_path / "room.rgbdmap"
+    width = recorded_frames()[0].intrinsics.width // 2
+    given = {**CHANGED, "max_width": width, "save_map_file": str(room)}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        session.wait_for_path_of(len(keyframes))
+        session.save()
+    assert [view.intrinsics.width for view in read_map(room).views] == [width, width]
 
 
 @pytest.mark.slow

@@ -206,7 +206,7 @@ def set_parameter(rig: Rig, name: str, value: object) -> str:
     ("name", "value", "reason"),
     [
         ("features.visual", "sift", "the keyframes hold features of one kind"),
-        ("odometry.keyframes", 5, "the room for keyframes is made at the start"),
+        ("odometry.keyframes", 5, "memory for keyframes is reserved at the start"),
         ("frame_id", "base_link", "it is read once, when the node starts"),
         ("glue.k", 1000.0, "out of range"),
         ("glue.k", 4, "type"),
@@ -243,6 +243,24 @@ def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_dom
 
 
 @pytest.mark.slow
+def test_a_missing_pose_is_explained_by_the_limits_that_hold_now(ros_domain: int) -> None:
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.pose_of(corner_frame(0))
+        assert not set_parameter(rig, "camera.depth_max", 0.5)
+        beyond = corner_frame(PERIOD_NS)
+        # in the dark, lest colour alone give a pose
+        rig.publish(replace(beyond, color=np.zeros_like(beyond.color)))
+        why = "100% of the pixels have a depth, but 0% one from 0.1 to 0.5 m (camera.depth_min"
+        node.wait_for_line(f"Lost at 0.033 ({why}", PATIENCE_S)
+
+        def explained() -> bool:
+            return any(why in message.status[0].message for message in rig.diagnostics)
+
+        rig.wait(explained, "the reason on diagnostics")
+
+
+@pytest.mark.slow
 def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_domain: int) -> None:
     given = {"preset": "paper", "glue.k": 3, "odom_frame_id": "map"}
     with running_node(ros_domain, **given), Rig(ros_domain) as rig:
@@ -264,7 +282,7 @@ def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_doma
             marks=pytest.mark.every_python,
         ),
         ({"features.visual": "surf"}, "features.visual: 'surf' is not known; give one of none,"),
-        ({"glue.k": "many"}, "glue.k: 'many' is no float"),
+        ({"glue.k": "many"}, "glue.k: 'many' is not of type float"),
         ({"glue.kk": 7}, "glue.kk: no such parameter; did you mean glue.k?"),
         ({"guess_frame_id": "wheels"}, "guess_frame_id: needs frame_id, and TF"),
     ],

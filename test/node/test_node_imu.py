@@ -108,7 +108,7 @@ def test_a_gyroscope_that_turns_while_the_images_stand_still_is_not_used_and_tha
             frame = corner_frame(START_NS + i * PERIOD_NS)
             frame.color[0, 0] = i  # no two images of a camera are the same
             pose = rig.pose_of(frame)
-        node.wait_for_line("the gyroscope turns otherwise than the images do", PATIENCE_S)
+        node.wait_for_line("the gyroscope disagrees with the images", PATIENCE_S)
         first = pose_from_message(rig.poses[0], "pose")
         np.testing.assert_allclose(pose_from_message(pose, "pose"), first, atol=5e-3)
 

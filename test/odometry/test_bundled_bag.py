@@ -46,11 +46,11 @@ def poses() -> Float64:
         return sequence.ground_truth.poses
 
 
-def test_it_is_below_8_megabytes() -> None:
+def test_the_bundled_bag_is_smaller_than_8_megabytes() -> None:
     assert sum(path.stat().st_size for path in make_bag.FOLDER.iterdir()) < 8e6
 
 
-def test_it_holds_every_frame_at_30_hertz(frames: list[RgbdFrame]) -> None:
+def test_the_bundled_bag_holds_every_frame_at_30_hertz(frames: list[RgbdFrame]) -> None:
     assert len(frames) == make_bag.FRAME_COUNT
     stamps = np.array([frame.stamp_ns for frame in frames])
     np.testing.assert_allclose(np.diff(stamps), 1e9 / 30, atol=1)

@@ -10,19 +10,15 @@ from rigs.room import room_view, true_pose
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
-from rgbd_glue_ros.odometry.contradiction import (
-    Alternative,
-    doubt,
-    find_alternative,
-    is_contradicted,
-)
+from rgbd_glue_ros.odometry.alternative import Alternative, find_alternative, is_contradicted
+from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, View
+from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, View
 
 CONFIG = Config()
 IN_FRONT = PasserBy(distance=1.6, reach=0.4, period=6.0, tall=0.7)
@@ -51,7 +47,7 @@ def doubts(estimates: list[OdometryEstimate], off: Float64) -> Float64:
     ("somebody", "step", "count"),
     [(IN_FRONT, 1, 40), (CLOSE_BY, 1, 60), (CLOSE_BY, 5, 21), (PasserBy(period=3.5), 5, 21)],
 )
-def test_whom_the_camera_sees_it_is_not_carried_along_by_beyond_what_it_says(
+def test_a_passer_by_shifts_the_pose_by_less_than_three_stated_sigmas(
     somebody: PasserBy, step: int, count: int
 ) -> None:
     truth = true_poses()[: step * count : step]
@@ -73,12 +69,12 @@ def prepared(frame: RgbdFrame) -> View:
 
 
 def problem(before: View, now: View) -> PoseProblem:
-    start = Motion.start(0, np.eye(4))
-    return PoseProblem(model_of(before, 8), now, start, CONFIG.refine)
+    predicted = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, CONFIG.motion)
+    return PoseProblem(model_of(before, 8), now, CONFIG.refine, predicted=predicted)
 
 
 def alternative(of: PoseProblem, T: Float64) -> Alternative | None:
-    pose = evaluate_pose(T, of.model, of.view, of.config, COARSE_LEVELS[-1])
+    pose = evaluate_pose(T, of, COARSE_LEVELS[-1])
     return find_alternative(of, pose, None, CONFIG.odometry)
 
 
@@ -97,16 +93,16 @@ def test_the_room_behind_somebody_is_found_and_is_the_larger_part() -> None:
 def test_what_is_seen_of_somebody_contradicts_and_noise_does_not() -> None:
     frames = crossed(IN_FRONT, 1, 5)
     of = problem(prepared(frames[0]), prepared(frames[4]))
-    assert is_contradicted(evaluate_pose(true_poses()[4], of.model, of.view, of.config))
+    assert is_contradicted(evaluate_pose(true_poses()[4], of))
     of = problem(prepared(recorded_frames()[0]), prepared(recorded_frames()[4]))
-    assert not is_contradicted(evaluate_pose(true_poses()[4], of.model, of.view, of.config))
+    assert not is_contradicted(evaluate_pose(true_poses()[4], of))
 
 
-def test_where_all_agrees_there_is_no_alternative() -> None:
+def test_a_view_that_agrees_with_its_pose_has_no_alternative() -> None:
     of = problem(room_view(0.0), room_view(0.3))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     assert alternative(of, truth) is None
-    pose = evaluate_pose(truth, of.model, of.view, of.config)
+    pose = evaluate_pose(truth, of)
     np.testing.assert_array_equal(doubt(pose, None, np.eye(6), CONFIG.odometry), np.zeros((6, 6)))
 
 
@@ -114,7 +110,7 @@ def test_where_all_agrees_there_is_no_alternative() -> None:
 def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
     of = problem(room_view(0.0), room_view(0.3))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
-    pose = evaluate_pose(truth, of.model, of.view, of.config)
+    pose = evaluate_pose(truth, of)
     apart = np.array([0.2, 0.0, -0.1, 0.0, 0.03, 0.0])
     other = Alternative(se3.exp(apart) @ truth, share)
     added = doubt(pose, other, np.eye(6), CONFIG.odometry)
@@ -125,7 +121,7 @@ def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
 
 def test_a_pose_that_most_planes_contradict_may_be_anywhere_in_reach() -> None:
     of = problem(room_view(0.0), room_view(0.0))
-    wrong = evaluate_pose(se3.exp(np.array([0, 0, 0.5, 0, 0, 0])), of.model, of.view, of.config)
+    wrong = evaluate_pose(se3.exp(np.array([0, 0, 0.5, 0, 0, 0])), of)
     assert wrong.planes_agreeing < wrong.planes_visible / 2
     spread = np.diag([1.0] * 3 + [0.1] * 3)
     added = doubt(wrong, None, spread, CONFIG.odometry)

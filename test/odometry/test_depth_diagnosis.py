@@ -51,12 +51,12 @@ def test_shares_and_median_are_those_of_the_image() -> None:
 @pytest.mark.parametrize(
     ("depth", "said"),
     [
-        (wall(0.0, 0.0), "0% of the pixels have a depth: see that the topic"),
+        (wall(0.0, 0.0), "0% of the pixels have a depth: check that the topic"),
         (wall(1500.0), "the median is 1.5e+03 m, so these are millimetres: set depth_scale to"),
         (wall(15.0), "100% of the pixels have a depth, but 0% one from 0.1 to 8 m"),
         (wall(15.0), "the median is 15 m: if the unit is another, set depth_scale"),
         (wall(0.002), "the median is 0.002 m: if the unit is another"),
-        (wall(2.0), "too little is seen to start"),
+        (wall(2.0), "too little is visible to start"),
     ],
 )
 def test_a_frame_without_a_pose_says_why(depth: Float32, said: str) -> None:

@@ -22,8 +22,9 @@ POINTS = np.array([[0.0, 0, 2], [1, 0, 3]])
 NORMALS = np.array([[0.0, 0, -1], [-0.6, 0, -0.8]])
 STILL, MIDDLE_ROW = np.zeros((2, 3)), np.zeros(2)
 MODEL = Model(
-    Planes(POINTS, NORMALS, STILL, MIDDLE_ROW),
-    (Pixels(POINTS, np.array([10.0, 20.0]), STILL, MIDDLE_ROW),) * LEVELS,
+    Planes(points=POINTS, normals=NORMALS, velocity=STILL, row_time=MIDDLE_ROW),
+    (Pixels(points=POINTS, brightness=np.array([10.0, 20.0]), velocity=STILL, row_time=MIDDLE_ROW),)
+    * LEVELS,
 )
 
 

@@ -76,7 +76,7 @@ def test_the_predicted_covariance_is_that_of_sampled_predictions() -> None:
 
 
 @given(SEEDS)
-def test_without_rotation_it_is_the_kalman_filter(seed: int) -> None:
+def test_without_rotation_the_motion_filter_is_the_linear_kalman_filter(seed: int) -> None:
     """Written out for positions and velocities, where everything is linear."""
     rng = np.random.default_rng(seed)
     start = moving(np.concatenate([rng.normal(0, 0.5, 3), np.zeros(3)]))
@@ -233,11 +233,11 @@ def test_a_camera_gets_so_far_and_no_farther(way: list[float], frames: int, reac
     last = moving(np.array([0.2, 0, 0, 0, 0.3, 0]))
     predicted = last.predicted(frames * PERIOD_NS, CONFIG)
     there = predicted.T_track_camera @ se3.exp(np.array(way))
-    assert last.reaches(there, predicted) == reached
+    assert predicted.reaches(there) == reached
 
 
 def test_the_prediction_is_always_within_reach() -> None:
     last = moving(np.array([0.2, -1.0, 0, 0, 0.3, 2.0]))
     for frames in (1, 5, 100):
         predicted = last.predicted(frames * PERIOD_NS, CONFIG)
-        assert last.reaches(predicted.T_track_camera, predicted)
+        assert predicted.reaches(predicted.T_track_camera)

@@ -125,7 +125,7 @@ def test_floors_and_walls_along_which_the_camera_goes_are_none(place: str) -> No
 
 
 @pytest.mark.slow
-def test_nothing_of_the_room_is_one() -> None:
+def test_no_surface_of_the_room_is_taken_for_an_own_part() -> None:
     frames = recorded_frames()
     assert after(frames, true_poses()).blocks is None
 

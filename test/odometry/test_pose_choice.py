@@ -14,9 +14,9 @@ from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
-from rgbd_glue_ros.refinement.level_problem import NO_MATCHES
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float64, View
+from rgbd_glue_ros.refinement.problem import NO_MATCHES
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Correspondences, Float64, View
 
 CONFIG = Config()
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
@@ -44,13 +44,13 @@ def moved_matches(metres: float, count: int) -> Correspondences:
 
 
 def problem(before: View, now: View, matches: Correspondences = NO_MATCHES) -> PoseProblem:
-    start = Motion.start(0, np.eye(4))
-    return PoseProblem(model_of(before, 8), now, start, CONFIG.refine, matches)
+    predicted = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, CONFIG.motion)
+    return PoseProblem(model_of(before, 8), now, CONFIG.refine, matches, predicted=predicted)
 
 
-def candidate(T: Float64, of: PoseProblem, surprise: float = 6.0) -> Candidate:
-    refinement = evaluate_pose(T, of.model, of.view, of.config)
-    return Candidate(PoseEstimate(refinement), refinement, surprise, 0.0)
+def candidate(T: Float64, of: PoseProblem, distance_squared: float = 6.0) -> Candidate:
+    refinement = evaluate_pose(T, of)
+    return Candidate(PoseEstimate(refinement), refinement, distance_squared, 0.0)
 
 
 def chosen(candidates: list[Candidate], of: PoseProblem) -> Candidate | None:

@@ -14,7 +14,8 @@ DOCS = ROOT / "docs"
 
 def test_the_nodes_parameters_are_documented_as_they_are_declared() -> None:
     text = (DOCS / "node.md").read_text(encoding="utf-8")
-    assert to_markdown(NodeConfig()) in text
+    is_current = to_markdown(NodeConfig()) in text
+    assert is_current, "paste what `rgbd-glue params --node --markdown` prints into docs/node.md"
 
 
 def test_the_public_names_are_documented_as_their_docstrings_say() -> None:

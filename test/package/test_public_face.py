@@ -82,6 +82,25 @@ def test_whatever_a_public_name_takes_or_gives_is_public() -> None:
             assert hidden <= internal.get(f"{name} of {thing.__name__}", set()), (thing, name)
 
 
+def test_frames_are_compared_by_identity_and_can_be_kept_in_sets() -> None:
+    frame, other = RgbdFrame(0, COLOR, DEPTH, CAMERA), RgbdFrame(0, COLOR, DEPTH, CAMERA)
+    assert frame == frame  # noqa: PLR0124 - that is what is tested
+    assert frame != other
+    assert len({frame, other, frame}) == 2
+
+
+def test_a_matrix_in_place_of_intrinsics_is_refused_with_what_to_give() -> None:
+    with pytest.raises(
+        InputError, match=r"intrinsics: are .*\[3, 3\]; give CameraIntrinsics\(width"
+    ):
+        RgbdFrame(0, COLOR, DEPTH, CAMERA.matrix)  # type: ignore[arg-type]
+
+
+def test_odometry_needs_no_configuration() -> None:
+    with rgbd_glue_ros.Odometry() as odometry:
+        assert odometry.learnt_config().features == rgbd_glue_ros.load_preset("live").features
+
+
 def test_arrays_that_are_a_frame_are_taken_in_colour_and_grey() -> None:
     for color in (COLOR, COLOR[:, :, 0]):
         assert RgbdFrame(0, color, DEPTH, CAMERA).color is color

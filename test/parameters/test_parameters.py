@@ -224,12 +224,12 @@ def test_what_is_no_assignment_is_refused_with_an_example_or_advice(text: str) -
 @pytest.mark.parametrize(
     ("content", "cause"),
     [
-        ("", "is no ROS parameter file"),
-        ("- 1", "is no ROS parameter file"),
-        ("glue: {k: 3}", "is no ROS parameter file"),
-        ("/**: {ros__parameters: 5}", "is no ROS parameter file"),
-        ("/**: {ros__parameters: {5: 5}}", "is no ROS parameter file"),
-        ("a: {ros__parameters: {}}\nb: {ros__parameters: {}}", "is no ROS parameter file"),
+        ("", "is not a ROS parameter file"),
+        ("- 1", "is not a ROS parameter file"),
+        ("glue: {k: 3}", "is not a ROS parameter file"),
+        ("/**: {ros__parameters: 5}", "is not a ROS parameter file"),
+        ("/**: {ros__parameters: {5: 5}}", "is not a ROS parameter file"),
+        ("a: {ros__parameters: {}}\nb: {ros__parameters: {}}", "is not a ROS parameter file"),
         ("/**: {", "cannot be read"),
         ("/**: {ros__parameters: {glue: {k: -1}}}", "glue.k: -1.0 is out of range"),
         ("/**: {ros__parameters: {glue: {q: 1}}}", "glue.q: no such parameter"),
@@ -252,12 +252,12 @@ def test_a_file_that_is_missing_or_no_text_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"params\.yaml: cannot be read"):
         load_yaml(path, Config())
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"params\.yaml: is no text"):
+    with pytest.raises(InputError, match=r"params\.yaml: is not a text"):
         load_yaml(path, Config())
 
 
 def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
-    with pytest.raises(InputError, match="preset 'fast': does not exist; take one of live, paper"):
+    with pytest.raises(InputError, match="preset 'fast': does not exist; use one of live, paper"):
         load_preset("fast")
 
 
@@ -267,7 +267,7 @@ def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
         ("glue.k", ""),
         ("max_update_rate", ""),
         ("frame_id", "it is read once, when the node starts"),
-        ("odometry.window", "the room for keyframes is made at the start"),
+        ("odometry.window", "memory for keyframes is reserved at the start"),
         # said once, of the section
         ("features.visual", "the keyframes hold features of one kind"),
         ("features.ratio", "the keyframes hold features of one kind"),
@@ -287,10 +287,10 @@ def test_a_declaration_says_whether_and_why_it_is_fixed_while_the_node_runs(
         ("initial_pose", "0 0 0 0 0 nan", "is not six or seven finite numbers"),
         ("depth_camera_pose", "0 0 0 0 0 0 2", "the quaternion's length is 2, not 1"),
         ("camera_pose", "a b c d e f", "is not a list of numbers"),
-        ("odom_frame_id", "", "is no name of a frame"),
-        ("frame_id", "base link", "is no name of a frame"),
-        ("frame_id", "/", "is no name of a frame"),
-        ("frame_id", "base\x1b[2Jlink", "is no name of a frame"),
+        ("odom_frame_id", "", "is not a valid frame name"),
+        ("frame_id", "base link", "is not a valid frame name"),
+        ("frame_id", "/", "is not a valid frame name"),
+        ("frame_id", "base\x1b[2Jlink", "is not a valid frame name"),
         ("frame_id", "/base_link", "begins with a slash"),
         ("camera_pose", "1e300 0 0 0 0 0", "is farther away than 1e\\+09 m"),
     ],

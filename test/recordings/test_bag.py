@@ -136,12 +136,12 @@ def test_chosen_frames_are_those_of_their_numbers(bag: Path) -> None:
     ("make", "cause"),
     [
         (lambda p: p / "nothing", "does not exist"),
-        (_empty_folder, "is no bag; looked for metadata.yaml or *.mcap, *.db3, *.bag"),
+        (_empty_folder, "is not a bag; looked for metadata.yaml or *.mcap, *.db3, *.bag"),
         (lambda p: write_rosbag2(p / "bag", []), "holds no message: it is empty"),
-        (lambda p: _file(p / "x.mcap", b""), "holds no message: it does not begin like a bag"),
-        (lambda p: _file(p / "x.db3", b"\0" * 999), "holds no message: it does not begin like"),
+        (lambda p: _file(p / "x.mcap", b""), "holds no message: it does not start like a bag"),
+        (lambda p: _file(p / "x.db3", b"\0" * 999), "holds no message: it does not start like"),
         (lambda p: _file(p / "x.bag", b"#ROSBAG V2.0\n"), "its recorder did not finish it"),
-        (lambda p: _file(p / "metadata.yaml", b"{}"), "is no bag"),
+        (lambda p: _file(p / "metadata.yaml", b"{}"), "is not a bag"),
     ],
 )
 def test_what_is_no_bag_or_an_empty_one_is_refused(make: Any, cause: str, tmp_path: Path) -> None:
@@ -228,7 +228,7 @@ def test_bytes_that_are_not_of_their_type_are_skipped(
     with BagRecording(folder) as sequence:
         assert len(list(sequence)) == len(FRAMES) - 1
         assert sequence.skipped == 1
-    assert f"{COLOR}: a message is no sensor_msgs/msg/Image" in caplog.text
+    assert f"{COLOR}: a message is not a valid sensor_msgs/msg/Image" in caplog.text
 
 
 def test_a_bag_without_a_single_usable_frame_is_refused_with_the_first_cause(

@@ -102,7 +102,7 @@ def test_a_depth_camera_of_unknown_place_is_taken_to_be_at_that_of_colour_and_th
     assert "--set depth_camera_pose=" in caplog.text
 
 
-def test_its_place_is_taken_from_a_parameter(
+def test_the_depth_cameras_pose_is_taken_from_a_parameter(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bag = write_rosbag2(tmp_path / "bag", recorded("depth_optical"))
@@ -126,7 +126,7 @@ def test_the_depth_camera_is_taken_from_a_calibration(depth_frame: str, tmp_path
     np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
 
 
-def test_its_info_is_taken_from_any_topic(tmp_path: Path) -> None:
+def test_the_depth_cameras_info_is_taken_from_any_topic(tmp_path: Path) -> None:
     *others, info = recorded("depth_optical")
     bag = write_rosbag2(tmp_path / "bag", [*PLACES, *others, replace(info, topic="/elsewhere")])
     with BagRecording(bag, Topics(depth_info="elsewhere")) as sequence:

@@ -137,7 +137,10 @@ def test_a_given_unit_is_taken_in_place_of_the_bags(tmp_path: Path) -> None:
 
 def test_without_its_place_depth_is_refused_with_what_to_give(tmp_path: Path) -> None:
     path = write(tmp_path / "viewer.bag", 0.001, left_out=f"{COLOR}/tf/0")
-    with BagRecording(path) as recording, pytest.raises(InputError, match="where the depth camera"):
+    with (
+        BagRecording(path) as recording,
+        pytest.raises(InputError, match="the pose of the depth camera"),
+    ):
         next(iter(recording))
     told = InputConfig(depth_camera_pose=f"{BASELINE_M} 0 0 0 0 0")
     with BagRecording(path, inputs=told) as recording:

@@ -48,7 +48,7 @@ def test_streams_bags_and_folders_are_found_and_other_files_are_not(tmp_path: Pa
 
 def test_what_holds_no_recording_is_left_for_the_opener_to_refuse(tmp_path: Path) -> None:
     (path,) = recordings([tmp_path])
-    with pytest.raises(InputError, match="is no recording of a known format"):
+    with pytest.raises(InputError, match="is not a recording in a known format"):
         open_recording(path)
 
 
@@ -79,5 +79,5 @@ def test_names_that_are_nowhere_and_splits_that_are_none_are_refused(scenes: Pat
         recordings([scenes], frozenset({"seq"}))
     with pytest.raises(InputError, match="one of 3dmatch-test"):
         split("3dmatch")
-    with pytest.raises(InputError, match="holds no name"):
+    with pytest.raises(InputError, match="holds no names"):
         split(str(touch(scenes / "empty.txt")))

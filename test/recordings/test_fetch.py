@@ -157,7 +157,7 @@ def test_a_download_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
 def test_a_later_run_goes_on_with_what_an_earlier_one_left(tmp_path: Path) -> None:
     with serving(Server()) as server:
         server.behaviours = [breaks_off_after(1000), *[breaks_off_after(0)] * 4]
-        with pytest.raises(InputError, match=r"broke off after 1000 bytes .*run this again"):
+        with pytest.raises(InputError, match=r"stopped after 1000 bytes .*run this again"):
             download(server.url, tmp_path / "file", pause_s=0)
         server.requests.clear()
         assert downloaded(server, tmp_path) == CONTENT
@@ -199,7 +199,7 @@ def test_a_server_that_is_busy_is_asked_again_and_one_that_refuses_is_not(tmp_pa
 
 
 def test_a_server_that_claims_more_than_it_sends_is_given_up(tmp_path: Path) -> None:
-    refused = pytest.raises(InputError, match=f"broke off after {len(CONTENT)} bytes")
+    refused = pytest.raises(InputError, match=f"stopped after {len(CONTENT)} bytes")
     with serving(Server(behaviours=[claims(len(CONTENT) + 5)] * 9)) as server, refused:
         download(server.url, tmp_path / "file", pause_s=0)
     assert not (tmp_path / "file").exists()
@@ -362,11 +362,11 @@ def test_a_fetched_set_is_one_folder_with_a_record_of_where_it_is_from(tmp_path:
         "bytes": len(SET),
         "sha256": hashlib.sha256(SET).hexdigest(),
     }
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         fetch(source(server), tmp_path / "data")
 
 
-def test_a_checksum_decides(tmp_path: Path) -> None:
+def test_a_download_with_another_checksum_is_refused_and_removed(tmp_path: Path) -> None:
     right = hashlib.sha256(SET).hexdigest().upper()
     with serving(Server(SET)) as server:
         with pytest.raises(InputError, match=f"has the SHA-256 {right.lower()}, not 00"):

@@ -60,5 +60,5 @@ def test_lines_that_are_no_frame_are_skipped_and_either_image_may_come_first(
         assert [frame.depth[0, 0] for frame in sequence] == [1.0, 10.0]
     assert "2 lines name no image and were skipped" in caplog.text
     (folder / "associations.txt").write_text("")
-    with pytest.raises(InputError, match="holds no line of stamp, file, stamp, file"):
+    with pytest.raises(InputError, match="holds no lines of stamp, file, stamp, file"):
         open_recording(folder)

@@ -371,7 +371,7 @@ AMBIGUOUS: dict[str, tuple[Callable[[Path], None], str]] = {
     ),
     "no calibration": (
         not_calibrated,
-        r"tells its camera; give the calibration \(--calibration FILE\)",
+        r"describes its camera; give the calibration \(--calibration FILE\)",
     ),
     "numbers that do not meet": (strange_numbers, "list them in associations.txt"),
 }
@@ -533,8 +533,8 @@ def nested(folder: Path) -> None:
 
 UNKNOWN: dict[str, tuple[Callable[[Path], None], str]] = {
     "colour alone": (only_colour, "a folder of images, but depth/* is missing; restore depth/*"),
-    "one list": (only_a_colour_list, "nearest to TUM RGB-D, but depth.txt is missing"),
-    "no numbers": (unnumbered, "its images bear no numbers that tell which belong together"),
+    "one list": (only_a_colour_list, "most like TUM RGB-D, but depth.txt is missing"),
+    "no numbers": (unnumbered, "its images have no numbers that show which belong together"),
     "a scan without its video": (without_its_video, "Stray Scanner, but rgb.mp4 is missing"),
     "something else": (without_its_storage, "it holds metadata.yml, notes.txt; give a bag, or"),
     "nothing": (Path.mkdir, "known format: it is empty; give the folder of one"),

@@ -7,7 +7,7 @@ import pytest
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 
 
-def test_results_come_in_order() -> None:
+def test_results_computed_ahead_come_in_order() -> None:
     assert list(mapped_ahead(lambda x: x * x, range(100))) == [x * x for x in range(100)]
 
 

@@ -195,7 +195,7 @@ def test_folders_of_images_of_any_name_are_read_where_they_are_named(tmp_path: P
 
 
 def test_a_device_is_no_recording() -> None:
-    with pytest.raises(InputError, match="is no regular file"):
+    with pytest.raises(InputError, match="is not a regular file"):
         open_recording("/dev/zero")
 
 
@@ -212,10 +212,10 @@ def test_the_folder_of_a_recording_takes_no_results(tmp_path: Path) -> None:
 def test_lists_without_a_pair_and_without_an_image_are_refused(tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path / "desk")
     (folder / "depth.txt").write_text("5.0 depth/0.png\n")
-    with pytest.raises(InputError, match="no colour and depth image lie within"):
+    with pytest.raises(InputError, match="no colour and depth images are within"):
         open_recording(folder, calibration=CAMERA)
     (folder / "depth.txt").write_text("depth/1.png\ndepth/2.png\n")
-    with pytest.raises(InputError, match="no line of a stamp and a file"):
+    with pytest.raises(InputError, match="no lines of a stamp and a file"):
         open_recording(folder, calibration=CAMERA)
 
 
@@ -292,7 +292,7 @@ def test_a_pose_that_is_not_finite_is_not_known_and_one_of_other_size_is_refused
     assert truth is not None
     assert list(truth.stamps_ns) == [33333333, 133333333]
     (folder / "frame-000001.pose.txt").write_text("1 2 3")
-    with pytest.raises(InputError, match=r"frame-000001\.pose\.txt: is no 4x4 matrix"):
+    with pytest.raises(InputError, match=r"frame-000001\.pose\.txt: is not a 4x4 matrix"):
         open_recording(folder, calibration=CAMERA)
 
 
@@ -318,7 +318,7 @@ def test_chosen_frames_are_those_of_their_numbers_and_no_other_file_is_opened(
     assert [frame.depth[1, 1] for frame in frames] == [2.0, 5.0, 8.0]
 
 
-def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_path_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         open_recording(tmp_path / "none")
 
@@ -350,9 +350,9 @@ def test_a_calibration_is_read_as_camera_calibration_and_as_ros2_topic_echo_writ
     ("changes", "cause"),
     [
         ({"camera_matrix": {"data": [0] * 9}}, "not calibrated"),
-        ({"camera_matrix": {"data": [1, 2]}}, "no camera calibration"),
+        ({"camera_matrix": {"data": [1, 2]}}, "not a camera calibration"),
         ({"distortion_model": "wobbly"}, "wobbly"),
-        ({"image_width": None}, "no camera calibration"),
+        ({"image_width": None}, "not a camera calibration"),
     ],
 )
 def test_a_calibration_that_is_no_pinhole_camera_is_refused(

@@ -110,7 +110,7 @@ def test_a_stream_that_is_cut_off_gives_its_whole_frames_first(tmp_path: Path) -
     path.write_bytes(path.read_bytes()[:-20])
     frames = iter(open_recording(path))
     assert len([next(frames) for _ in range(4)]) == 4
-    with pytest.raises(InputError, match=r"a\.sens: is cut off after 4 of 5 frames"):
+    with pytest.raises(InputError, match=r"a\.sens: is truncated after 4 of 5 frames"):
         next(frames)
 
 
@@ -119,11 +119,11 @@ def test_a_stream_that_is_cut_off_gives_its_whole_frames_first(tmp_path: Path) -
     [
         (Scan(version=3), "is of version 3, not 4"),
         (Scan(version=0x53414E52), "is of version"),
-        (Scan(frames=0), "holds no whole frame"),
-        (Scan(frames=0, announced=2**60), "holds no whole frame"),
-        (Scan(sensor=b"x" * 5000), "names its sensor in 5000 bytes"),
-        (Scan(color_compression=0), "kinds 0 and 1"),
-        (Scan(depth_compression=2), "kinds 2 and 2"),
+        (Scan(frames=0), "holds no complete frame"),
+        (Scan(frames=0, announced=2**60), "holds no complete frame"),
+        (Scan(sensor=b"x" * 5000), "has a sensor name of 5000 bytes"),
+        (Scan(color_compression=0), "types 0 and 1"),
+        (Scan(depth_compression=2), "types 2 and 2"),
         (Scan(depth_size=(2**31, 2**31)), "pixels"),
         (Scan(color_size=(0, 968)), "pixels"),
         (Scan(depth_shift=0.0), "no calibration"),
@@ -183,7 +183,7 @@ def test_an_export_without_depth_numbers_or_camera_is_refused(tmp_path: Path) ->
     with pytest.raises(InputError, match=r"depth/1\.png: is missing"):
         open_recording(folder)
     (folder / "color/1.jpg").rename(folder / "color/one.jpg")
-    with pytest.raises(InputError, match="has no number"):
+    with pytest.raises(InputError, match="is not a number"):
         open_recording(folder)
     (folder / "color/one.jpg").unlink()
     (folder / "intrinsic/intrinsic_depth.txt").unlink()

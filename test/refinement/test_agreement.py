@@ -14,6 +14,7 @@ from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement, disagreement
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64, View
 
@@ -77,7 +78,7 @@ def test_bands_that_disagree_do_so_by_the_mahalanobis_distances_of_their_optima(
     assert disagreement(halves) == pytest.approx(float(squared) / (6 * (BANDS - 1)), rel=1e-3)
 
 
-def test_a_band_alone_has_nobody_to_disagree_with() -> None:
+def test_a_single_band_gives_no_disagreement() -> None:
     table = rows(np.random.default_rng(3), np.zeros((BANDS, 6)))
     top = part_of(table, slice(OF_A_BAND))
     assert disagreement([top]) is None
@@ -102,9 +103,10 @@ def after(view: View, frames: int = 1) -> BandAgreement:
     config = RefineConfig(iterations=15)
     model = model_of(recorded(BEFORE), 8)
     start = se3.inverse(true_poses()[BEFORE]) @ true_poses()[NOW]
-    found, known = refine(start, model, view, config), BandAgreement()
+    problem = RefinementProblem(model, view, config)
+    found, known = refine(start, problem), BandAgreement()
     for _ in range(frames):
-        known = known.after_frame(found, model, view, config)
+        known = known.after_frame(found, problem)
     return known
 
 

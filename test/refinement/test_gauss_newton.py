@@ -15,6 +15,7 @@ from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose, refine
 from rgbd_glue_ros.refinement.model import LEVELS, Model, Pixels, Planes, blend, model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import Float64, UInt8, View
 
 STEP = 8
@@ -35,6 +36,13 @@ def the_model() -> Model:
 
 def the_source() -> View:
     return room_view(TIMES[1])
+
+
+def the_problem(
+    source: View | None = None, model: Model | None = None, config: RefineConfig = CONFIG
+) -> RefinementProblem:
+    """That of the source on the model, or of others."""
+    return RefinementProblem(model or the_model(), source or the_source(), config)
 
 
 def perturbed(seed: int, metres: float = 0.03, radians: float = 0.02) -> Float64:
@@ -94,7 +102,7 @@ def test_no_pixel_of_a_model_is_at_the_far_side_of_an_edge() -> None:
 @given(SEEDS)
 @settings(max_examples=10)
 def test_refinement_ends_at_the_truth_from_wherever_a_start_may_be_off(seed: int) -> None:
-    found = refine(perturbed(seed), the_model(), the_source(), CONFIG)
+    found = refine(perturbed(seed), the_problem())
     # pixels of 11 mm at 3 m are told apart to a tenth
     assert_at_truth(found, metres=0.002, radians=0.001)
     assert found.plane_agreement > 0.8
@@ -103,7 +111,7 @@ def test_refinement_ends_at_the_truth_from_wherever_a_start_may_be_off(seed: int
 
 @pytest.mark.parametrize(("gain", "bias"), [(0.7, 20), (1.3, -30), (0.6, 0)])
 def test_refinement_ends_at_the_truth_when_the_exposure_changes(gain: float, bias: float) -> None:
-    found = refine(perturbed(0), the_model(), relit(the_source(), gain, bias), CONFIG)
+    found = refine(perturbed(0), the_problem(relit(the_source(), gain, bias)))
     assert_at_truth(found, metres=0.002, radians=0.001)
     assert found.brightness_correlation > 0.9
 
@@ -111,14 +119,14 @@ def test_refinement_ends_at_the_truth_when_the_exposure_changes(gain: float, bia
 def test_planes_alone_end_near_the_truth_in_a_room_with_corners() -> None:
     config = replace(CONFIG, pixel_weight=0.0)
     dark = replace(the_source(), grey=np.zeros_like(the_source().grey))
-    found = refine(perturbed(0), the_model(), dark, config)
+    found = refine(perturbed(0), the_problem(dark, config=config))
     assert_at_truth(found, metres=0.01, radians=0.005)
     assert found.plane_agreement > 0.8
     assert found.brightness_correlation == 0.0
 
 
 def test_pixels_alone_end_at_the_truth_when_the_frame_has_no_depth() -> None:
-    found = refine(perturbed(0), the_model(), without_depth(the_source()), CONFIG)
+    found = refine(perturbed(0), the_problem(without_depth(the_source())))
     assert_at_truth(found, metres=0.002, radians=0.001)
     assert found.planes_seen == 0
     assert found.plane_agreement == 0.0
@@ -126,9 +134,9 @@ def test_pixels_alone_end_at_the_truth_when_the_frame_has_no_depth() -> None:
 
 def test_no_steps_leave_the_start_as_it_is_and_only_judge_it() -> None:
     start = perturbed(0)
-    found = refine(start, the_model(), the_source(), replace(CONFIG, iterations=0))
+    found = refine(start, the_problem(config=replace(CONFIG, iterations=0)))
     np.testing.assert_array_equal(found.T_model_source, start)
-    evaluated = evaluate_pose(start, the_model(), the_source(), CONFIG)
+    evaluated = evaluate_pose(start, the_problem())
     assert found.plane_agreement == evaluated.plane_agreement
     # under the light of coarser levels
     assert found.brightness_correlation == pytest.approx(evaluated.brightness_correlation, abs=0.05)
@@ -136,8 +144,8 @@ def test_no_steps_leave_the_start_as_it_is_and_only_judge_it() -> None:
 
 @pytest.mark.parametrize("twist", np.eye(6)[[2, 3, 4]] * 0.1, ids=["forward", "pitch", "yaw"])
 def test_a_wrong_pose_shows_in_planes_and_pixels(twist: Float64) -> None:
-    right = evaluate_pose(true_transform(), the_model(), the_source(), CONFIG)
-    wrong = evaluate_pose(true_transform() @ se3.exp(twist), the_model(), the_source(), CONFIG)
+    right = evaluate_pose(true_transform(), the_problem())
+    wrong = evaluate_pose(true_transform() @ se3.exp(twist), the_problem())
     assert wrong.plane_agreement < 0.5 * right.plane_agreement
     assert wrong.brightness_correlation < right.brightness_correlation - 0.1
 
@@ -145,7 +153,7 @@ def test_a_wrong_pose_shows_in_planes_and_pixels(twist: Float64) -> None:
 def test_a_covered_camera_agrees_with_nothing() -> None:
     size = CAMERA.height, CAMERA.width
     covered = View(np.full(size, 17, np.uint8), np.full(size, 0.3, np.float32), CAMERA)
-    found = refine(perturbed(0), the_model(), covered, CONFIG)
+    found = refine(perturbed(0), the_problem(covered))
     assert found.plane_agreement < 0.1
     assert found.brightness_correlation == pytest.approx(0.0, abs=0.1)
     assert np.isfinite(found.T_model_source).all()
@@ -154,7 +162,7 @@ def test_a_covered_camera_agrees_with_nothing() -> None:
 def test_where_nothing_of_the_model_is_seen_the_start_stays() -> None:
     elsewhere = se3.exp(np.array([0, 0, -50.0, 0, 0, 0]))
     for model in (the_model().moved(elsewhere), without_anything(the_model())):
-        found = refine(perturbed(0), model, the_source(), CONFIG)
+        found = refine(perturbed(0), the_problem(model=model))
         np.testing.assert_allclose(found.T_model_source, perturbed(0), atol=1e-12)
         assert (found.planes_seen, found.pixels_seen, found.brightness_correlation) == (0, 0, 0.0)
         assert (found.information == 0).all()
@@ -164,8 +172,9 @@ def without_anything(model: Model) -> Model:
     """The model with no plane and no pixel."""
     rows, numbers = np.empty((0, 3)), np.empty(0)
     return Model(
-        Planes(rows, rows, rows, numbers),
-        (Pixels(rows, numbers, rows, numbers),) * len(model.pixels),
+        Planes(points=rows, normals=rows, velocity=rows, row_time=numbers),
+        (Pixels(points=rows, brightness=numbers, velocity=rows, row_time=numbers),)
+        * len(model.pixels),
     )
 
 
@@ -173,7 +182,7 @@ def without_anything(model: Model) -> Model:
 @settings(max_examples=5)
 def test_the_information_is_symmetric_and_positive_definite(seed: int) -> None:
     config = replace(CONFIG, iterations=2)
-    found = refine(perturbed(seed), the_model(), the_source(), config)
+    found = refine(perturbed(seed), the_problem(config=config))
     np.testing.assert_allclose(found.information, found.information.T, rtol=1e-12)
     assert np.linalg.eigvalsh(found.information).min() > 0
 
@@ -183,17 +192,15 @@ def test_one_wall_without_texture_leaves_three_directions_open() -> None:
     size = CAMERA.height, CAMERA.width
     wall = View(np.full(size, 90, np.uint8), np.full(size, 2.0, np.float32), CAMERA)
     # moving a little keeps every residual zero, but for what the window's rim adds
-    information = evaluate_pose(np.eye(4), model_of(wall, STEP), wall, CONFIG).information
+    information = evaluate_pose(np.eye(4), the_problem(wall, model_of(wall, STEP))).information
     known = np.diag(information) > 1e-6 * np.diag(information).max()
     assert list(known) == [False, False, True, True, True, False]
 
 
 def test_in_another_frame_the_model_gives_the_same_pose_there() -> None:
     T_odom_model = se3.exp(np.array([3.0, -2.0, 1.0, 0.3, 1.2, -0.5]))
-    here = refine(perturbed(0), the_model(), the_source(), CONFIG)
-    there = refine(
-        T_odom_model @ perturbed(0), the_model().moved(T_odom_model), the_source(), CONFIG
-    )
+    here = refine(perturbed(0), the_problem())
+    there = refine(T_odom_model @ perturbed(0), the_problem(model=the_model().moved(T_odom_model)))
     np.testing.assert_allclose(there.T_model_source, T_odom_model @ here.T_model_source, atol=1e-4)
 
 
@@ -213,8 +220,8 @@ def test_a_blend_of_models_has_every_other_plane_and_pixel_of_both() -> None:
 def test_a_blend_judges_a_pose_as_its_models_do() -> None:
     T = true_transform()
     one, two = the_model(), model_of(the_source(), STEP).moved(T)
-    alone = [evaluate_pose(T, model, the_source(), CONFIG) for model in (one, two)]
-    both = evaluate_pose(T, blend([one, two]), the_source(), CONFIG)
+    alone = [evaluate_pose(T, the_problem(model=model)) for model in (one, two)]
+    both = evaluate_pose(T, the_problem(model=blend([one, two])))
     agreements = [found.plane_agreement for found in alone]
     assert min(agreements) - 0.02 < both.plane_agreement < max(agreements) + 0.02
     assert both.planes_seen < sum(found.planes_seen for found in alone) / 2 + 50
@@ -226,7 +233,7 @@ def test_depth_noise_of_the_sensor_leaves_millimetres() -> None:
     # in disparity, as the sensor errs: 2 mm at 1 m, 18 mm at 3 m
     noisy = 1 / (1 / depth + rng.normal(0, 0.002, depth.shape))
     source = replace(the_source(), depth=noisy.astype(np.float32))
-    found = refine(perturbed(0), the_model(), source, CONFIG)
+    found = refine(perturbed(0), the_problem(source))
     assert_at_truth(found, metres=0.005, radians=0.003)
     assert found.plane_agreement > 0.5
 
@@ -235,7 +242,7 @@ def test_planes_that_somebody_hides_are_counted_and_do_not_pull() -> None:
     source = the_source()
     near = source.depth.copy()
     near[:, : CAMERA.width // 3] = 0.6
-    found = refine(perturbed(1), the_model(), replace(source, depth=near), CONFIG)
+    found = refine(perturbed(1), the_problem(replace(source, depth=near)))
     assert_at_truth(found, 0.003, 0.002)
     assert 0.2 < found.planes_occluded / found.planes_seen < 0.5
     assert found.planes_visible == found.planes_seen - found.planes_occluded
@@ -245,7 +252,7 @@ def test_planes_that_somebody_hides_are_counted_and_do_not_pull() -> None:
 def test_planes_that_are_gone_are_not_hidden() -> None:
     source = the_source()
     far = replace(source, depth=source.depth + np.float32(3.0))
-    found = evaluate_pose(true_transform(), the_model(), far, CONFIG)
+    found = evaluate_pose(true_transform(), the_problem(far))
     assert found.planes_seen > 0
     assert found.planes_occluded == 0
 
@@ -256,9 +263,7 @@ def test_pixels_before_which_something_else_is_seen_are_left_out() -> None:
     near, painted = source.depth.copy(), source.grey.copy()
     near[:, :width] = 0.6
     painted[:, :width] = np.random.default_rng(0).integers(0, 256, painted[:, :width].shape)
-    found = evaluate_pose(true_transform(), the_model(), replace(source, grey=painted), CONFIG)
-    hidden = evaluate_pose(
-        true_transform(), the_model(), replace(source, grey=painted, depth=near), CONFIG
-    )
+    found = evaluate_pose(true_transform(), the_problem(replace(source, grey=painted)))
+    hidden = evaluate_pose(true_transform(), the_problem(replace(source, grey=painted, depth=near)))
     assert hidden.pixels_seen < 0.7 * found.pixels_seen
     assert hidden.brightness_correlation > 0.9 > found.brightness_correlation

@@ -10,8 +10,8 @@ from rigs.geometry import SEEDS
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
-from rgbd_glue_ros.refinement.level_problem import NO_MATCHES
 from rgbd_glue_ros.refinement.model import Model, model_of
+from rgbd_glue_ros.refinement.problem import NO_MATCHES, RefinementProblem
 from rgbd_glue_ros.types import CameraIntrinsics, Correspondences, Float64, View
 
 CONFIG = RefineConfig(iterations=15)
@@ -32,7 +32,7 @@ def matches(T_model_source: Float64, count: int, seed: int = 0) -> Correspondenc
 
 
 def refined(start: Float64, model: Model, source: View, by: Correspondences) -> Float64:
-    return refine(start, model, source, CONFIG, matches=by).T_model_source
+    return refine(start, RefinementProblem(model, source, CONFIG, by)).T_model_source
 
 
 @given(SEEDS)

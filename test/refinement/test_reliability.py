@@ -1,4 +1,4 @@
-"""What errors of normals feign along a plane is told from what the images hold."""
+"""The information that errors of normals make up along a plane is told from what is real."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.refinement.reliability import without_feigned
+from rgbd_glue_ros.refinement.problem import RefinementProblem
+from rgbd_glue_ros.refinement.reliability import without_spurious_information
 from rgbd_glue_ros.types import Float64, View
 
 CONFIG = Config().refine
@@ -20,10 +21,10 @@ REACH = 0.03
 
 
 def evaluated(before: View, now: View, T: Float64) -> tuple[Refinement, Refinement]:
-    """A pose before and after what is feigned was taken out, where the start was expected."""
-    model = model_of(before, CONFIG.grid_step)
-    pose = evaluate_pose(T, model, now, CONFIG)
-    return pose, without_feigned(pose, np.eye(4), model, now, CONFIG, REACH)
+    """A pose with spurious information and without it, where the start was expected."""
+    problem = RefinementProblem(model_of(before, CONFIG.grid_step), now, CONFIG)
+    pose = evaluate_pose(T, problem)
+    return pose, without_spurious_information(pose, np.eye(4), problem, REACH)
 
 
 def test_a_pose_that_the_images_fix_is_left_as_it_is() -> None:

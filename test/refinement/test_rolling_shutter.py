@@ -12,6 +12,7 @@ from rgbd_glue_ros.geometry import camera, se3
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.rolling_shutter import twist_from_distortion
 from rgbd_glue_ros.types import Float64, View
 
@@ -35,9 +36,10 @@ def seen(
     velocity, covariance = start, np.eye(6)
     for _ in range(3):
         source = view(TIMES[1], readout_time, latency, velocity)
-        found = refine(T, model, source, config, [LEVEL])
+        problem = RefinementProblem(model, source, config)
+        found = refine(T, problem, [LEVEL])
         T = found.T_model_source
-        measured = twist_from_distortion(found, model, source, config, LEVEL)
+        measured = twist_from_distortion(found, problem, LEVEL)
         velocity, covariance = measured.twist, measured.covariance
     return velocity, covariance
 
@@ -63,7 +65,7 @@ def test_a_global_shutter_shows_nothing_and_leaves_the_velocity_as_it_was() -> N
 
 
 @pytest.mark.slow
-def test_a_slower_shutter_shows_more() -> None:
+def test_a_slower_shutter_shows_the_twist_more_precisely() -> None:
     slow, fast = (
         np.diag(seen(readout_time, 0.0, true_twist(TIMES[1]))[1]) for readout_time in (0.03, 0.015)
     )

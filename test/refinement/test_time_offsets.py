@@ -12,6 +12,7 @@ from rgbd_glue_ros.geometry import camera, se3
 from rgbd_glue_ros.parameters import RefineConfig, TimeOffsetsConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import Float64, RgbdFrame, View
 
@@ -34,10 +35,10 @@ def found_in(
 ) -> tuple[TimeOffsets, Float64]:
     """The timing after two frames, and T_model_source."""
     target, source = (prepared(f, t, timing) for f, t in zip(frames, TIMES, strict=True))
-    model = model_of(target, STEP)
+    problem = RefinementProblem(model_of(target, STEP), source, REFINE)
     start = se3.inverse(true_pose(TIMES[0])) @ true_pose(TIMES[1])
-    found = refine(start, model, source, REFINE)
-    return timing.corrected(found, model, source, REFINE, config), found.T_model_source
+    found = refine(start, problem)
+    return timing.corrected(found, problem, config), found.T_model_source
 
 
 def pose_error(T: Float64) -> tuple[float, float]:
@@ -67,10 +68,10 @@ def test_latency_and_readout_are_found_and_the_pose_is_right_with_them(
 
 def test_a_camera_that_stands_still_says_nothing_of_its_timing() -> None:
     view = room_view(TIMES[0])
-    model = model_of(view, STEP)
-    found = refine(np.eye(4), model, view, REFINE)
+    problem = RefinementProblem(model_of(view, STEP), view, REFINE)
+    found = refine(np.eye(4), problem)
     start = TimeOffsets.start(TimeOffsetsConfig(drift=0.0), "")
-    timing = start.corrected(found, model, view, REFINE, TimeOffsetsConfig(drift=0.0))
+    timing = start.corrected(found, problem, TimeOffsetsConfig(drift=0.0))
     assert (timing.depth_latency, timing.readout_time) == (0.0, 0.0)
     np.testing.assert_allclose(timing.covariance, start.covariance)
 
@@ -94,11 +95,11 @@ def test_a_calibration_of_ones_own_is_kept_for_any_camera() -> None:
 def test_a_frame_that_gives_no_finite_number_leaves_the_timing_as_it_was() -> None:
     timing = TimeOffsets.start(SURE, "")
     view = prepared(rolling_frame(TIMES[0], 0.0, 0.0), TIMES[0], timing)
-    model = model_of(view, STEP)
-    found = refine(np.eye(4), model, view, REFINE)
+    problem = RefinementProblem(model_of(view, STEP), view, REFINE)
+    found = refine(np.eye(4), problem)
     poisoned = replace(found, affine_brightness=np.full(3, np.nan))
-    assert timing.corrected(found, model, view, REFINE, SURE) is not timing
-    assert timing.corrected(poisoned, model, view, REFINE, SURE) is timing
+    assert timing.corrected(found, problem, SURE) is not timing
+    assert timing.corrected(poisoned, problem, SURE) is timing
 
 
 def test_the_share_of_a_readout_is_what_it_may_be_of_a_kinects() -> None:

@@ -49,7 +49,7 @@ def test_a_place_seen_again_is_the_most_alike(create: Callable[[], Appearance]) 
 
 
 @KINDS
-def test_a_place_never_seen_is_like_none(create: Callable[[], Appearance]) -> None:
+def test_a_place_never_seen_matches_no_known_place(create: Callable[[], Appearance]) -> None:
     appearance = create()
     assert appearance.like(places(1)[0]) == []
     *known, new = places(20)

@@ -42,7 +42,7 @@ def test_poses_stay_where_they_are_when_no_keyframe_moves() -> None:
     np.testing.assert_allclose(found.poses, poses, atol=1e-12)
 
 
-def test_one_keyframe_moves_all() -> None:
+def test_a_correction_of_one_keyframe_moves_all_poses() -> None:
     poses = random_walk(np.random.default_rng(2), 101)
     T = se3.exp(np.array([1.0, 2, 3, 0.1, 0.2, 0.3]))
     found = corrected(

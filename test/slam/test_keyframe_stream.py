@@ -68,6 +68,16 @@ def test_after_a_reset_a_new_graph_begins() -> None:
     assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
 
 
+def test_a_bag_that_begins_anew_begins_a_new_graph_by_the_same_numbers_and_stamps() -> None:
+    stream = KeyframeStream()
+    for _ in range(2):
+        stream.add_pose(100, pose(0))
+        stream.add_pose(200, pose(1))
+        keyframes, late = stream.add_edge(200, edge(0, 1))
+        assert late is None
+        assert said(keyframes) == [(0, 100, 0.0, False, True), (1, 200, 1.0, True, False)]
+
+
 def test_who_comes_late_begins_with_what_there_is() -> None:
     stream = KeyframeStream()
     stream.add_pose(900, pose(8))

@@ -175,6 +175,6 @@ def test_a_file_that_holds_no_map_is_refused_in_one_line(damage: object, tmp_pat
     write_map(path, first_session())
     assert callable(damage)
     damage(path)
-    with pytest.raises(InputError, match="holds no map") as refused:
+    with pytest.raises(InputError, match="holds no valid map") as refused:
         read_map(path)
     assert "\n" not in str(refused.value)

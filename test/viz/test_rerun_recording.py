@@ -167,7 +167,7 @@ def test_keyframes_have_a_frustum_and_a_cloud(rows: Rows, logged: Logged) -> Non
         np.testing.assert_allclose(np.array(points)[:, 2], WALL_M, atol=1e-3)
 
 
-def test_the_file_opens_arranged(logged: Logged) -> None:
+def test_the_rerun_file_contains_its_layout(logged: Logged) -> None:
     chunk = pytest.importorskip("rerun.chunk", reason="this rerun-sdk has no such reader")
     reader = chunk.RrdReader(logged[0])
     (arrangement,) = reader.blueprints()
@@ -188,7 +188,7 @@ def test_an_address_where_nobody_listens_is_refused_at_once(needs_rerun: None) -
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # and does not listen
         address = f"rerun+http://127.0.0.1:{taken.getsockname()[1]}/proxy"
-        with pytest.raises(InputError, match="no viewer answers there"):
+        with pytest.raises(InputError, match="no viewer responds there"):
             RerunRecording(address)
 
 
@@ -202,7 +202,7 @@ def test_a_viewer_that_has_ended_is_not_waited_for(
         port = listening.getsockname()[1]
         recording = RerunRecording(f"rerun+http://127.0.0.1:{port}/proxy")
     recording.close()
-    assert "has not got all of it" in caplog.text
+    assert "is incomplete" in caplog.text
 
 
 def test_without_rerun_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,1 +1,1 @@
-"""Work on many recordings, in this process or others, kept in a journal."""
+"""Work on many recordings, in this process or others, with a journal."""

@@ -1,4 +1,4 @@
-"""Results on disk as soon as they are known, so that a run that broke off can go on."""
+"""Results on disk as soon as they are known, so that an interrupted run can continue."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _FINISHED = "finished"
 
 
 class Journal(Closing):
-    """A file of JSON lines: what the run is about, then a result a line, then that it finished.
+    """A file of JSON lines: a description of the run, the results, then a mark of completion.
 
-    The file is made with the first result. One that a run broke off is gone on with; one that a
-    run finished is replaced.
+    The file is created with the first result. That of an interrupted run is continued; that of a
+    finished run is replaced.
 
     Attributes:
-        done: the results that are there, by their keys.
+        done: the existing results, by their keys.
     """
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
@@ -33,10 +33,10 @@ class Journal(Closing):
 
         Args:
             path: of the file.
-            about: whatever the results depend on beside their keys, as JSON has it.
+            about: everything that the results depend on besides their keys, as JSON.
 
         Raises:
-            InputError: the file cannot be read, or a run about something else broke off in it.
+            InputError: the file cannot be read, or belongs to an interrupted run of something else.
         """
         self._path = path
         self._about = json.loads(json.dumps(about))
@@ -56,7 +56,7 @@ class Journal(Closing):
         self._write({"key": key, "result": result})
 
     def finish(self) -> None:
-        """Says that nothing is missing, so that the next run starts anew."""
+        """Marks the run as complete, so that the next one starts over."""
         if self.done:
             self._write({_FINISHED: True})
 
@@ -73,7 +73,7 @@ class Journal(Closing):
             raise InputError(
                 self._path, f"cannot be read ({error.strerror})", "give another folder (-o)"
             ) from error
-        # whoever was killed while writing left a line without an end
+        # a process killed while writing leaves an incomplete line
         whole = content[: content.rfind(b"\n") + 1]
         try:
             about, *lines = (json.loads(line) for line in whole.splitlines())
@@ -81,14 +81,14 @@ class Journal(Closing):
             done = {} if finished else {line["key"]: line["result"] for line in lines}
         except (ValueError, KeyError, TypeError) as error:
             raise InputError(
-                self._path, "is no journal of results", "give another folder (-o), or remove it"
+                self._path, "is not a journal of results", "give another folder (-o), or remove it"
             ) from error
         if finished:
             return
         if about != self._about:
             raise InputError(
                 self._path,
-                "holds results of a run with other parameters that broke off",
+                "holds results of an interrupted run with other parameters",
                 "give another folder (-o), or remove it",
             )
         self.done, self._length = done, len(whole)

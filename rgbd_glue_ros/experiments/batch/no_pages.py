@@ -1,4 +1,4 @@
-"""Loaded by the processes of a Dask cluster of our own: none of them answers a browser."""
+"""Loaded by the processes of our own Dask cluster: none of them serves web pages."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Any
 
 
 def dask_setup(server: Any) -> None:
-    """Ends the HTTP server that a scheduler or a worker has just begun.
+    """Stops the HTTP server that a scheduler or a worker has just started.
 
-    Dask has no setting for that, and its pages ask nobody who they are
+    Dask has no setting for that, and its pages need no authentication
     (https://docs.dask.org/en/stable/how-to/customize-initialization.html).
 
     Args:

@@ -1,4 +1,4 @@
-"""Many tasks one after the other, on several processes, or on a cluster; through Dask."""
+"""Runs many tasks in sequence, on several processes, or on a cluster, with Dask."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PACKAGE = "rgbd_glue_ros"
 _CONNECT_S = 20
 _NO_PAGES = f"{_PACKAGE}.experiments.batch.no_pages"
 _LARGEST_BATCH = 20
-# Processes for each core: more take memory, and time to start, and none of them gets a core
+# Processes per core: more take memory, and time to start, without getting a core
 _MOST_PER_CORE = 16
 _BATCHES_PER_WORKER = 4
 # read by BLAS, OpenMP and numba when a worker starts, and by ``_within_threads``
@@ -32,32 +32,32 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 
 @dataclass(frozen=True)
 class Failure:
-    """What is known of a task that broke down, in place of what it would have given."""
+    """The error of a failed task, in place of its result."""
 
     error: str
 
 
 class Pool(Protocol):
-    """Where tasks are done."""
+    """Executes tasks."""
 
     def batch_size(self, count: int) -> int:
-        """How many of so many items are best put into one task, at least 1."""
+        """The best number of items per task, at least 1."""
 
     def run(
         self, function: Callable[[Task], Iterable[Item]], tasks: Sequence[Task]
     ) -> Iterator[tuple[Task, Item | Failure]]:
-        """What ``function`` gives for each task, item by item, in whatever order they come.
+        """The results of ``function`` for each task, item by item, in any order.
 
-        A task that raises ends in a ``Failure``, after the items before it where these were given
-        one by one; the others go on.
+        A task that raises ends in a ``Failure``, after earlier items if these are returned one by
+        one; the others continue.
         """
 
 
 class Serial:
-    """In this process, one after the other, every item as soon as it is there."""
+    """Runs in this process, in sequence, returning every item as soon as it is available."""
 
     def batch_size(self, count: int) -> int:
-        """All in one: what items have in common is then done once."""
+        """All in one task: common work is then done once."""
         return max(1, count)
 
     def run(
@@ -69,25 +69,25 @@ class Serial:
 
 
 class DaskPool:
-    """On the workers of a Dask cluster; a worker that dies is replaced, and its task done again."""
+    """Runs on a Dask cluster; a worker that dies is replaced, and its task repeated."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
 
     @property
     def address(self) -> str:
-        """Of the scheduler."""
+        """Address of the scheduler."""
         return str(self._client.scheduler.address)
 
     def batch_size(self, count: int) -> int:
-        """Enough to hide what a task costs, and so few that all workers have some to the end."""
+        """Enough to hide the cost of a task, few enough that all workers are busy to the end."""
         workers: int = max(1, sum(self._client.nthreads().values()))
         return max(1, min(_LARGEST_BATCH, count // (_BATCHES_PER_WORKER * workers)))
 
     def run(
         self, function: Callable[[Task], Iterable[Item]], tasks: Sequence[Task]
     ) -> Iterator[tuple[Task, Item | Failure]]:
-        """The items of each task when it is done, in whatever order the tasks are."""
+        """The items of each task when it is done, in any order of tasks."""
         from distributed import as_completed  # noqa: PLC0415
 
         futures = {
@@ -102,7 +102,7 @@ class DaskPool:
                         yield task, item
                 else:
                     yield task, _failure(error)
-                # else the scheduler would keep all results until the end
+                # otherwise the scheduler would keep all results until the end
                 future.release()
         finally:
             self._client.cancel(list(futures))
@@ -114,12 +114,12 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
 
     Args:
         workers: processes to start on this machine; the cores are divided among them.
-        scheduler: address of a Dask scheduler in place of these. With neither, tasks are done in
-            this process, which needs no Dask.
+        scheduler: address of a Dask scheduler instead of these. With neither, tasks run in this
+            process, without Dask.
 
     Raises:
-        InputError: there is no scheduler at the address, or it has no workers; or workers are far
-            more than cores.
+        InputError: there is no scheduler at the address, or it has no workers; or there are far
+            more workers than cores.
         MissingExtraError: Dask is not installed.
     """
     if workers is None and scheduler is None:
@@ -131,13 +131,13 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
         from distributed import Client, LocalCluster  # noqa: PLC0415
     except ImportError as error:
         raise MissingExtraError("Dask", "scale", "working in parallel") from error
-    # how workers start, stop and come back is Dask's business
+    # Dask manages starting, stopping and restarting of workers
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=_CONNECT_S)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
-            # Dask's own settings say with which certificates (distributed.comm.tls)
+            # Dask's own settings define the certificates (distributed.comm.tls)
             raise InputError(
                 scheduler,
                 f"no Dask scheduler answers ({error})",
@@ -154,11 +154,11 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
     assert workers is not None  # noqa: S101 - for the type checker
     cores = os.cpu_count() or 1
     if workers > _MOST_PER_CORE * cores:
-        cause = f"{workers} processes on {cores} cores would only take one another's memory"
+        cause = f"{workers} processes on {cores} cores would only compete for memory"
         raise InputError("--workers", cause, f"give {cores}")
     threads = str(max(1, cores // workers))
     environment = dict.fromkeys(_THREADS, threads)
-    # on this machine alone, for who has the certificates of this run alone, and with no pages
+    # only on this machine, only with the certificates of this run, and without pages
     settings = {
         "distributed.nanny.pre-spawn-environ": environment,
         **{f"distributed.{part}.preload": [_NO_PAGES] for part in ("scheduler", "worker")},
@@ -183,7 +183,7 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
 
 @contextmanager
 def _environment_as_before() -> Iterator[None]:
-    """Puts right what Dask does to this process's environment when it starts others."""
+    """Undoes Dask's changes to this process's environment when it starts others."""
     before = dict(os.environ)
     try:
         yield
@@ -194,13 +194,13 @@ def _environment_as_before() -> Iterator[None]:
 
 
 def _check_versions(client: Any) -> None:
-    """Makes sure that every worker can do this version's tasks; else these would never end.
+    """Checks that every worker can run this version's tasks; otherwise these would never end.
 
     Raises:
         InputError: a worker has another version of this package, or none.
     """
     own = version(_PACKAGE)
-    # the function is of the standard library, which a worker has whatever else it lacks
+    # the function is from the standard library, which every worker has
     for address, installed in client.run(version, _PACKAGE, on_error="return").items():
         if isinstance(installed, Exception):
             raise InputError(address, f"has no {_PACKAGE}", f"install version {own} there")
@@ -211,7 +211,7 @@ def _check_versions(client: Any) -> None:
 
 
 def _within_threads(function: Callable[[Task], Iterable[Item]], task: Task) -> list[Item]:
-    """A task's items, computed with as many threads as the worker was started for."""
+    """A task's items, computed with the number of threads that the worker was started for."""
     cv2.setNumThreads(int(os.environ.get(_THREADS[0], "1")))
     return list(function(task))
 
@@ -227,5 +227,5 @@ def _items(
 
 
 def _failure(error: BaseException) -> Failure:
-    logger.debug("a task broke down", exc_info=error)
+    logger.debug("a task failed", exc_info=error)
     return Failure(f"{type(error).__name__}: {error}")

@@ -37,22 +37,22 @@ ODOMETRIES = (
     "small_gicp",
     "colored_icp",
 )
-"""The peers that are run unless others are asked for: those that start from the frame before."""
+"""The default peers: those that start from the previous frame."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be measured.
+    """What to measure.
 
     Attributes:
         config: of the odometry.
-        peers: names of those to be measured beside it.
+        peers: names of the peers to compare with.
         limit: frames of each recording; None takes all.
         patience_s: time that each peer has for a recording, seconds.
-        robustness: whether recordings are made worse, too.
-        live: whether they are played to the node, too.
-        memory_frames: how many frames the memory is watched for; 0 for none.
-        command: that asked for it, to be quoted.
+        robustness: whether degraded recordings are measured too.
+        live: whether recordings are also played to the node.
+        memory_frames: number of frames for measuring memory; 0 for none.
+        command: the command line, for quoting.
     """
 
     config: Config
@@ -67,7 +67,7 @@ class Plan:
 
 @dataclass
 class _Bench:
-    """What was measured so far."""
+    """The measurements so far."""
 
     plan: Plan
     folder: Path
@@ -82,13 +82,13 @@ class _Bench:
     load_before: float = field(default_factory=load)
 
     def watch_memory(self, recording: Recording) -> None:
-        """Before anything else loads what the odometry has no need of."""
+        """Measures memory, before anything else loads what the odometry does not need."""
         if self.plan.memory_frames:
             memory = Memory(recording, self.plan.config, self.plan.memory_frames)
             self.run(memory, recording, self.memory)
 
     def installed(self, name: str) -> Peer | None:
-        """A peer; None, and a line that says what to install, where it is not."""
+        """A peer; None, with a line that says what to install, if it is not installed."""
         try:
             return PEERS[name]()
         except MissingExtraError as error:
@@ -98,7 +98,7 @@ class _Bench:
         return None
 
     def compare(self, recording: Recording, peers: dict[str, Peer]) -> dict[str, Any]:
-        """Ours, the peers and the floors; gives the figures of the recording, for others to add."""
+        """Measures ours, the peers and the floors; returns the figures, to be extended."""
         figures: dict[str, Any] = {}
         floors = Floors(self.plan.config)
         patience_s = self.plan.patience_s
@@ -123,7 +123,7 @@ class _Bench:
             self.write()
 
     def _title(self, recording: Recording) -> str:
-        """The recording's name, numbered where others have the same."""
+        """The recording's name, numbered if others have the same."""
         name, count = recording.name, 1
         while name in self.sequences:
             count += 1
@@ -145,7 +145,7 @@ class _Bench:
         }
 
     def write(self) -> None:
-        """Leaves everything measured so far."""
+        """Writes everything measured so far."""
         figures = self.figures()
         write_whole(self.folder / FIGURES, json_text(figures))
         tables = to_markdown(figures)
@@ -165,12 +165,12 @@ def run_bench(
     on_part: Callable[[Part, Recording], None] = lambda _, __: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Measures what a plan asks for; however it ends, what was measured is written.
+    """Measures according to a plan; however it ends, the measurements are written.
 
-    A recording that cannot be used and a peer that is not installed are named, the rest goes on.
+    An unusable recording and a peer that is not installed are reported, the rest continues.
 
     Args:
-        sources: the recordings, one at least.
+        sources: the recordings, at least one.
         open_source: opens one.
         plan: what to measure.
         folder: where the results go; created if it is not there.
@@ -181,7 +181,7 @@ def run_bench(
         The content of ``bench.json``.
 
     Raises:
-        InputError: a peer is not known, the folder cannot be written, or no recording can be used.
+        InputError: a peer is unknown, the folder cannot be written, or no recording is usable.
     """
     unknown = [name for name in plan.peers if name not in PEERS]
     if unknown:
@@ -210,7 +210,7 @@ def _measured(
 
     use(sources[0], bench.watch_memory)
     warm_up(plan.config)
-    # OpenMP's threads would go on spinning in the time of whoever comes next
+    # OpenMP's threads would continue spinning in the time of the next measurement
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     peers = {name: peer for name in plan.peers if (peer := bench.installed(name)) is not None}
     compared: dict[Path, dict[str, Any]] = {}
@@ -218,7 +218,7 @@ def _measured(
         use(source, lambda r: compared.update({source: bench.compare(r, peers)}))  # noqa: B023
     if not bench.sequences and unusable:
         raise unusable[0]
-    # what takes long comes last, so that a run that is broken off has something of every recording
+    # slow parts come last, so that an interrupted run has something of every recording
     for part in _further_parts(plan):
         for source, figures in compared.items():
             use(source, lambda r: bench.run(part(r), r, figures))  # noqa: B023

@@ -1,4 +1,4 @@
-"""This odometry and its peers on the same frames in the same run, taking turns."""
+"""Compares this odometry and its peers on the same frames in the same run, taking turns."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, Trajectory
 
 OURS = "rgbd_glue_ros"
 
-# The first frames of everybody load and compile; their times do not count.
+# The first frames of every contestant load and compile; their times do not count.
 _UNTIMED = 3
 
 
 class Contestant(Protocol):
-    """Something that turns frames into poses."""
+    """A method that turns frames into poses."""
 
     def process(self, frame: RgbdFrame) -> Float64 | None:
         """The pose [4, 4] of the next frame in the axes of the first one; None when lost."""
@@ -44,7 +44,7 @@ class Ours(Closing):
         self.estimates: list[OdometryEstimate] = []
 
     def process(self, frame: RgbdFrame) -> Float64 | None:
-        """What the odometry says."""
+        """The result of the odometry."""
         estimate = self._odometry.process(frame)
         self.estimates.append(replace(estimate, registration=None))
         return estimate.T_odom_camera
@@ -55,9 +55,9 @@ class Ours(Closing):
 
 
 class FrameToFrame:
-    """Odometry by a peer that registers every frame to the last one that it gave a pose.
+    """Odometry by a peer that registers every frame to the last one with a pose.
 
-    There is no keyframe, no motion model and no prior: what the peer is, and no more.
+    There is no keyframe, no motion model and no prior: only the peer itself.
     """
 
     def __init__(self, peer: Peer, limits: CameraConfig) -> None:
@@ -67,7 +67,7 @@ class FrameToFrame:
         self._pose: Float64 = np.eye(4)
 
     def process(self, frame: RgbdFrame) -> Float64 | None:
-        """The pose of the last frame that has one, moved by what the peer finds."""
+        """The pose of the last frame that has one, moved by the peer's result."""
         prepared = self._peer.prepare(view_of(frame, self._limits))
         if self._last is not None:
             try:
@@ -81,7 +81,7 @@ class FrameToFrame:
 
 @dataclass
 class _Score:
-    """What one contestant has done so far."""
+    """The results of one contestant so far."""
 
     contestant: Contestant
     stamps_ns: list[int] = field(default_factory=list)
@@ -118,10 +118,10 @@ class _Score:
 
 
 class Contest:
-    """A ``Part``: who is how fast and how far from the truth.
+    """A ``Part``: speed and error of every contestant.
 
-    Everybody gets each frame before anybody gets the next, and each frame begins with another one,
-    so that what else the machine does meets all alike.
+    All contestants process each frame before any gets the next, starting with a different one each
+    time, so that other load on the machine affects all alike.
     """
 
     title = "speed and error"
@@ -141,9 +141,8 @@ class Contest:
             config: of this package's odometry.
             peers: by name.
             patience_s: time that a peer has for the recording; one that needs more is measured on
-                the frames that it got done.
-            on_frame: called with every frame after everybody had it, for what is to be measured at
-                the same time.
+                the frames that it completed.
+            on_frame: called with every frame after all contestants, for simultaneous measurements.
         """
         self._recording = recording
         self._ours = Ours(config)
@@ -159,7 +158,7 @@ class Contest:
         return self._recording.frame_count
 
     def run(self, step: Callable[[], None]) -> None:
-        """Runs everybody over the recording."""
+        """Runs all contestants over the recording."""
         try:
             self._run(step)
         finally:
@@ -179,7 +178,7 @@ class Contest:
             step()
 
     def figures(self) -> dict[str, Any]:
-        """Times and errors of everybody; stages and honesty of this package's odometry."""
+        """Times and errors of all; stages and consistency of this package's odometry."""
         truth = self._recording.ground_truth
         estimates = self._ours.estimates
         return {

@@ -1,4 +1,4 @@
-"""Sequences made worse on purpose: what cameras, cables and busy machines do to a recording."""
+"""Degraded sequences: what cameras, cables and busy machines do to a recording."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame, UInt8
 
 _SEED = 0
-# Holes are blobs of about this size, as those of shiny, dark and far surfaces.
+# Holes are blobs of about this size, like those of shiny, dark and far surfaces.
 _HOLE_PX = 40
 
 
 @dataclass(frozen=True)
 class Degradation:
-    """A way to make a sequence worse; the same frames become the same frames.
+    """A deterministic degradation of a sequence.
 
     Attributes:
         name: in words.
-        apply: gives the worse frames, from the frames and how many there are, about.
-        kept: how many are left of so many frames, at most.
+        apply: returns the degraded frames, from the frames and their approximate number.
+        kept: maximum number of frames that remain of a number.
     """
 
     name: str
@@ -38,23 +38,23 @@ class Degradation:
 
 @dataclass(frozen=True)
 class DegradedSequence(WrappedRecording):
-    """A ``Recording`` that is another one made worse.
+    """A degraded version of another ``Recording``.
 
     Attributes:
-        recording: as it was recorded.
-        degradation: what happens to its frames.
+        recording: the original.
+        degradation: applied to its frames.
     """
 
     degradation: Degradation
 
     @property
     def name(self) -> str:
-        """That of the original, and what was done to it."""
+        """The name of the original, and the degradation."""
         return f"{self.recording.name}, {self.degradation.name}"
 
     @property
     def frame_count(self) -> int:
-        """At most as many as the original has."""
+        """At most the number of the original."""
         return self.degradation.kept(self.recording.frame_count)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
@@ -62,12 +62,12 @@ class DegradedSequence(WrappedRecording):
         return self.degradation.apply(self.recording, self.recording.frame_count)
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """The frames of these numbers, increasing; all before the last of them are made too."""
+        """The frames with these increasing numbers; all before the last are computed too."""
         return selected(self, indices)
 
 
 def first(count: int) -> Degradation:
-    """The first frames alone."""
+    """Only the first frames."""
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
         return islice(frames, count)
@@ -76,7 +76,7 @@ def first(count: int) -> Degradation:
 
 
 def every(step: int) -> Degradation:
-    """Every ``step``-th frame alone: a slow camera, or one that moves as much faster."""
+    """Only every ``step``-th frame: a slow camera, or one that moves as much faster."""
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
         return islice(frames, 0, None, step)
@@ -89,7 +89,7 @@ _ORDINALS = {2: "nd", 3: "rd"}
 
 
 def dropped(share: float) -> Degradation:
-    """A random share of the frames is missing; the first is there."""
+    """A random share of the frames is missing, but not the first."""
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
         rng = np.random.default_rng(_SEED)
@@ -99,7 +99,7 @@ def dropped(share: float) -> Degradation:
 
 
 def depth_holes(share: float) -> Degradation:
-    """That share of every depth image is unknown, in blobs that are elsewhere in every frame."""
+    """A share of every depth image is unknown, in blobs at different places in every frame."""
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
         rng = np.random.default_rng(_SEED)
@@ -119,12 +119,12 @@ def _blobs(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> ND
 
 
 def dim(light: float, noise: float = 2.0, haze: float = 0.0) -> Degradation:
-    """That part of the light, in the noise of a camera: a room at night.
+    """A fraction of the light, with camera noise: a room at night.
 
     Args:
-        light: what is left of it, 0 to 1.
+        light: remaining fraction, 0 to 1.
         noise: standard deviation, grey levels.
-        haze: what it adds, grey levels.
+        haze: added grey levels.
     """
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
@@ -137,7 +137,7 @@ def dim(light: float, noise: float = 2.0, haze: float = 0.0) -> Degradation:
 
 
 def in_levels(brightness: NDArray[np.floating[Any]]) -> UInt8:
-    """Brightness as an image has it: in whole grey levels from 0 to 255."""
+    """Brightness as stored in an image: whole grey levels from 0 to 255."""
     return np.asarray(np.clip(np.rint(brightness), 0, 255), np.uint8)
 
 
@@ -162,7 +162,7 @@ def no_depth(seconds: float) -> Degradation:
 def _for_a_while(
     seconds: float, change: Callable[[RgbdFrame], RgbdFrame]
 ) -> Callable[[Iterable[RgbdFrame], int], Iterator[RgbdFrame]]:
-    """Changes the frames of so many seconds from the middle frame on."""
+    """Changes the frames of a number of seconds from the middle frame on."""
 
     def apply(frames: Iterable[RgbdFrame], count: int) -> Iterator[RgbdFrame]:
         end_ns: int | None = None
@@ -175,7 +175,7 @@ def _for_a_while(
 
 
 def somebody_walks_by(somebody: PasserBy = PasserBy()) -> Degradation:  # noqa: B008 - frozen
-    """Somebody walks up and down before the camera."""
+    """A person walks up and down in front of the camera."""
 
     def apply(frames: Iterable[RgbdFrame], _: int) -> Iterator[RgbdFrame]:
         start_ns: int | None = None
@@ -183,7 +183,7 @@ def somebody_walks_by(somebody: PasserBy = PasserBy()) -> Degradation:  # noqa: 
             start_ns = frame.stamp_ns if start_ns is None else start_ns
             yield somebody.before(frame, start_ns)
 
-    return Degradation("somebody walks by", apply)
+    return Degradation("a passer-by", apply)
 
 
 DEGRADATIONS = (

@@ -1,4 +1,4 @@
-"""The figures that every part of a benchmark gives, under the names of ``metrics.json``."""
+"""The figures of every part of a benchmark, with the names of ``metrics.json``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def times(milliseconds: Sequence[float]) -> dict[str, float]:
 
 
 def errors(trajectory: Trajectory, truth: Trajectory | None) -> dict[str, Any]:
-    """APE and RPE; nothing without a truth, or without poses enough to compare."""
+    """APE and RPE; nothing without ground truth, or with too few poses to compare."""
     if truth is None:
         return {}
     try:
@@ -32,7 +32,7 @@ def errors(trajectory: Trajectory, truth: Trajectory | None) -> dict[str, Any]:
 
 
 def honesty(estimates: Sequence[OdometryEstimate], truth: Trajectory | None) -> dict[str, Any]:
-    """Mean and median of the normalised errors (NEES); nothing where none is known."""
+    """Mean and median of the normalised errors (NEES); nothing if none is known."""
     nees = normalised_errors(estimates, truth) if truth is not None else np.empty(0)
     if not len(nees):
         return {}
@@ -46,7 +46,7 @@ def honesty(estimates: Sequence[OdometryEstimate], truth: Trajectory | None) -> 
 
 
 def losses(estimates: Sequence[OdometryEstimate]) -> dict[str, Any]:
-    """How often the odometry was lost, how long at most, and how often it had to start anew."""
+    """How often the odometry was lost, how long at most, and how often it had to restart."""
     longest_ns, last_ns, is_lost = 0, None, False
     for estimate in estimates:
         is_lost = is_lost or estimate.state is TrackingState.LOST
@@ -59,7 +59,7 @@ def losses(estimates: Sequence[OdometryEstimate]) -> dict[str, Any]:
         "frames": len(estimates),
         "lost": len(estimates) - len(posed),
         "longest_without_pose_s": longest_ns / NANOSECONDS,
-        # what starts has no velocity; so has the very first
+        # a restart has no velocity, and neither does the very first frame
         "restarts": max(0, sum(e.twist is None for e in posed) - 1),
     }
 

@@ -1,7 +1,7 @@
-"""What each stage would cost at least: the same operation in OpenCV's or Open3D's C++.
+"""The minimum cost of each stage: the same operation in OpenCV's or Open3D's C++.
 
-Measured on frames of the contest, right after it. A floor is no peer: it does the core of a stage
-and leaves out what surrounds it (keypoints kept, depth looked up, evidence weighed).
+Measured on frames of the contest, right after it. A floor is not a peer: it does the core of a
+stage without its surroundings (selecting keypoints, looking up depth, weighing evidence).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import RgbdFrame
 
 _EVERY = 50
-# One of several runs in a row finds caches warm and no other process on the core.
+# One of several consecutive runs finds warm caches and no other process on the core.
 _RUNS = 3
 _MIN_MATCHES = 4
 _SURE = 0.9999
@@ -38,9 +38,9 @@ class Floor:
 
     Attributes:
         stage: its name in ``stages_ms``.
-        what: is run in its place.
-        work: runs it on a frame and the one before.
-        needs_open3d: whether it is Open3D that runs it.
+        what: the operation run in its place.
+        work: runs it on a frame and the previous one.
+        needs_open3d: whether Open3D runs it.
     """
 
     stage: str
@@ -50,7 +50,7 @@ class Floor:
 
 
 class Inputs:
-    """What the floors work on, of one frame; computed before the clock runs."""
+    """The inputs of the floors for one frame, computed before timing."""
 
     def __init__(self, frame: RgbdFrame, config: Config, before: Inputs | None = None) -> None:
         self.before = before
@@ -73,12 +73,12 @@ class Inputs:
 
     @cached_property
     def uv(self) -> Any:
-        """float32 [N, 2], where the keypoints are."""
+        """float32 [N, 2], positions of the keypoints."""
         return np.array(cv2.KeyPoint.convert(self.keypoints[0]), np.float32).reshape(-1, 2)
 
     @cached_property
     def grid(self) -> Any:
-        """Open3D's cloud of the points that geometric features are computed of."""
+        """Open3D's cloud of the points that geometric features are computed for."""
         return self.cloud(self.config.features.grid_step)
 
     @cached_property
@@ -97,7 +97,7 @@ class Inputs:
 
     @cached_property
     def matched(self) -> tuple[Any, Any]:
-        """Points [N, 3] of the frame before, and the pixels [N, 2] they are matched with."""
+        """Points [N, 3] of the previous frame, and the pixels [N, 2] they are matched with."""
         if self.before is None:
             return np.empty((0, 3)), np.empty((0, 2))
         matches = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(
@@ -170,7 +170,7 @@ def _refinement(now: Inputs, before: Inputs) -> object:
         0.1,
         np.eye(4),
         registration.TransformationEstimationPointToPlane(),
-        # no limit on the change: every iteration is run
+        # no convergence limit: every iteration is run
         registration.ICPConvergenceCriteria(0.0, 0.0, now.config.refine.iterations * LEVELS),
     )
 
@@ -213,7 +213,7 @@ FLOORS = (
 
 
 class Floors:
-    """Measures all floors on every fiftieth frame that it is shown."""
+    """Measures all floors on every fiftieth frame."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -224,7 +224,7 @@ class Floors:
         self._ms: dict[str, list[float]] = {floor.stage: [] for floor in self._floors}
 
     def show(self, frame: RgbdFrame) -> None:
-        """The next frame."""
+        """Processes the next frame."""
         before, self._before = self._before, frame
         self._count += 1
         if before is None or self._count % _EVERY:
@@ -237,7 +237,7 @@ class Floors:
             self._ms[floor.stage].append(_milliseconds(floor, now, then))
 
     def figures(self) -> dict[str, Any]:
-        """Median of each floor, milliseconds; without those that nothing installed can run."""
+        """Median of each floor, milliseconds; without those whose library is not installed."""
         return {"floors_ms": {stage: median(ms) for stage, ms in self._ms.items() if ms}}
 
 

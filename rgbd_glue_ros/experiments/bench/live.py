@@ -1,4 +1,4 @@
-"""The node at camera rate: the recording comes over DDS from another process."""
+"""The node at camera rate: the recording arrives over DDS from another process."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Live:
         return self._recording.frame_count
 
     def run(self, step: Callable[[], None]) -> None:
-        """Writes the recording to a bag for the time of the measurement, and plays that.
+        """Writes the recording to a temporary bag, and plays that.
 
         Raises:
             MissingExtraError: ROS is not installed.
@@ -63,5 +63,5 @@ class Live:
         self._figures = {**kept, "ready_s": result.ready_s}
 
     def figures(self) -> dict[str, Any]:
-        """What the node did, its latency from receipt to publication, and when it was ready."""
+        """The node's results, its latency from receipt to publication, and when it was ready."""
         return {"live": self._figures} if self._figures else {}

@@ -1,4 +1,4 @@
-"""Whether the odometry's memory stays what it is over hours of frames."""
+"""Whether the odometry's memory stays constant over hours of frames."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _EVERY = 50
 
 
 class Memory:
-    """A ``Part``: one odometry over a recording that begins again whenever it ends.
+    """A ``Part``: one odometry over an endlessly repeated recording.
 
-    What the process holds is measured, reading the recording and all libraries included, so this
-    part comes before any that loads a peer.
+    The memory of the process is measured, including reading the recording and all libraries, so
+    this part comes before any that loads a peer.
     """
 
     title = "memory"
 
     def __init__(self, recording: Recording, config: Config, frames: int) -> None:
-        """Prepares it.
+        """Prepares the measurement.
 
         Args:
             recording: the frames.
@@ -40,7 +40,7 @@ class Memory:
         self._resident_mb: list[float] = []
 
     def run(self, step: Callable[[], None]) -> None:
-        """Runs the odometry, looking at the memory now and then."""
+        """Runs the odometry, sampling the memory."""
         with Odometry(self._config) as odometry:
             for i, frame in enumerate(islice(endless(self._recording), self.frame_count), 1):
                 odometry.process(frame)
@@ -50,7 +50,7 @@ class Memory:
                 step()
 
     def figures(self) -> dict[str, Any]:
-        """The curve: megabytes after so many frames."""
+        """The curve: megabytes by number of frames."""
         return {
             "memory": {
                 "recording": self._recording.name,
@@ -61,7 +61,7 @@ class Memory:
 
 
 def endless(recording: Recording) -> Iterator[RgbdFrame]:
-    """The frames over and over, their stamps going on at the same pace."""
+    """The frames repeated endlessly, with stamps that continue at the same pace."""
     offset_ns = 0
     while True:
         first_ns = last_ns = before_ns = None

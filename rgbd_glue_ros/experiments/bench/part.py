@@ -1,4 +1,4 @@
-"""What a part of a benchmark is."""
+"""The interface of a part of a benchmark."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Part(Protocol):
 
     @property
     def frame_count(self) -> int:
-        """How many frames it is about to process, at most."""
+        """The maximum number of frames that it will process."""
 
     def run(self, step: Callable[[], None]) -> None:
         """Measures; calls ``step`` after every frame."""

@@ -1,4 +1,4 @@
-"""Somebody who walks up and down before the camera of a recording."""
+"""A person who walks up and down in front of the camera of a recording."""
 
 from __future__ import annotations
 
@@ -18,17 +18,16 @@ _CONTRAST = 50.0
 
 @dataclass(frozen=True)
 class PasserBy:
-    """An upright cylinder in mottled cloth that swings from side to side before the camera.
+    """An upright cylinder in mottled cloth that moves from side to side in front of the camera.
 
-    Its place is in the camera's frame, as that of somebody who accompanies it, and it hides what is
-    behind.
+    Its position is in the camera's frame, like that of a companion, and it hides what is behind.
 
     Attributes:
         distance: of its axis, metres.
         radius: metres.
-        reach: how far to each side of the optical axis it goes, metres.
-        period: of the way there and back, seconds.
-        tall: how far above the optical axis it ends, metres.
+        reach: maximum distance to each side of the optical axis, metres.
+        period: of a complete cycle, seconds.
+        tall: its height above the optical axis, metres.
     """
 
     distance: float = 1.5
@@ -38,13 +37,13 @@ class PasserBy:
     tall: float = 0.75
 
     def before(self, frame: RgbdFrame, start_ns: int) -> RgbdFrame:
-        """The frame with the passer-by in it, who set out from the left at ``start_ns``."""
+        """The frame with the passer-by, who started from the left at ``start_ns``."""
         seconds = (frame.stamp_ns - start_ns) / NANOSECONDS
         axis_x = -self.reach * np.cos(2 * np.pi * seconds / self.period)
         K = frame.intrinsics
         z, angle = self._seen(K, axis_x)
         y = _rays(K.height, K.fy, K.cy)[:, np.newaxis] * z
-        # where the room's depth is unknown it is taken to be behind
+        # unknown depth of the room is assumed to be behind
         shown = np.isfinite(z) & (y > -self.tall) & ~(frame.depth <= z)
         rows = (np.where(shown, y, 0.0) / _PATCH_M).astype(np.int64) % _PATCHES
         columns = (np.where(np.isfinite(z), angle * self.radius, 0.0) / _PATCH_M).astype(np.int64)

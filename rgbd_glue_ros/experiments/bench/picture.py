@@ -1,4 +1,4 @@
-"""Error against time of everybody, as an SVG file of its own."""
+"""Error against time of all contestants, as an SVG file."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _RADIUS, _FONT_PX = 5, 11
 
 
 def picture(sequences: Mapping[str, Any], ours: str) -> str | None:
-    """One panel a sequence, both axes logarithmic; down and left is better.
+    """One panel per sequence, both axes logarithmic; lower left is better.
 
     Args:
         sequences: as in ``bench.json``.
-        ours: the contestant that stands out.
+        ours: the contestant to highlight.
 
     Returns:
-        The file's content; None where nobody has both a time and an error.
+        The file's content; None if no contestant has both a time and an error.
     """
     panels = {}
     for name, content in sequences.items():
@@ -72,7 +72,7 @@ def _panel(name: str, points: Mapping[str, tuple[float, float]], ours: str) -> s
         y = place(tick, y_ticks, bottom, _TOP)
         drawn.append(_rule(_LEFT, right, y, y))
         drawn.append(_word(_LEFT - 6, y + 4, f"{tick:g}", _QUIET, "end"))
-    drawn.append(_word((_LEFT + right) / 2, bottom + 33, "ms a frame, median", _QUIET, "middle"))
+    drawn.append(_word((_LEFT + right) / 2, bottom + 33, "ms per frame, median", _QUIET, "middle"))
     drawn.append(
         f'<text transform="translate(14 {(_TOP + bottom) / 2:.1f}) rotate(-90)" fill="{_QUIET}" '
         'text-anchor="middle">RPE, cm/s</text>'

@@ -15,39 +15,38 @@ from rgbd_glue_ros.printable import printable
 _Figures = Mapping[str, Any]
 
 _CONTEST = """\
-Everybody gets each frame before anybody gets the next, and each frame begins with another one.
-Peers are run as plain odometry from frame to frame: no keyframe, no motion model, no prior, at
-the settings that their documentation shows; a frame that a peer cannot register has no pose,
-and the next is registered to the last one that has. A peer that is too slow is measured on the
-frames that it got done in its time, and has no APE, which grows with the way. Times are from a
-frame in memory to its pose: median and 95th percentile on the wall clock, and the median of the
-processor time of all threads, which other work on the machine disturbs less. APE is after SE(3)
-alignment, RPE over one second, both rmse."""
+All methods process each frame before any gets the next, starting with a different one each time.
+Peers are run as plain frame-to-frame odometry: no keyframe, no motion model, no prior, at the
+settings in their documentation; a frame that a peer cannot register has no pose, and the next is
+registered to the last one with a pose. A peer that is too slow is measured on the frames that it
+completed in its time, and has no APE, which grows with the path. Times are from a frame in memory
+to its pose: median and 95th percentile on the wall clock, and the median of the processor time of
+all threads, which other work on the machine disturbs less. APE is after SE(3) alignment, RPE over
+one second, both rmse."""
 
-_BUSY = """ **That is more than there are cores: times on the wall clock, and what
-the node had to drop, say more of the other processes than of these.**"""
+_BUSY = """ **That is more than the number of cores: wall-clock times and drops of
+the node say more about the other processes than about these.**"""
 
 _STAGES = """\
-Median milliseconds of each stage of ours, and beside it the floor: what its core costs in C++
-on frames of the same run (least of three in a row, on every fiftieth frame). The refinement runs
-on a second thread beside the features and the registration, so that the stages add up to more
-than a frame. Where a floor is above the stage, the stage is faster than that library."""
+Median milliseconds of each stage of this odometry, and its floor: the cost of its core in C++ on
+frames of the same run (least of three in a row, on every fiftieth frame). The refinement runs on a
+second thread in parallel with features and registration, so that the stages add up to more than a
+frame. If a floor is above the stage, the stage is faster than that library."""
 
 _HONESTY = """\
-Normalised error (NEES) of the transform from every frame to its keyframe: 6 in the mean where
-the covariance is honest, more where it is too sure, less where it is too cautious. It counts
-the error of the ground truth as well."""
+Normalised error (NEES) of the transform from every frame to its keyframe: its mean is 6 if the
+covariance is consistent, larger if it is overconfident, smaller if it is too cautious. It includes
+the error of the ground truth."""
 
 _ROBUSTNESS = """\
-The same recordings made worse, and what the odometry makes of them. Longest: seconds between
-two poses where tracking was lost in between. Anew: starts at the last known pose after being
-lost for long."""
+The odometry on degraded versions of the same recordings. Longest: seconds between two poses with
+tracking lost in between. Restarts: starts at the last known pose after being lost for long."""
 
 _LIVE = """\
 The recording as raw images, published at its own rate by another process over DDS to the node
 with the `live` preset. Latency is from the receipt of a frame's last message to the publication
-of its pose; both ways: from publication of the images until the pose is back in the publisher.
-Ready: from the start of the node's process until it listens."""
+of its pose; round trip: from publication of the images until the pose is back at the publisher.
+Ready: from the start of the node's process until it has subscribed."""
 
 
 def to_markdown(figures: _Figures) -> str:
@@ -57,7 +56,7 @@ def to_markdown(figures: _Figures) -> str:
     for title, text, body in (
         ("Error and time", _CONTEST, _contests(sequences, figures["not_installed"])),
         ("Stages and their floors", _STAGES, _stages(sequences)),
-        ("Honesty of the covariance", _HONESTY, _honesty(sequences)),
+        ("Consistency of the covariance", _HONESTY, _honesty(sequences)),
         ("Robustness", _ROBUSTNESS, _robustness(sequences)),
         ("The node over DDS", _LIVE, _live(sequences)),
         ("Memory", "", _memory(figures)),
@@ -65,7 +64,7 @@ def to_markdown(figures: _Figures) -> str:
         if body:
             parts += [f"## {title}", *([text] if text else []), body]
     if figures["problems"]:
-        parts += ["## Left out", bullets(figures["problems"])]
+        parts += ["## Skipped", bullets(figures["problems"])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -84,10 +83,10 @@ Written {written}, by
 
 on {machine["cores"]} cores of {machine["processor"]}, {machine["memory_gb"]} GB, \
 {machine["system"]}, Python {machine["python"]}; {versions}. \
-Processes that wanted to run on the whole machine, over a minute: {load}; niceness of these \
+Runnable processes on the whole machine, over a minute: {load}; niceness of these \
 {machine["niceness"]}.{_BUSY if busy else ""}
 
-The peers are those of the extra `bench`; `scripts/bench` installs them and does all of it."""
+The peers are those of the extra `bench`; `scripts/bench` installs them and runs everything."""
 
 
 def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
@@ -165,7 +164,7 @@ def _honesty(sequences: _Figures) -> str:
 
 
 def _robustness(sequences: _Figures) -> str:
-    head = ["", "frames", "APE (cm)", "RPE (cm/s)", "RPE (°/s)", "lost", "longest (s)", "anew"]
+    head = ["", "frames", "APE (cm)", "RPE (cm/s)", "RPE (°/s)", "lost", "longest (s)", "restarts"]
     head.append("NEES")
     parts = []
     for name, content in sequences.items():
@@ -194,7 +193,7 @@ def _degraded(kind: str, result: _Figures) -> list[str]:
 
 
 def _live(sequences: _Figures) -> str:
-    head = ["", "frames", "dropped", "lost", "latency p50 (ms)", "p95", "both ways p50", "p95"]
+    head = ["", "frames", "dropped", "lost", "latency p50 (ms)", "p95", "round trip p50", "p95"]
     head += ["ready (s)", "memory, peak (MB)", "APE (cm)", "RPE (cm/s)", "RPE (°/s)"]
     rows = []
     for name, content in sequences.items():
@@ -229,9 +228,9 @@ def _memory(figures: _Figures) -> str:
     chosen = sorted({round(i * (len(frames) - 1) / 7) for i in range(8)})
     growth = f"{max(resident[half:]) - max(resident[: half + 1]):+.1f} MB"
     return (
-        f"{memory['recording']} over and over through one odometry, in one process that reads it "
-        f"too: {frames[-1]} frames, {max(resident):.0f} MB at most; the most in the second half is "
-        f"that in the first {growth}.\n\n"
+        f"{memory['recording']} repeatedly through one odometry, in one process that also reads "
+        f"it: {frames[-1]} frames, at most {max(resident):.0f} MB; the maximum of the second half "
+        f"is that of the first {growth}.\n\n"
         + table(
             ["frames", *(str(frames[i]) for i in chosen)],
             [["MB resident", *(f"{resident[i]:.0f}" for i in chosen)]],

@@ -1,4 +1,4 @@
-"""A part of the robot before the camera of a recording: a bumper, and a finger up to the middle."""
+"""A part of the robot in front of a recording's camera: a bumper, and a finger up to the middle."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from rgbd_glue_ros.experiments.bench.degraded import in_levels
 from rgbd_glue_ros.refinement.model import Mask
 from rgbd_glue_ros.types import RgbdFrame
 
-# As near as a gripper: at the lower border, and how much farther at the upper.
+# As near as a gripper: depth at the lower border, and its increase to the upper.
 _NEAREST_M, _RECEDES_M = 0.35, 0.1
 _NOISE_M = 0.001
-# Parts of the image: where the bumper begins, half of the finger's width, where its tip is.
+# Fractions of the image: start of the bumper, half the finger's width, position of its tip.
 _BUMPER, _FINGER, _TIP = 0.75, 0.08, 0.5
 # Dull metal, grey levels.
 _GREY, _SHEEN, _GREY_NOISE = 56, 6, 2
 
 
 def pixels_of_part(height: int, width: int) -> Mask:
-    """Where it is in an image, bool [H, W]."""
+    """The pixels of the part in an image, bool [H, W]."""
     v, u = np.mgrid[:height, :width]
     finger = (np.abs(u - width / 2) < _FINGER * width) & (v > _TIP * height)
     return np.asarray((v > _BUMPER * height) | finger, np.bool_)

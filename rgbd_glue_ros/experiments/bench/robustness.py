@@ -1,4 +1,4 @@
-"""What the odometry makes of frames that are missing, dark, blind, patchy or crossed."""
+"""The odometry on frames that are missing, dark, blank, patchy or with a passer-by."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rgbd_glue_ros.types import OdometryEstimate
 
 
 class Robustness:
-    """A ``Part``: the odometry over a recording, made worse in one way after the other."""
+    """A ``Part``: the odometry over a recording with one degradation after another."""
 
     title = "robustness"
 

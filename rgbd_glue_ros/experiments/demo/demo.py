@@ -41,13 +41,13 @@ LOG = "node.log"
 THUMBNAILS = 60
 # Compiling for the first time takes this long on a slow machine.
 READY_S = 300.0
-# From the last frame to the node's last word on it, which comes once a second.
+# From the last frame to the node's last summary, which comes once per second.
 LAST_WORD_S = 5.0
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far the demonstration is.
+    """Progress of the demonstration.
 
     Attributes:
         frames: colour images of the recording.
@@ -62,13 +62,13 @@ class Progress:
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What came of it.
+    """Result of the demonstration.
 
     Attributes:
         figures: as in ``metrics.json``.
         frames: colour images published.
-        ready_s: from the start of the node's process until it listened, seconds.
-        summary: what the node said of itself at the end; None if it did not.
+        ready_s: from the start of the node's process until it had subscribed, seconds.
+        summary: the node's final summary; None if there was none.
     """
 
     figures: dict[str, Any]
@@ -89,23 +89,26 @@ def demo(
     on_progress: Callable[[Progress], None],
     command: str = "",
     parameters: Mapping[str, object] = MappingProxyType({}),
+    inputs: InputConfig | None = None,
 ) -> DemoResult:
-    """Plays a recording to the node and leaves the results of a replay, measured live.
+    """Plays a recording to the node and writes the results of a replay, measured live.
 
-    However it ends, what was measured until then is written.
+    However it ends, the measurements so far are written.
 
     Args:
         recording: what is played.
         folder: where the results and the node's log go.
         rate: speed, 1 for that of the recording.
-        on_progress: called after every frame.
-        command: that asks for it, to be quoted in the report.
-        parameters: of the node, beside those that the recording asks for.
+        on_progress: called after every frame, and while the node gets ready.
+        command: the command line, for quoting in the report.
+        parameters: of the node, besides those that the recording needs.
+        inputs: how the recording was opened, for the record; None for the defaults.
 
     Raises:
-        InputError: the recording, the folder or a parameter cannot be used.
+        InputError: the recording, the folder or a parameter cannot be used, or the node gave no
+            pose.
         MissingExtraError: ROS is not installed.
-        RuntimeError: the node ended, or gave no pose.
+        RuntimeError: the node ended.
     """
     given = by_current_names(parameters)
     own = values(NodeConfig())
@@ -117,7 +120,7 @@ def demo(
         load_preset(PRESET), {name: value for name, value in given.items() if name not in own}
     )
     of_inputs = {name: value for name, value in given.items() if name in values(InputConfig())}
-    inputs = with_values(InputConfig(), of_inputs)
+    inputs = with_values(inputs or InputConfig(), of_inputs)
     with results_of(recording.name, config, folder, inputs, (LOG,)):
         node = {**_parameters(recording), **given}
         return _played_to_the_node(recording, config, folder, rate, on_progress, command, node)
@@ -147,7 +150,9 @@ def _played_to_the_node(
             Player(recording, domain) as player,
         ):
             try:
-                _wait_until_ready(player, node)
+                _wait_until_ready(
+                    player, node, lambda: on_progress(Progress(recording.frame_count, 0, 0))
+                )
                 ready_s = time.monotonic() - start
                 _play(player, recording, node, rate, on_progress)
             finally:
@@ -163,7 +168,11 @@ def _played_to_the_node(
     if code != 0:
         raise RuntimeError(f"the node ended with exit code {code}; its log is in {log}")
     if not figures:
-        raise RuntimeError(f"the node gave no pose; its log is in {log}")
+        raise InputError(
+            recording.name,
+            f"the node gave no pose of it: {node.last_warning or 'it does not say why'}",
+            f"its log is in {log}",
+        )
     return DemoResult(figures, len(player.frames_ns), ready_s, player.summary)
 
 
@@ -178,12 +187,16 @@ def _parameters(recording: Played) -> dict[str, object]:
 
 
 def _waits(player: Player, node: NodeProcess, condition: Callable[[], bool], time_s: float) -> bool:
-    """Receives until ``condition`` holds; False where time is up or the node has ended."""
+    """Receives until ``condition`` holds; False if time is up or the node has ended."""
     return player.wait(lambda: not node.is_running or condition(), time_s) and node.is_running
 
 
-def _wait_until_ready(player: Player, node: NodeProcess) -> None:
-    if not _waits(player, node, player.is_matched, READY_S):
+def _wait_until_ready(player: Player, node: NodeProcess, on_wait: Callable[[], None]) -> None:
+    def is_ready() -> bool:
+        on_wait()
+        return player.is_matched()
+
+    if not _waits(player, node, is_ready, READY_S):
         node.check_refusal()
         raise RuntimeError(f"the node did not become ready: {node.last_words}")
 
@@ -195,7 +208,7 @@ def _play(
     rate: float,
     on_progress: Callable[[Progress], None],
 ) -> None:
-    """Plays all of the recording, and waits for the node's last word on it."""
+    """Plays all of the recording, and waits for the node's final summary."""
 
     def is_done() -> bool:
         said = player.summary
@@ -230,7 +243,7 @@ def _run(recording: Played, config: Config, player: Player) -> Run:
 
 
 def _thumbnails(recording: Played) -> dict[int, bytes]:
-    """Pictures of what was played; none of a recording that ends in damage."""
+    """Pictures of what was played; none if the recording ends in damage."""
     try:
         return {f.stamp_ns: thumbnail(f.color) for f in recording.sample(THUMBNAILS)}
     except InputError:
@@ -238,13 +251,13 @@ def _thumbnails(recording: Played) -> dict[int, bytes]:
 
 
 def _measured(player: Player, node: NodeProcess) -> dict[str, Any]:
-    """What the node alone knows."""
+    """Figures that only the node knows."""
     said = player.summary
     if said is None:
         return {}
     lost = said.frames - said.tracked
     return {
-        # poses come at once, the summary once a second
+        # poses arrive at once, the summary once per second
         "frames": len(player.poses) + lost,
         "lost": lost,
         "dropped": {drop.name.lower(): n for drop, n in said.drops.items()},

@@ -1,4 +1,4 @@
-"""The node as a process of its own, in a ROS domain that nothing else on the machine talks in."""
+"""The node as a separate process, in a ROS domain that nothing else on the machine uses."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ from types import TracebackType
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.parameters import profiles_file
 
-# Those above are not usable on every platform, 0 is everybody's.
+# Higher ones are not usable on every platform, 0 is the default.
 DOMAINS = range(1, 102)
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-# Everybody can write to the folder of the locks: what lies there in place of a file is left alone.
+# All users can write to the folder of the locks: anything there that is not a file is left alone.
 _LOCK_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-# What the node logs where it cannot use what it was given.
+_WARNING = re.compile(r"\[(?:WARN|ERROR)\].*?\]: (?P<text>.*)")
+# What the node logs if its input is unusable.
 _REFUSAL = re.compile(r"\[FATAL\].*?\]: (?P<cause>.+?); (?P<remedy>.+)")
-# How long the node may take to end after it was told to: it finishes the frame in work.
+# Maximum time for the node to end: it finishes the current frame.
 STOP_S = 10.0
 
 
 @contextmanager
 def private_domain() -> Iterator[int]:
-    """A ROS domain that no other process that asks here has at the same time.
+    """A ROS domain that no other caller uses at the same time.
 
     Raises:
-        InputError: all of them are taken.
+        InputError: all domains are in use.
     """
     start = os.getpid() % len(DOMAINS)
     for domain in (*DOMAINS[start:], *DOMAINS[:start]):
         path = Path(tempfile.gettempdir()) / f"rgbd_glue_ros_domain_{domain}.lock"
         try:
             lock = os.fdopen(os.open(path, _LOCK_FLAGS, 0o600), "a")
-        except OSError:  # another user's, or something in its place
+        except OSError:  # another user's lock, or something else in its place
             continue
         with lock:
             try:
@@ -55,7 +56,7 @@ def private_domain() -> Iterator[int]:
 
 
 def ros_environment(domain: int) -> dict[str, str]:
-    """Environment variables for ROS processes that talk among themselves on this machine.
+    """Environment variables for ROS processes that communicate only on this machine.
 
     They have to be set before rclpy is initialised.
     """
@@ -68,13 +69,13 @@ def ros_environment(domain: int) -> dict[str, str]:
 
 
 def shared_environment() -> dict[str, str]:
-    """Environment variables for a ROS process that talks with others; what is set stays.
+    """Environment variables for a ROS process that communicates with others; set ones stay.
 
     They have to be set before rclpy is loaded.
     """
     return {
         PROFILES: os.environ.get(PROFILES, str(profiles_file())),
-        # ROS from PyPI does not set it, and rclpy finds no resources without
+        # ROS from PyPI does not set it, and without it rclpy finds no resources
         "AMENT_PREFIX_PATH": os.environ.get("AMENT_PREFIX_PATH", sys.prefix),
     }
 
@@ -84,7 +85,7 @@ _PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
 
 
 def _end_with_parent() -> None:
-    """Lets a new process be told to end when the one that started it dies, however that does."""
+    """Makes a new process receive a signal when its parent dies, however that happens."""
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
@@ -92,7 +93,7 @@ class NodeProcess:
     """A running node; a context manager that ends it.
 
     Attributes:
-        lines: what it has logged so far.
+        lines: its log so far.
     """
 
     def __init__(
@@ -106,9 +107,9 @@ class NodeProcess:
 
         Args:
             parameters: its ROS parameters, by name, as YAML.
-            environment: variables beside those of this process.
+            environment: variables besides those of this process.
             arguments: further ROS arguments, as ``-r rgb/image:=/camera/image``.
-            module: what runs the node.
+            module: the module that runs the node.
         """
         settings = [
             word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")
@@ -121,7 +122,8 @@ class NodeProcess:
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            # else Ctrl-C in a terminal reaches the node as well, before its results are collected
+            # otherwise Ctrl-C in a terminal would also reach the node, before its results are
+            # collected
             start_new_session=True,
             preexec_fn=_end_with_parent,  # noqa: PLW1509 - it calls the kernel and nothing else
         )
@@ -156,12 +158,12 @@ class NodeProcess:
 
     @property
     def is_running(self) -> bool:
-        """Whether it has not ended yet."""
+        """Whether it is still running."""
         return self._process.poll() is None
 
     @property
     def peak_rss_mb(self) -> float:
-        """The most memory that it held, in MB; NaN after it has ended."""
+        """Its peak memory, in MB; NaN after it has ended."""
         try:
             status = Path(f"/proc/{self.pid}/status").read_text(encoding="ascii")
         except OSError:
@@ -176,8 +178,14 @@ class NodeProcess:
         ended = "" if code is None else f"exit code {code}, "
         return f"{ended}last line: {self.lines[-1] if self.lines else 'none'}"
 
+    @property
+    def last_warning(self) -> str:
+        """Its latest warning; "" without one."""
+        warnings = [found["text"] for line in self.lines if (found := _WARNING.search(line))]
+        return warnings[-1] if warnings else ""
+
     def check_refusal(self) -> None:
-        """Passes on why it ended, where that was what it was given.
+        """Raises the reason why the node ended, if that was its input.
 
         Raises:
             InputError: a parameter has a value that it cannot have, or needs what is not installed.
@@ -187,10 +195,11 @@ class NodeProcess:
             raise InputError("the node", refusals[-1]["cause"], refusals[-1]["remedy"])
 
     def wait_for_line(self, text: str, timeout_s: float) -> str:
-        """The first line that holds ``text``, waiting for it if need be.
+        """The first line that contains ``text``, waiting for it if necessary.
 
         Raises:
-            TimeoutError: it did not come, or the node ended without it; the log is in the message.
+            TimeoutError: it did not appear, or the node ended without it; the message contains the
+                log.
         """
 
         def find() -> str | None:

@@ -1,4 +1,4 @@
-"""What is played to a node: the messages of a recording, in the order of their recording."""
+"""The messages of a recording for playing to a node, in the order of recording."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 from rgbd_glue_ros.types import NANOSECONDS, ImuSamples, RgbdFrame, Trajectory
 
-# Samples of an IMU before the first frame: a node takes their mean for gravity's.
+# Samples of an IMU before the first frame: a node uses their mean as gravity.
 _LEAD_NS = NANOSECONDS // 2
 # Between two rounds of a single frame.
 _USUAL_PERIOD_NS = NANOSECONDS // 30
 
 
 class Sensor(Enum):
-    """What a recording may hold beside the channels of its frames."""
+    """What a recording may contain besides the channels of its frames."""
 
     IMU = "imu"
 
 
 Stream = Channel | Sensor
-"""What is published on a topic of its own."""
+"""What is published on a separate topic."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class PlayedMessage:
     """A message of a recording.
 
     Attributes:
-        channel: what it carries.
+        channel: kind of content.
         recorded_ns: when it was recorded, nanoseconds.
         stamp_ns: its header's stamp, nanoseconds.
         data: its CDR.
@@ -66,15 +66,15 @@ class Played(Protocol):
 
     @property
     def name(self) -> str:
-        """What to call it in a report."""
+        """Its name in a report."""
 
     @property
     def types(self) -> Mapping[Stream, str]:
-        """Of the messages of each channel, and of its sensors."""
+        """Types of the messages of each channel, and of its sensors."""
 
     @property
     def frame_count(self) -> int:
-        """How many colour images it holds, at most."""
+        """The maximum number of colour images."""
 
     @property
     def ground_truth(self) -> Trajectory | None:
@@ -82,14 +82,14 @@ class Played(Protocol):
 
     @property
     def messages(self) -> Iterable[PlayedMessage]:
-        """In the order of recording; they can be had more than once."""
+        """The messages in the order of recording; can be iterated repeatedly."""
 
     def sample(self, count: int) -> list[RgbdFrame]:
-        """At most ``count`` frames spread over the recording, to be looked at."""
+        """At most ``count`` frames spread over the recording, for viewing."""
 
 
 def transport(played: Played, channel: Stream) -> str:
-    """The value of ``image_transport`` or ``depth_transport`` to receive a channel with."""
+    """The value of ``image_transport`` or ``depth_transport`` for receiving a channel."""
     if played.types[channel] != "sensor_msgs/msg/CompressedImage":
         return topics.RAW
     return "compressedDepth" if channel is Channel.DEPTH else "compressed"
@@ -110,7 +110,7 @@ class PlayedBag:
         """Reads a rosbag2.
 
         Raises:
-            InputError: it cannot be read, holds no RGB-D sequence, or is of ROS 1.
+            InputError: the bag cannot be read, has no RGB-D sequence, or is from ROS 1.
         """
         with BagRecording(path) as sequence:
             name, found, truth = sequence.name, sequence.topics, sequence.ground_truth
@@ -147,17 +147,17 @@ class PlayedBag:
 
 @dataclass(frozen=True)
 class PlayedRecording(WrappedRecording):
-    """Any recording, whose frames are put into messages while it is played; a ``Played``.
+    """Any recording, whose frames are converted to messages while it is played; a ``Played``.
 
-    Fewer frames than ``frame_count`` are played of a part of it.
+    If only a part is played, it has fewer frames than ``frame_count``.
 
     Attributes:
         recording: the frames.
         codec: how images are put into messages.
-        start_s: left out of its beginning, seconds.
-        duration_s: length of what is played, seconds; None for all that is left.
+        start_s: skipped at its beginning, seconds.
+        duration_s: length of the played part, seconds; None for all the rest.
         later_ns: added to all stamps, nanoseconds.
-        lead_ns: how much of an IMU is played before the first frame, nanoseconds.
+        lead_ns: time of an IMU's samples before the first frame, nanoseconds.
     """
 
     codec: ImageCodec
@@ -183,17 +183,19 @@ class PlayedRecording(WrappedRecording):
         """Camera info, colour and depth of each frame at its stamp, the IMU's samples between.
 
         Raises:
-            InputError: a frame cannot be read, or none is in the part to be played.
+            InputError: a frame cannot be read, or none is in the part to play.
         """
         is_empty = True
         for messages in mapped_ahead(self._encoded, self._with_imu(self._part())):
             is_empty = False
             yield from messages
         if is_empty:
-            raise InputError(self.name, "has no frame to play", "start earlier, or play for longer")
+            raise InputError(
+                self.name, "has no frames to play", "start earlier, or play for longer"
+            )
 
     def next_round(self, stamps_ns: Sequence[int]) -> PlayedRecording:
-        """The same, to be played again with stamps that go on.
+        """The recording for the next round, with stamps that continue.
 
         Args:
             stamps_ns: of the frames of this round.
@@ -213,7 +215,7 @@ class PlayedRecording(WrappedRecording):
         return imu_of(self.recording)
 
     def _with_imu(self, frames: Iterable[RgbdFrame]) -> Iterator[tuple[ImuSamples, RgbdFrame]]:
-        """The frames, each with the samples since the one before."""
+        """The frames, each with the samples since the previous one."""
         samples = self._imu or ImuSamples.empty()
         after_ns: int | None = None
         for frame in frames:

@@ -1,4 +1,4 @@
-"""Plays a recording to a node over DDS and listens to what it answers; needs ROS."""
+"""Plays a recording to a node over DDS and receives its output; needs ROS."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ MESSAGE_TYPES = {
     f"sensor_msgs/msg/{t.__name__}": t for t in (Image, CompressedImage, CameraInfo, Imu)
 }
 QUEUE = 10
-# Of an IMU, which has many samples between two images.
+# Queue size for an IMU, which has many samples between two images.
 IMU_QUEUE = 1000
-# Who has not found this process after that is not there.
+# A node that has not discovered this process after that does not exist.
 LISTENERS_S = 5.0
-# Of several nodes one may find it at once, and another only when it tells of itself again.
+# One of several nodes may discover it at once, another only with its next announcement.
 ALL_FOUND_S = 3.0
 # Subscriptions match one by one, are known here before they are there, and a node makes new ones by
 # the QoS that it found.
@@ -47,11 +47,11 @@ C = TypeVar("C", bound="Camera")
 
 @dataclass(frozen=True)
 class Listeners:
-    """Who listens to a camera.
+    """The subscribers of a camera.
 
     Attributes:
         nodes: their full names, sorted.
-        unheard: topics of frames that nobody listens to.
+        unheard: topics of frames without a subscriber.
     """
 
     nodes: tuple[str, ...]
@@ -76,9 +76,9 @@ class Camera:
         """Joins the domain.
 
         Args:
-            recording: what is to be played.
+            recording: what to play.
             domain: ROS domain; None for the environment's.
-            reliable: whether what is lost is sent again; best effort if not.
+            reliable: whether lost messages are resent; otherwise best effort.
             remapped: topics without the transport, by the node's own names for them.
         """
         self._recording = recording
@@ -123,12 +123,12 @@ class Camera:
             left = end - time.monotonic()
             if left <= 0:
                 return False
-            # conditions may depend on what wakes nothing here, as the discovery of others
+            # conditions may depend on events that wake nothing here, such as discovery
             self._executor.spin_once(timeout_sec=min(left, 0.05))
         return True
 
     def wait_for_listeners(self) -> Listeners:
-        """Waits until all who listen do so, or until it is clear that nobody does."""
+        """Waits until all subscribers are matched, or until it is clear that there are none."""
         start = since = time.monotonic()
         known = self._subscriptions()
 
@@ -155,7 +155,7 @@ class Camera:
         )
 
     def _subscriptions(self) -> tuple[set[tuple[str, str, bytes]], list[int]]:
-        """Topic, node and identity of each subscription, and how many of each topic are matched."""
+        """Topic, node and identity of each subscription, and the number of matches per topic."""
         found = {
             (
                 p.topic_name,
@@ -172,11 +172,11 @@ class Camera:
         self._publishers[message.channel].publish(message.data)
 
     def play(self, rate: float, recording: Played | None = None) -> Iterator[PlayedMessage]:
-        """Publishes all messages at ``rate`` times the recording's speed; gives each after that.
+        """Publishes all messages at ``rate`` times the recording's speed; yields each after that.
 
         Args:
             rate: 1 for the speed of the recording.
-            recording: with the same channels, in place of the one that it was made with.
+            recording: with the same channels, instead of the original one.
         """
         start_ns = first_ns = None
         for message in (recording or self._recording).messages:
@@ -187,7 +187,7 @@ class Camera:
             while not is_due:
                 left_ns = due_ns - time.monotonic_ns()
                 is_due = left_ns <= 0
-                # also where it is late: else answers would wait, and then be lost
+                # even if it is late: otherwise answers would wait, and then be lost
                 self._executor.spin_once(timeout_sec=max(0.0, left_ns / NANOSECONDS))
             self.publish(message)
             yield message
@@ -199,24 +199,24 @@ def _topic(stream: Stream, remapped: Mapping[str, str], image_transport: str) ->
 
 
 class Player(Camera):
-    """A camera that hears what the node answers.
+    """A camera that receives the node's output.
 
     Attributes:
         published_ns: by stamp, when publication of the last message of a frame with it began,
             monotonic clock.
         frames_ns: stamps of the colour images published.
-        poses: by stamp, the poses [4, 4] that came.
+        poses: by stamp, the received poses [4, 4].
         covariances: by stamp, those of the poses [6, 6].
-        arrived_ns: by stamp, when the pose came, monotonic clock.
+        arrived_ns: by stamp, when the pose arrived, monotonic clock.
         keyframes: stamps of the frames that became keyframes.
-        summary: what the node last said of itself; None before it did.
+        summary: the node's latest summary; None before the first.
     """
 
     def __init__(self, recording: Played, domain: int) -> None:
         """Joins the domain.
 
         Args:
-            recording: what is to be played.
+            recording: what to play.
             domain: ROS domain.
         """
         super().__init__(recording, domain)
@@ -236,16 +236,16 @@ class Player(Camera):
             self._node.create_subscription(kind, name, receive, ANSWERS)
 
     def publish(self, message: PlayedMessage) -> None:
-        """Publishes a message, and keeps when."""
+        """Publishes a message, and records the time."""
         if message.channel is not Sensor.IMU:
-            # before, since a node may have it before this process goes on
+            # before publishing, since a node may receive it before this process continues
             self.published_ns[message.stamp_ns] = time.monotonic_ns()
         if message.channel is Channel.COLOR:
             self.frames_ns.add(message.stamp_ns)
         super().publish(message)
 
     def is_matched(self) -> bool:
-        """Whether the node listens to all topics, to those of frames reliably, and publishes."""
+        """Whether the node has subscribed to all topics, reliably to frames, and publishes."""
         for stream, publisher in self._publishers.items():
             listeners = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
             is_reliable = [i.qos_profile.reliability for i in listeners] == [self._reliability]

@@ -1,4 +1,4 @@
-"""Makes a map of a recording and leaves it in a folder."""
+"""Builds a map of a recording in a folder."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ ODOMETRY, CLOUD = "odometry.txt", "map.ply"
 
 
 class MappingSink:
-    """Gives the keyframes of an odometry to a mapper, and keeps what they saw.
+    """Passes the keyframes of an odometry to a mapper, and keeps their clouds.
 
     Where the odometry starts anew, so does the map; that of the longest part is in ``longest``.
 
@@ -77,7 +77,7 @@ class MappingSink:
         return self._parts[run.longest_row]
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Takes a frame."""
+        """Adds a frame."""
         start_row = self.mapper.session_start
         self.mapper.add_edges(
             tuple(
@@ -96,17 +96,17 @@ class MappingSink:
         self.clouds.append(cloud_of(frame))
 
     def close(self) -> None:
-        """Nothing: the map is made when all is known."""
+        """Does nothing: the map is built at the end."""
 
 
 @dataclass(frozen=True)
 class MappedRun:
-    """What mapping a recording gave.
+    """Result of mapping a recording.
 
     Attributes:
-        run: its frames where the optimum puts them, and the edges of loops.
+        run: its frames at their optimum, and the edges of loops.
         optimum: of the pose graph.
-        cloud: what its keyframes saw, where the optimum puts them.
+        cloud: the clouds of its keyframes at their optimum.
         figures: as in ``metrics.json``.
     """
 
@@ -130,27 +130,27 @@ def map_recording(
     save_map: Path | None = None,
     shown: RerunRecording | None = None,
 ) -> MappedRun:
-    """Runs the odometry, closes loops, and writes what is corrected by them.
+    """Runs the odometry, closes loops, and writes the corrected results.
 
-    What a replay leaves is there as soon as the odometry is done; of what loops correct, the
-    earlier version is replaced. The odometry's own trajectory stays as ``odometry.txt``.
+    The results of a replay are there as soon as the odometry is done; those that loops correct are
+    then replaced. The odometry's own trajectory is kept as ``odometry.txt``.
 
     Args:
-        sequence: where the frames come from.
+        sequence: source of the frames.
         config: of the odometry.
         folder: where the results go; created if it is not there.
-        ground_truth: T_world_camera; None takes what the sequence knows.
+        ground_truth: T_world_camera; None uses the sequence's.
         limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
-        inputs: how ``sequence`` was opened, for the record; None as by default.
-        command: that asks for it, to be quoted in the report.
-        before: a map to go on with; None begins one.
+        inputs: how ``sequence`` was opened, for the record; None for the defaults.
+        command: the command line, for quoting in the report.
+        before: a map to continue; None starts a new one.
         save_map: file to write the map to, for other sessions; None writes none.
-        shown: takes all of it for the Rerun viewer, and stays open; None for none.
+        shown: receives everything for the Rerun viewer, and stays open; None for none.
 
     Raises:
-        InputError: the folder cannot be written, a frame cannot be read, or the recording shows
-            no place of the map before it.
+        InputError: the folder cannot be written, a frame cannot be read, or the recording shows no
+            place of the existing map.
         MissingExtraError: the libraries of the extra slam are not installed.
     """
     load_gtsam()
@@ -226,7 +226,7 @@ def _keyframes_before(run: Run) -> int:
 
 
 def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
-    """The run with every pose where the optimum puts it, and with the loops of its own."""
+    """The run with every pose at its optimum, and with its own loops."""
     start = mapper.session_start
     keyframes = mapper.keyframes[start:]
     stamps = optimum.graph.keyframes.stamps_ns[start:]
@@ -245,7 +245,7 @@ def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
 
 
 def believed_loops(optimum: Optimum) -> tuple[PoseGraphEdge, ...]:
-    """The loops that the optimum believes."""
+    """The loops that the optimum accepts."""
     edges = zip(optimum.graph.edges, optimum.weights, strict=True)
     return tuple(edge for edge, w in edges if w > 0.5 and edge.origin is EdgeOrigin.LOOP)
 

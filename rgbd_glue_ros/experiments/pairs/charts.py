@@ -1,4 +1,4 @@
-"""Charts of registered pairs: how many are how accurate, and how the threshold adapts."""
+"""Charts of registered pairs: distribution of errors, and adaptation of the threshold."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _AT_5_CM = INLIER_THRESHOLDS_CM.index(5)
 
 
 def curves(results: Mapping[str, ByGap], names: Mapping[str, str]) -> str:
-    """Percent of pairs with at most an error: a line for each gap, or for each method in a gap."""
+    """Percent of pairs up to an error: a line for each gap, or for each method in a gap."""
     gaps = sorted({gap for by_gap in results.values() for gap in by_gap})
     if len(results) == 1:
         (own,) = results.values()
@@ -70,7 +70,7 @@ def _curve(error: str, compared: Sequence[Sequence[PairResult]]) -> str:
         color, style = _look(i)
         lines.append(Line("", color, x, 100 * below / len(errors), style))
     metric = METRICS[error]
-    # the first on top, which is our own
+    # the first, which is our own, on top
     return charts.plot(f"{metric.title}, {metric.symbol}", lines[::-1], axis, _PERCENT, 6)
 
 
@@ -90,7 +90,7 @@ def scatter(gap: int, content: Mapping[str, Any], results: Sequence[PairResult])
     Args:
         gap: of the pairs.
         content: their figures.
-        results: of the pairs; one at least was filtered.
+        results: of the pairs; at least one was filtered.
     """
     filtered = [r for r in results if r.filtered]
     some = filtered[:: 1 + len(filtered) // _MOST_DOTS]

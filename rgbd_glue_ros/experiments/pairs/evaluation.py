@@ -1,4 +1,4 @@
-"""What is measured of one pair of frames: a function of the pair and the method alone."""
+"""Measurement of one pair of frames: a function of only the pair and the method."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INLIER_THRESHOLDS_CM = (10, 5, 2.5)
 
 @dataclass(frozen=True)
 class Inliers:
-    """How many of a set of matches the true transform agrees with.
+    """How many of a set of matches agree with the true transform.
 
     Attributes:
         matches: size of the set.
@@ -41,7 +41,7 @@ class Inliers:
 
 @dataclass(frozen=True)
 class PairFrame:
-    """A frame of a pair; what methods know of it is found when it is first needed, and kept.
+    """A frame of a pair; the methods' descriptions of it are computed on first use, and kept.
 
     Attributes:
         recording: name of the recording.
@@ -57,7 +57,7 @@ class PairFrame:
     _described: dict[object, Described] = field(default_factory=dict, repr=False)
 
     def described(self, method: PairMethod) -> Described:
-        """What ``method`` knows of the frame."""
+        """The description of the frame by ``method``."""
         if method.description not in self._described:
             self._described[method.description] = method.describe(self.view)
         return self._described[method.description]
@@ -65,7 +65,7 @@ class PairFrame:
 
 @dataclass(frozen=True)
 class PairResult:
-    """What is kept of one pair; plain numbers and texts.
+    """The record of one pair; plain numbers and texts.
 
     Attributes:
         recording: name of the recording.
@@ -74,10 +74,10 @@ class PairResult:
         errors: of the transform.
         visual: inliers of the visual matches C_vis.
         before: inliers of the geometric matches C_geo.
-        after: inliers of those that the filter left, C_geo^in.
+        after: inliers of the matches that passed the filter, C_geo^in.
         filtered: whether the filter was applied.
-        epsilon_m: its threshold, metres; NaN when it was skipped.
-        seconds: wall time, both frames' features included.
+        epsilon_m: its threshold, metres; NaN if it was skipped.
+        seconds: wall time, including both frames' features.
         stages_ms: wall time of each stage; those of the features are of both frames.
     """
 
@@ -95,9 +95,9 @@ class PairResult:
 
 
 def evaluate_pair(method: PairMethod, source: PairFrame, target: PairFrame) -> PairResult:
-    """Registers two frames of a recording, the source to the target, and compares with the truth.
+    """Registers two frames of a recording, source to target, and compares with ground truth.
 
-    A method that breaks down has failed on the pair, which is logged.
+    If a method raises an error, it has failed on the pair, which is logged.
     """
     truth = se3.inverse(target.T_world_camera) @ source.T_world_camera
     result, seconds, stages = NO_RESULT, 0.0, dict[str, float]()

@@ -1,4 +1,4 @@
-"""The paper's experiments: registers frames a fixed gap apart and compares with the truth."""
+"""The paper's experiments: registers frames a fixed gap apart and compares with ground truth."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ OpenRecording = Callable[[Path], Recording]
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is to be measured.
+    """What to measure.
 
     Attributes:
         config: of the registration.
         gaps: frames between the two of a pair.
-        every: a pair starts at every so many frames; None takes the gap itself, so that each pair
-            starts where the last one ended, as in UR&R's test split.
+        every: frames between starts of pairs; None takes the gap itself, so that each pair starts
+            where the previous one ended, as in UR&R's test split.
         others: methods that are measured on the same pairs, by name.
     """
 
@@ -61,18 +61,18 @@ def run_pairs(
     on_planned: Callable[[int, int], None] = lambda *_: None,
     on_pair: Callable[[Results], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Runs an experiment over recordings; what cannot be used is reported, the rest goes on.
+    """Runs an experiment over recordings; unusable ones are reported, the rest continues.
 
-    Every result is in ``JOURNAL`` as soon as it is known, and a run that broke off is gone on with.
-    However it ends, the figures of the pairs done are written, and they are the same in whatever
-    order the pairs were done.
+    Every result is in ``JOURNAL`` as soon as it is known, and an interrupted run is continued.
+    However it ends, the figures of the finished pairs are written, independent of the order in
+    which the pairs were done.
 
     Args:
         sources: the recordings.
-        open_source: opens one; with workers it has to be such as can be sent to them.
-        experiment: what is to be measured.
+        open_source: opens one; with workers it must be serialisable.
+        experiment: what to measure.
         folder: where the results go; created if it is not there.
-        pool: where the work is done; None does it in this process.
+        pool: executes the work; None does it in this process.
         on_planned: called with the number of pairs, at most, and of those done by an earlier run.
         on_pair: called after every pair with its results by method.
 
@@ -80,8 +80,8 @@ def run_pairs(
         The figures, as ``PairResults.figures`` gives them.
 
     Raises:
-        InputError: the folder cannot be written, holds a part of another experiment, or there was
-            no pair at all.
+        InputError: the folder cannot be written, contains a part of another experiment, or there
+            was no pair at all.
         MissingExtraError: a feature needs a library that is not installed.
     """
     with ResultFolder(folder, (FIGURES, TABLES, REPORT)):
@@ -125,7 +125,7 @@ def _measured(
         if collector.unusable:
             raise collector.unusable[0]
         gap = min(experiment.gaps)
-        raise InputError("--gap", f"no two frames with a true pose are {gap} apart", "give less")
+        raise InputError("--gap", f"no two frames with ground truth are {gap} apart", "give less")
     shown = chosen([(path, pair[GLUE]) for path, pair in collector.in_order(plan)])
     method = method_of(experiment.config)
     with uninterrupted():
@@ -137,7 +137,7 @@ def _measured(
 def _planned(
     sources: Iterable[Path], open_source: OpenRecording, experiment: Experiment
 ) -> tuple[Plan, list[str], list[InputError]]:
-    """The pairs and the name of each recording, and what is wrong with those of no use."""
+    """The pairs and the name of each recording, and the errors of unusable ones."""
     plan: dict[Path, list[Pair]] = {}
     names: list[str] = []
     unusable: list[InputError] = []
@@ -174,7 +174,7 @@ def _jobs(
 
 
 def _about(experiment: Experiment, estimators: Mapping[str, Estimator]) -> Mapping[str, Any]:
-    """What a pair's results depend on."""
+    """Everything that a pair's results depend on."""
     return {
         "parameters": values(experiment.config),
         "methods": {
@@ -185,7 +185,7 @@ def _about(experiment: Experiment, estimators: Mapping[str, Estimator]) -> Mappi
 
 
 def _estimators(experiment: Experiment) -> tuple[dict[str, Estimator], dict[str, str]]:
-    """The experiment's methods, and why others of it cannot be had.
+    """The experiment's methods, and why others are not available.
 
     Raises:
         MissingExtraError: the configuration's own method needs a library that is not installed.

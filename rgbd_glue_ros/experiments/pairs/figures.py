@@ -1,4 +1,4 @@
-"""The figures of many pairs, as the paper's tables have them."""
+"""The figures of many pairs, as in the paper's tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def gap_figures(results: Sequence[PairResult]) -> dict[str, Any]:
     """The figures of all pairs of a gap; ratios, accuracies and recall are in percent.
 
     Args:
-        results: of one pair at least.
+        results: of at least one pair.
     """
     described = [r for r in results if r.before.matches]
     epsilons = [r.epsilon_m**2 for r in results if r.filtered]
@@ -44,7 +44,7 @@ def gap_figures(results: Sequence[PairResult]) -> dict[str, Any]:
 def _by_epsilon(results: Sequence[PairResult]) -> list[dict[str, Any]]:
     """Table S3: visual matches of the pairs whose ε² falls into each of its ranges."""
     rows = []
-    # where a fallback gave ε there may be none
+    # if a fallback gave ε there may be none
     seen = [r for r in results if r.visual.matches]
     for lowest, highest in zip((0.0, *EPSILON_SQUARED_M2), EPSILON_SQUARED_M2, strict=False):
         matched = [r.visual for r in seen if lowest < r.epsilon_m**2 <= highest]

@@ -34,11 +34,11 @@ logger = logging.getLogger(__name__)
 
 WORST, TYPICAL = 6, 3
 CORRECT_M = 0.1
-"""A match is shown as correct where the true transform maps it upon itself this closely."""
+"""A match is shown as correct if the true transform maps its points this close together."""
 
 _WIDTH = 480
 _QUALITY = 78
-# how much of an image's contrast is left above white
+# fraction of an image's contrast that is kept, towards white
 _CONTRAST = 0.5
 _SPACE = 6
 _SHOWN = {"visual": 12, "geometric": 16}
@@ -60,13 +60,13 @@ CSS = """
 
 @dataclass(frozen=True)
 class Example:
-    """A pair to be shown.
+    """A pair to show.
 
     Attributes:
-        figures: what was measured of it.
+        figures: its measurements.
         target: the image registered to, uint8 [H, W] or [H, W, 3] RGB.
         source: the image registered, likewise.
-        camera: of both.
+        camera: of both images.
         truth: T_target_source, float64 [4, 4].
         result: with the matches.
     """
@@ -80,7 +80,7 @@ class Example:
 
 
 def severity(result: PairResult) -> float:
-    """How bad a result is: its errors by the lowest thresholds of the paper's tables."""
+    """Severity of a result: its errors divided by the lowest thresholds of the paper's tables."""
     if result.errors.failed:
         return float("inf")
     rotation = result.errors.rotation_deg / THRESHOLDS["rotation_deg"][0]
@@ -88,7 +88,7 @@ def severity(result: PairResult) -> float:
 
 
 def chosen(results: Sequence[tuple[Path, PairResult]]) -> list[tuple[Path, PairResult]]:
-    """The worst of all pairs, worst first, and some from the middle, none twice."""
+    """The worst pairs, worst first, and some from the middle, without duplicates."""
     ranked = sorted(results, key=lambda pair: severity(pair[1]), reverse=True)
     worst, rest = ranked[:WORST], ranked[WORST:]
     middle = max(0, len(ranked) // 2 - len(worst) - TYPICAL // 2)
@@ -101,7 +101,7 @@ def examples(
     method: PairMethod,
     camera: CameraConfig,
 ) -> list[Example]:
-    """Registers pairs once more, for their images and matches; what fails is left out."""
+    """Registers pairs once more, for their images and matches; failures are skipped."""
     shown = (_example(path, result, open_recording, method, camera) for path, result in pairs)
     return [example for example in shown if example is not None]
 
@@ -122,7 +122,7 @@ def _example(
         described = [method.describe(view) for view in views]
         result = method.register(described[1], described[0])
     except Exception as error:
-        logger.debug("no picture of a pair of %s", path, exc_info=error)
+        logger.debug("cannot draw a pair of %s", path, exc_info=error)
         return None
     if poses[0] is None or poses[1] is None:
         return None
@@ -198,7 +198,7 @@ def _lines(matches: Correspondences, kind: str, example: Example, height: int) -
 
 
 def _pixels(points: Float64, camera: CameraIntrinsics) -> Float64:
-    """Where points [N, 3] are in the picture of width ``_WIDTH``, float64 [N, 2]."""
+    """Positions of points [N, 3] in the picture of width ``_WIDTH``, float64 [N, 2]."""
     x, y, z = points.T
     uv = np.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], axis=1)
     scaled: Float64 = (uv + 0.5) * (_WIDTH / camera.width)
@@ -206,7 +206,7 @@ def _pixels(points: Float64, camera: CameraIntrinsics) -> Float64:
 
 
 def _jpeg(image: UInt8, height: int) -> str:
-    """Grey and light, so that the lines are what is seen first."""
+    """Grey and light, so that the lines stand out."""
     small = cv2.resize(grey(image), (_WIDTH, height), interpolation=cv2.INTER_AREA)
     light: UInt8 = np.asarray(255 - _CONTRAST * (255 - small.astype(np.float32)), np.uint8)
     return base64.b64encode(encode_jpeg(light, _QUALITY)).decode()

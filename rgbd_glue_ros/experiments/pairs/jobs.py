@@ -1,4 +1,4 @@
-"""Which frames of a recording are paired, and the evaluation of a part of them."""
+"""Selects the pairs of frames of a recording, and evaluates a part of them."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, Trajectory
 
 Pair = tuple[int, int]
-"""Numbers of two frames: of the one registered to, and of the one registered."""
+"""Numbers of two frames: the target, and the registered one."""
 
 Results = dict[str, PairResult]
-"""Of one pair, by method."""
+"""Results of one pair, by method."""
 
 
 @dataclass(frozen=True)
 class PairJob:
-    """Pairs of one recording; all that a process needs to evaluate them.
+    """Pairs of one recording; everything that a process needs to evaluate them.
 
     Attributes:
         path: of the recording.
         open_recording: opens it.
         pairs: to evaluate, in the order in which their later frames come.
         estimators: the methods, with their names.
-        camera: what is taken of the depth images.
+        camera: how depth images are used.
     """
 
     path: Path
@@ -49,7 +49,7 @@ class PairJob:
 
 @dataclass(frozen=True)
 class Unposed:
-    """A frame that was to be in a pair but has no true pose."""
+    """A frame that should be in a pair but has no ground truth."""
 
     index: int
 
@@ -58,16 +58,16 @@ def pairs_of(frames: int, gaps: Sequence[int], every: int | None = None) -> list
     """The pairs of a recording, in the order in which their later frames come.
 
     Args:
-        frames: how many the recording has.
+        frames: number of frames in the recording.
         gaps: frames between the two of a pair.
-        every: a pair starts at every so many frames; None takes the gap.
+        every: frames between starts of pairs; None takes the gap.
     """
     pairs = [(i, i + gap) for gap in gaps for i in range(0, frames - gap, every or gap)]
     return sorted(pairs, key=lambda pair: (pair[1], -pair[0]))
 
 
 def run_job(job: PairJob) -> Iterator[Results | Unposed | InputError]:
-    """The results of each pair; a fault of the recording comes where it was met."""
+    """The results of each pair; a fault of the recording is returned where it occurred."""
     methods = {name: _method(estimator) for name, estimator in job.estimators}
     try:
         with job.open_recording(job.path) as recording:
@@ -84,8 +84,8 @@ def evaluate_pairs(
 ) -> Iterator[Results | Unposed | InputError]:
     """Registers the pairs of a recording, the later frame to the earlier one.
 
-    Every frame is read once, and described once for all pairs that it is in. One that cannot be
-    read is in no pair, and the reason comes in its place.
+    Every frame is read once, and described once for all its pairs. An unreadable one is in no pair,
+    and the reason is returned in its place.
 
     Raises:
         InputError: there is no ground truth.
@@ -121,7 +121,7 @@ def _evaluated(methods: Mapping[str, PairMethod], source: PairFrame, target: Pai
 def _read(
     recording: Recording, needed: Sequence[int]
 ) -> Iterator[tuple[int, RgbdFrame | InputError]]:
-    """The frames of these numbers, or what is wrong with them, up to where the recording ends."""
+    """The frames with these numbers, or their errors, up to the end of the recording."""
     done, said = 0, ""
     while done < len(needed):
         try:
@@ -130,7 +130,7 @@ def _read(
                 done += 1
         except InputError as error:  # noqa: PERF203 - a try for each fault, not for each frame
             yield needed[done], error
-            # said again of the next frame it is of all that follow, as where a file is cut off
+            # if repeated for the next frame it applies to all that follow, as in a truncated file
             if str(error) == said:
                 return
             done, said = done + 1, str(error)
@@ -147,13 +147,13 @@ def true_poses(recording: Recording) -> Trajectory:
     truth = recording.ground_truth
     if truth is None:
         raise InputError(
-            recording.name, "has no ground truth", "give a recording that has true poses"
+            recording.name, "has no ground truth", "give a recording with ground truth"
         )
     return truth
 
 
 def to_json(results: Results) -> dict[str, Any]:
-    """What a journal keeps of a pair."""
+    """The journal's record of a pair."""
     return {
         name: {**asdict(result), "epsilon_m": result.epsilon_m if result.filtered else None}
         for name, result in results.items()
@@ -161,7 +161,7 @@ def to_json(results: Results) -> dict[str, Any]:
 
 
 def from_json(content: Mapping[str, Any]) -> Results:
-    """The results that ``to_json`` made this of, to the last bit."""
+    """The results that were passed to ``to_json``, to the last bit."""
     return {name: _result(fields) for name, fields in content.items()}
 
 
@@ -177,12 +177,12 @@ def _result(fields: Mapping[str, Any]) -> PairResult:
 
 @lru_cache(maxsize=32)
 def _method(estimator: Estimator) -> PairMethod:
-    """A method, made once in a process."""
+    """A method, created once per process."""
     return method_of(estimator)
 
 
 def pose_at(truth: Trajectory, stamp_ns: int) -> Float64 | None:
-    """The true pose nearest in time, None if none is near."""
+    """The ground-truth pose nearest in time, None if none is near."""
     apart = np.abs(truth.stamps_ns - stamp_ns)
     row = int(apart.argmin())
     if apart[row] > round(MAX_TIME_DIFFERENCE_S * NANOSECONDS):

@@ -1,4 +1,4 @@
-"""What can register a pair: this package's method by a configuration, or a peer by its name."""
+"""Methods that register a pair: this package's with a configuration, or a peer by name."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ NO_RESULT = RegistrationResult(
     geometric=_NO_MATCHES,
     credible=_NO_MATCHES,
 )
-"""Of a registration that came to nothing, or of a peer, which shows no correspondences."""
+"""The matches of a failed registration, or of a peer, which returns none."""
 
 
 @dataclass(frozen=True)
 class Described:
-    """What a method knows of one frame.
+    """A method's description of one frame.
 
     Attributes:
-        features: as the method has them.
-        seconds: wall time that it took to find them.
+        features: in the method's own form.
+        seconds: wall time to compute them.
         stages_ms: wall time of each part of that, milliseconds.
     """
 
@@ -44,11 +44,11 @@ class Described:
 
 
 class PairMethod(Protocol):
-    """A way to register two frames that starts from them alone."""
+    """A method that registers two frames without further information."""
 
     @property
     def description(self) -> object:
-        """Methods of equal description describe a frame alike, so that it is done once for all."""
+        """Methods with equal descriptions describe frames identically, so this is done once."""
 
     def describe(self, view: View) -> Described:
         """The features of a frame."""
@@ -58,17 +58,17 @@ class PairMethod(Protocol):
 
 
 def method_of(estimator: Estimator) -> PairMethod:
-    """Makes the method of a name.
+    """Creates a method by name.
 
     Raises:
-        InputError: there is no such peer, or its library is not there.
+        InputError: there is no such peer, or its library is not available.
         MissingExtraError: a library of the method is not installed.
     """
     return GlueMethod(estimator) if isinstance(estimator, Config) else PeerMethod(estimator)
 
 
 class GlueMethod:
-    """The paper's method; no prior precedes it and no refinement follows."""
+    """The paper's method, without prior and refinement."""
 
     def __init__(self, config: Config) -> None:
         self._glue = Glue(config)
@@ -95,7 +95,7 @@ class PeerMethod:
 
     def __init__(self, name: str) -> None:
         if name not in PEERS:
-            raise InputError(name, "is no peer", f"take one of {', '.join(PEERS)}")
+            raise InputError(name, "is not a known peer", f"use one of {', '.join(PEERS)}")
         self._name = name
         self._peer = PEERS[name]()
 
@@ -105,7 +105,7 @@ class PeerMethod:
         return self._name
 
     def describe(self, view: View) -> Described:
-        """What the peer prepares."""
+        """The peer's prepared data."""
         features, milliseconds = timed(self._peer.prepare, view)
         return Described(features, milliseconds / 1e3, {"features": milliseconds})
 

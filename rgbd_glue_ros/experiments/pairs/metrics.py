@@ -1,4 +1,4 @@
-"""What the errors of a registered pair are called in tables, charts and pages."""
+"""Names of the errors of a registered pair in tables, charts and pages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Metric:
 
     Attributes:
         title: in full.
-        short: where columns are narrow.
+        short: for narrow columns.
         unit: in plain text.
         symbol: of the unit, in pages and charts.
     """
@@ -27,4 +27,4 @@ METRICS = {
     "translation_cm": Metric("Translation", "trans.", "cm", "cm"),
     "chamfer_mm": Metric("Chamfer distance", "chamfer", "mm", "mm"),
 }
-"""By the names that ``pairs.json`` gives them."""
+"""By their names in ``pairs.json``."""

@@ -1,4 +1,4 @@
-"""The report of registered pairs: one HTML page that needs nothing else."""
+"""The report of registered pairs: one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ h3 { font-size: .95rem; margin: 1.6rem 0 .6rem; }
 """
 
 _RIGHT_OR_WRONG = (
-    "The image registered to above, the one registered below. Matches are right or wrong by the "
-    "true motion."
+    "The image registered to above, the one registered below. Matches are correct or wrong "
+    "according to the true motion."
 )
 _WORST_ROWS = 20
 _AT_10_CM = INLIER_THRESHOLDS_CM.index(10)
@@ -46,7 +46,7 @@ def render(
 
     Args:
         figures: the content of ``pairs.json``.
-        results: of every pair, by method and gap; one at least.
+        results: of every pair, by method and gap; at least one.
         config: of the experiment.
         shown: pairs to show pictures of, the worst first.
     """
@@ -106,7 +106,7 @@ def _tiles(content: Mapping[str, Any], gap: int) -> str:
         (f"{content['rotation_deg']['mean']:.2f}", "°", "mean error of rotation"),
         (f"{content['translation_cm']['mean']:.2f}", "cm", "mean error of translation"),
         (f"{content['failed']}", f"of {content['pairs']}", "without a transform"),
-        (f"{content['seconds_per_pair']:.2f}", "s", "a pair, features of both frames included"),
+        (f"{content['seconds_per_pair']:.2f}", "s", "per pair, including features of both frames"),
     ]
     return f"<h3>{gap} frames apart</h3>{tiles(shown)}"
 
@@ -211,7 +211,7 @@ def _worst(own: ByGap) -> str:
 def _thresholds(gaps: Mapping[str, Any], own: ByGap) -> str:
     text = (
         "<p>The worse the visual matches, the wider the filter: ε² against the share of visual "
-        "matches that are right within 5 cm, for every pair that was filtered, and the mean of "
+        "matches that are correct within 5 cm, for every pair that was filtered, and the mean of "
         "each range of table S3.</p>"
     )
     columns = "".join(
@@ -263,7 +263,7 @@ def _correspondences(gaps: Mapping[str, Any]) -> str:
             )
     return (
         "<p>Mean over all pairs with geometric matches. Inliers are matches that the true "
-        "transform maps upon each other within the distance; filter recall is the percent of "
+        "transform maps onto each other within the distance; filter recall is the percent of "
         "pairs that the filter was applied to.</p>"
         '<div class="wide"><table><tr class="groups"><th></th><th></th>'
         '<th class="group first" colspan="3">Inlier ratio (%)</th>'

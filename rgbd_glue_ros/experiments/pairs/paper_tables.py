@@ -1,6 +1,6 @@
-"""The paper's tables in their own layout: its figures beside those measured here.
+"""The paper's tables in their own layout, with its figures and those measured here.
 
-``paper_tables.yaml`` holds what the paper prints, and which configuration measures the same.
+``paper_tables.yaml`` contains the paper's figures, and the corresponding configurations.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rgbd_glue_ros.parameters import Config, with_values
 
 _LIGHTGLUE = (
     "LightGlue here is LighterGlue on XFeat's features; the paper's is LightGlue on SuperPoint's, "
-    "whose weights are for research alone."
+    "whose weights are for research only."
 )
 
 
@@ -37,7 +37,7 @@ class Column:
     Attributes:
         title: of the column.
         path: where in the figures of a gap it is; ``{side}`` and ``{range}`` are the row's.
-        digits: after the point.
+        digits: decimal places.
     """
 
     title: str
@@ -113,13 +113,13 @@ class Row:
     """A row of a table.
 
     Attributes:
-        group: heading that it stands under.
+        group: its heading.
         name: of the row.
         gap: frames between the two of a pair.
-        paper: what the paper prints, None where it prints nothing; empty for a row of our own.
-        features: the visual and the geometric feature; empty for a method of others.
+        paper: the paper's figures, None where it has none; empty for our own row.
+        features: the visual and the geometric feature; empty for another method.
         k: K of equation 4; None takes the paper's.
-        peer: a method of others that is measured; empty for one that is only cited.
+        peer: another method that is measured; empty for one that is only cited.
         side: of the filter.
         range: number of the range of the threshold.
     """
@@ -145,8 +145,8 @@ class Row:
         """What measures the row.
 
         Raises:
-            InputError: a feature or its weights are not to be had.
-            MissingExtraError: nor is its library.
+            InputError: a feature or its weights are not available.
+            MissingExtraError: a library is not installed.
         """
         if not self.features:
             return self.peer
@@ -183,16 +183,16 @@ class PaperTable:
 
     @property
     def gaps(self) -> list[int]:
-        """Of the rows that can be measured."""
+        """The gaps of the rows that can be measured."""
         return sorted({row.gap for row in self.rows})
 
     def others(self, base: Config) -> dict[str, Estimator]:
-        """What measures the rows, by method, less the configuration itself."""
+        """The estimators of the rows, by method, except the configuration itself."""
         estimators, _ = self.estimators(base)
         return {name: estimator for name, estimator in estimators.items() if estimator != base}
 
     def estimators(self, base: Config) -> tuple[dict[str, Estimator], dict[str, str]]:
-        """What measures the rows, by method, and why others cannot be measured."""
+        """The estimators of the rows, by method, and why others are not available."""
         estimators: dict[str, Estimator] = {}
         absent: dict[str, str] = {}
         for row in self.rows:
@@ -234,7 +234,7 @@ def paper_table(number: str) -> PaperTable:
     """
     tables = paper_tables()
     if number.upper() not in tables:
-        raise InputError(f"--table {number}", "no such table", f"take one of {', '.join(tables)}")
+        raise InputError(f"--table {number}", "no such table", f"use one of {', '.join(tables)}")
     return tables[number.upper()]
 
 
@@ -250,7 +250,7 @@ def render(
         table: to fill in.
         measured: figures by method and gap, as ``gap_figures`` gives them.
         absent: why other methods were not measured, by method.
-        recordings: that were measured on.
+        recordings: names of the measured recordings.
     """
     columns = COLUMNS[table.columns]
     lines = [
@@ -293,7 +293,7 @@ def _lines(
 
 
 def _pairs(figures: Mapping[str, Any], row: Row, columns: Sequence[Column]) -> int:
-    """How many pairs the figures of a row are of."""
+    """The number of pairs behind the figures of a row."""
     first = columns[0].path[0]
     part = figures[first][row.range] if first == "epsilon_squared_ranges" else figures
     return int(part["pairs"])
@@ -308,7 +308,7 @@ def _at(figures: Any, row: Row, column: Column) -> float | None:
 
 
 def write_table(table: PaperTable, config: Config, figures: dict[str, Any], folder: Path) -> Path:
-    """Writes a table of the paper with what was measured.
+    """Writes a table of the paper with the measurements.
 
     Args:
         table: to fill in.

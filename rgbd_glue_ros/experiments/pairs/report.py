@@ -1,4 +1,4 @@
-"""The files that an experiment leaves."""
+"""The output files of an experiment."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def write_report(
     Args:
         folder: where the files go.
         config: of the experiment.
-        results: of every pair; one at least.
-        figures: of those, as ``PairResults.figures`` gives them.
+        results: of every pair; at least one.
+        figures: of these, as ``PairResults.figures`` gives them.
         shown: pairs to show pictures of, the worst first.
     """
     write_whole(folder / FIGURES, json_text(figures))

@@ -1,4 +1,4 @@
-"""What an experiment found, and its figures."""
+"""The results of an experiment, and its figures."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ Plan = Mapping[Path, Sequence[Pair]]
 
 @dataclass(frozen=True)
 class PairResults:
-    """The results of the pairs done.
+    """The results of the finished pairs.
 
     Attributes:
         by_method: of every pair, in the order of the plan.
-        sources: names of the recordings that pairs were planned of.
-        problems: what kept recordings, pairs or methods from being used.
-        absent: why a method could not be had, by its name.
+        sources: names of the recordings with planned pairs.
+        problems: why recordings, pairs or methods could not be used.
+        absent: why a method was not available, by its name.
     """
 
     by_method: Mapping[str, ByGap]
@@ -73,19 +73,19 @@ class PairResults:
 
 
 class ResultCollector:
-    """Takes results as they come, and keeps each in a journal.
+    """Collects results as they arrive, and keeps each in a journal.
 
     Attributes:
         unusable: recordings, or parts of them, with the reason.
-        problems: that may be gone when the experiment is run again.
+        problems: temporary ones, which may be gone in the next run.
     """
 
     def __init__(self, journal: Journal, unusable: Sequence[InputError]) -> None:
-        """Takes up what an earlier run left.
+        """Loads the results of an earlier run.
 
         Args:
             journal: of the experiment.
-            unusable: recordings that no pair could be planned of.
+            unusable: recordings without any planned pair.
         """
         self._journal = journal
         self._unposed: dict[Path, set[int]] = {}
@@ -105,7 +105,7 @@ class ResultCollector:
         }
 
     def add(self, job: PairJob, outcome: Results | Unposed | InputError | Failure) -> None:
-        """Takes the results of a pair, or what came in their place."""
+        """Adds the results of a pair, or the error in their place."""
         if isinstance(outcome, Unposed):
             self._unposed.setdefault(job.path, set()).add(outcome.index)
         elif isinstance(outcome, Failure):
@@ -120,20 +120,20 @@ class ResultCollector:
             self._journal.add(key, to_json(outcome))
 
     def in_order(self, plan: Plan) -> Iterator[tuple[Path, Results]]:
-        """The results there are, with their recordings, in the order of the plan."""
+        """The existing results, with their recordings, in the order of the plan."""
         for path, pairs in plan.items():
             for pair in pairs:
                 if _key(path, pair) in self._results:
                     yield path, self._results[_key(path, pair)]
 
     def results(self, plan: Plan, sources: Sequence[str], absent: Mapping[str, str]) -> PairResults:
-        """All that there is, the same in whatever order it came."""
+        """All results, independent of the order of arrival."""
         problems = [
             *(f"{name}: {reason}" for name, reason in absent.items()),
-            # a recording that is damaged fails every batch that comes to the place
+            # a damaged recording fails every batch that reaches the damage
             *dict.fromkeys(self.problems),
             *(
-                f"{path}: frames without a true pose, left out: {len(indices)}"
+                f"{path}: frames without ground truth, skipped: {len(indices)}"
                 for path, indices in self._unposed.items()
             ),
         ]

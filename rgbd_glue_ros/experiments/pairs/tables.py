@@ -1,4 +1,4 @@
-"""The figures of registered pairs as tables in the layout of the paper's."""
+"""The figures of registered pairs as tables in the paper's layout."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from rgbd_glue_ros.experiments.report.escaping import markdown
 from rgbd_glue_ros.experiments.report.markdown import bullets, number, table
 
 _ERRORS = """\
-Accuracy: percent of all pairs whose error is at most the threshold. Of a pair without a transform,
-mean and median take the errors of the identity, and it is accurate at no threshold. Chamfer
-distance: of the scene put together by the estimate and by the truth, mean squared distance to the
-nearest point, summed over both directions, in m² times 1000, as UR&R has it."""
+Accuracy: percent of all pairs whose error is at most the threshold. For a pair without a transform,
+mean and median use the errors of the identity, and it is accurate at no threshold. Chamfer
+distance: between the scenes merged by the estimate and by the ground truth, mean squared distance
+to the nearest point, summed over both directions, in m² times 1000, as in UR&R."""
 
 _INLIERS = """\
-Mean over all pairs with geometric matches. Inliers: matches that the true transform maps upon each
+Mean over all pairs with geometric matches. Inliers: matches that the true transform maps onto each
 other within the distance. Filter recall: percent of all pairs that the filter was applied to."""
 
 _OTHERS = """\
-Every method starts from the two frames alone. The time is that of a whole pair, both frames'
-features included."""
+Every method starts from the two frames alone. The time is that of a whole pair, including
+both frames' features."""
 
 _STAGES = """\
-Median of each stage in milliseconds, that of the features for both frames, visual and geometric
-side by side; mean of the whole pair in seconds."""
+Median of each stage in milliseconds, features for both frames, visual and geometric in parallel;
+mean of the whole pair in seconds."""
 
 
 def to_markdown(figures: dict[str, Any]) -> str:
@@ -57,7 +57,7 @@ def to_markdown(figures: dict[str, Any]) -> str:
         by_gap = sorted([*own, *others], key=lambda row: int(row[1]))
         parts += ["## Others on the same pairs", comparison(by_gap), _OTHERS]
     if figures["problems"]:
-        parts += ["## Left out", bullets(figures["problems"])]
+        parts += ["## Skipped", bullets(figures["problems"])]
     return "\n\n".join(parts) + "\n"
 
 

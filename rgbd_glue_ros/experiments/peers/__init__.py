@@ -1,7 +1,7 @@
-"""Registration by others, to be measured beside this package's on the same frames.
+"""Registration methods by others, for comparison on the same frames.
 
-Every one is an optional library of its own (extra ``bench``), at the settings that
-its documentation shows, and starts from nothing: no prior, no motion model.
+Each needs an optional library (extra ``bench``), uses the settings in its documentation, and starts
+without a prior or motion model.
 """
 
 from __future__ import annotations
@@ -32,6 +32,6 @@ PEERS: dict[str, Callable[[], Peer]] = {
     "opencv_rgbd_icp": opencv_rgbd_icp,
     "small_gicp": SmallGicp,
 }
-"""Makes a peer by its name; raises MissingExtraError or InputError where its library is not."""
+"""Creates a peer by name; raises MissingExtraError or InputError without its library."""
 
 __all__ = ["PEERS", "NoTransformError", "Peer"]

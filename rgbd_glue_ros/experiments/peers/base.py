@@ -1,4 +1,4 @@
-"""What a peer is."""
+"""The interface of a peer."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from rgbd_glue_ros.types import Float64, View
 
 
 class NoTransformError(RuntimeError):
-    """The peer found no transform; says why."""
+    """The peer found no transform; the message says why."""
 
 
 class Peer(Protocol):
-    """A way to register two frames: ``prepare`` does what concerns one frame alone."""
+    """A registration method for two frames: ``prepare`` does the work for a single frame."""
 
     def prepare(self, view: View) -> Any:
-        """What ``register`` needs of a frame; may be kept for several registrations.
+        """The input of ``register`` for a frame; can be reused for several registrations.
 
         Raises:
             NoTransformError: nothing can be registered to this frame.

@@ -1,7 +1,7 @@
 """MAC: 3D registration with maximal cliques (Zhang, Yang, Zhang and Zhang, CVPR 2023).
 
-Matches are nodes, joined where they are compatible. A set of mutually compatible matches that
-cannot be enlarged is a maximal clique; each gives a transform, and the best one is taken.
+Matches are nodes, joined if they are compatible. A set of mutually compatible matches that cannot
+be enlarged is a maximal clique; each gives a transform, and the best one is used.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _CLIQUES_LOOKED_AT, _CLIQUES_TRIED = 30_000, 1000
 
 
 def require_networkx() -> Any:
-    """The library that finds the cliques.
+    """Imports the library that finds the cliques.
 
     Raises:
         MissingExtraError: it is not installed.
@@ -39,13 +39,13 @@ def require_networkx() -> Any:
 
 
 def mac(matches: Correspondences) -> Float64 | None:
-    """The transform of the clique that all matches agree with best.
+    """The transform of the clique that agrees best with all matches.
 
     Args:
         matches: geometric matches, most of them wrong.
 
     Returns:
-        T_target_source, or None when there is no clique of three.
+        T_target_source, or None if there is no clique of three.
 
     Raises:
         MissingExtraError: networkx is not installed.
@@ -66,7 +66,7 @@ def mac(matches: Correspondences) -> Float64 | None:
             candidates.target[members],
             weights[np.ix_(members, members)].sum(axis=1).astype(np.float64),
         )
-        # mean absolute error of the inliers, as the publication scores hypotheses
+        # mean absolute error of the inliers, the score of hypotheses in the publication
         score = float(np.maximum(1 - distances(T, candidates) / _INLIER_M, 0).sum())
         if score > most:
             best, most = T, score
@@ -83,7 +83,7 @@ def _second_order(matches: Correspondences) -> Float32:
 
 
 def _thinned(weights: Float32) -> Float32:
-    """The heaviest edges, as many as a graph of these nodes may have."""
+    """The heaviest edges, up to the limit for a graph of these nodes."""
     edges = np.triu(weights)
     heaviest = _EDGES_PER_NODE * len(weights)
     if np.count_nonzero(edges) > heaviest:

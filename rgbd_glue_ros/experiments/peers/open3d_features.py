@@ -14,12 +14,12 @@ from rgbd_glue_ros.types import Float64, View
 
 _VOXEL_M = 0.025
 
-# Of an edge's length, as Open3D's tutorial of global registration takes it.
+# Fraction of an edge's length, as in Open3D's tutorial on global registration.
 _EDGE_SIMILARITY = 0.9
 
 
 class _Fpfh:
-    """Points and features of a frame, the same that the paper's method has."""
+    """Points and features of a frame, the same as for the paper's method."""
 
     def __init__(self, name: str) -> None:
         self._open3d = load_open3d(name)

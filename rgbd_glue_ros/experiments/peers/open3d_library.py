@@ -1,4 +1,4 @@
-"""What the peers of Open3D (MIT licence) share."""
+"""The common part of the Open3D peers (MIT licence)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rgbd_glue_ros.types import View
 
 
 def load_open3d(peer: str) -> ModuleType:
-    """The library, its random choices seeded.
+    """Imports the library, with seeded random choices.
 
     Raises:
         MissingExtraError: it is not installed.
@@ -28,7 +28,7 @@ def load_open3d(peer: str) -> ModuleType:
 
 
 def grey_cloud(open3d: ModuleType, view: View) -> Any:
-    """The cloud of a frame, each point with its brightness as colour."""
+    """The cloud of a frame, with brightness as the points' colour."""
     v, u = np.nonzero(np.isfinite(view.depth))
     uv = np.stack([u, v], axis=1).astype(np.float64)
     points = open3d.geometry.PointCloud(

@@ -10,12 +10,12 @@ from rgbd_glue_ros.experiments.peers.base import NoTransformError
 from rgbd_glue_ros.experiments.peers.open3d_library import grey_cloud, load_open3d
 from rgbd_glue_ros.types import Float64, View
 
-# Voxels in metres and steps of the three scales that Open3D's tutorial of coloured ICP takes. Its
-# reach of one voxel is for a good start; from the identity that is too short.
+# Voxels in metres and steps of the three scales in Open3D's tutorial on coloured ICP. Its reach of
+# one voxel is for a good start; from the identity that is too short.
 _SCALES = ((0.04, 50), (0.02, 30), (0.01, 14))
 _REACH_VOXELS = 3
 
-# Open3D skips depth beyond 4 m unless told; the frames are limited already.
+# Open3D skips depth beyond 4 m by default; the frames are already limited.
 _FAR_M = 100.0
 
 
@@ -62,7 +62,7 @@ class Open3dOdometry:
     def prepare(self, view: View) -> tuple[Any, Any]:
         """The frame's image and camera."""
         o3d = self._open3d
-        # the library takes depth 0 for unknown
+        # the library treats depth 0 as unknown
         depth = np.nan_to_num(view.depth).astype(np.float32)
         image = o3d.geometry.RGBDImage.create_from_color_and_depth(
             o3d.geometry.Image(np.ascontiguousarray(np.repeat(view.grey[..., None], 3, axis=2))),

@@ -23,7 +23,7 @@ class OpenCvOdometry:
         except ImportError as error:
             raise InputError(
                 f"the peer {name}",
-                f"OpenCV {cv2.__version__} is here without its contributed modules",
+                f"OpenCV {cv2.__version__} lacks the contributed modules",
                 "install the same release of opencv-contrib-python-headless over it",
             ) from error
         self._create = create

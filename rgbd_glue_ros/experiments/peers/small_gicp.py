@@ -11,7 +11,7 @@ from rgbd_glue_ros.experiments.peers.base import NoTransformError
 from rgbd_glue_ros.geometry.camera import cloud
 from rgbd_glue_ros.types import Float64, View
 
-# The library's own values are a driving car's; these are their like for a room at 2.5 cm.
+# The library's own values are for a car; these are their equivalents for a room at 2.5 cm.
 _VOXEL_M = 0.025
 _MAX_DISTANCE_M = 0.1
 _ITERATIONS = 50

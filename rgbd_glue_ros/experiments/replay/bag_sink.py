@@ -1,4 +1,4 @@
-"""What the node would have published of a replay, as a rosbag2 in MCAP.
+"""A rosbag2 in MCAP of what the node would have published in a replay.
 
 Foxglove, RViz and ``ros2 bag play`` open it. Frames are those of a node without a robot frame.
 """
@@ -50,7 +50,7 @@ _JPEG_QUALITY = 80
 
 
 class BagSink:
-    """Writes every estimate as the node would, and the path in the end."""
+    """Writes every estimate as the node would, and finally the path."""
 
     def __init__(self, folder: Path) -> None:
         """Creates the bag.
@@ -59,7 +59,7 @@ class BagSink:
             folder: of the bag; must not exist.
 
         Raises:
-            InputError: it exists or cannot be written.
+            InputError: the folder exists or cannot be written.
         """
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self._extrinsics = Extrinsics.of_camera("body")
@@ -80,7 +80,7 @@ class BagSink:
         """Takes a frame.
 
         Raises:
-            InputError: its time is none that a bag holds.
+            InputError: its time cannot be stored in a bag.
         """
         fields.check_recordable(frame.stamp_ns)
         camera = frame.frame_id or CAMERA_FRAME

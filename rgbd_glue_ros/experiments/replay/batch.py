@@ -1,4 +1,4 @@
-"""Replays of many recordings, in this process or on many, and one table of them all."""
+"""Replays many recordings, in one process or many, with one table of them all."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ JOURNAL, FIGURES, TABLE = "replays.jsonl", "replays.json", "replays.md"
 
 @dataclass(frozen=True)
 class ReplayJob:
-    """A recording to replay; all that a process needs for it.
+    """A recording to replay; everything that a process needs for it.
 
     Attributes:
         path: of the recording.
@@ -57,18 +57,18 @@ def run_replays(
     on_planned: Callable[[int, int], None] = lambda *_: None,
     on_replayed: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Replays recordings, each into a folder of its own; one that fails is reported.
+    """Replays recordings, each into its own folder; failures are reported.
 
-    A run that broke off is gone on with: what it replayed to the end is not replayed again.
+    An interrupted run is continued: recordings that it finished are not replayed again.
 
     Args:
         sources: the recordings, at least one.
-        open_source: opens one; with workers it has to be such as can be sent to them.
+        open_source: opens one; with workers it must be serialisable.
         config: of the odometry.
         folder: where the results go; created if it is not there.
-        pool: where the work is done; None does it in this process.
+        pool: executes the work; None does it in this process.
         limit: number of frames to stop after in each; None takes all.
-        inputs: how ``open_source`` opens them, for the record; None as by default.
+        inputs: how ``open_source`` opens them, for the record; None for the defaults.
         on_planned: called with the number of recordings, and of those done by an earlier run.
         on_replayed: called with the name of each recording that is done.
 
@@ -77,7 +77,7 @@ def run_replays(
         ``problems``.
 
     Raises:
-        InputError: the folder cannot be written, holds a part of another run, or no recording
+        InputError: the folder cannot be written, contains a part of another run, or no recording
             could be replayed.
     """
     refuse_recording(folder)
@@ -119,7 +119,7 @@ def run_replays(
 
 
 def run_job(job: ReplayJob) -> Iterator[dict[str, Any] | InputError]:
-    """The metrics of a replayed recording, or what is wrong with it."""
+    """The metrics of a replayed recording, or its error."""
     try:
         with job.open_recording(job.path) as recording:
             replay(recording, job.config, job.folder, limit=job.limit, inputs=job.inputs)
@@ -130,7 +130,7 @@ def run_job(job: ReplayJob) -> Iterator[dict[str, Any] | InputError]:
 
 
 def named(sources: Iterable[Path]) -> dict[str, Path]:
-    """The recordings by their paths below the folder that all of them are in."""
+    """The recordings by their paths below their common folder."""
     # links keep their own names
     paths = {path: path.absolute() for path in sources}
     common = Path(os.path.commonpath([path.parent for path in paths.values()]))

@@ -1,4 +1,4 @@
-"""A coloured cloud of what the keyframes of a replay saw."""
+"""A coloured cloud from the keyframes of a replay."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame
 
 
 class KeyframeClouds:
-    """A ``FrameSink``: what every keyframe saw, and where the odometry put it."""
+    """A ``FrameSink``: the cloud of every keyframe, and its pose."""
 
     def __init__(self) -> None:
         self._parts: list[list[tuple[ColoredCloud, Float64]]] = [[]]
@@ -32,7 +32,7 @@ class KeyframeClouds:
         """Nothing: the cloud is in memory."""
 
     def fused(self) -> ColoredCloud:
-        """Those of the longest part as one, in its odom frame."""
+        """All clouds of the longest part as one, in its odom frame."""
         longest = self._parts[int(np.argmax(self._poses))]
         poses = np.array([T for _, T in longest]).reshape(-1, 4, 4)
         return fused([cloud for cloud, _ in longest], poses)

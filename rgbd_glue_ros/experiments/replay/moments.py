@@ -1,4 +1,4 @@
-"""Pictures of moments of a run: its keyframes, and where it went worst."""
+"""Pictures of moments of a run: its keyframes, and its worst moments."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _NEAR_NS = NANOSECONDS // 2
 
 @dataclass(frozen=True)
 class Moment:
-    """When, and what there is to say of it."""
+    """A time, and a text about it."""
 
     stamp_ns: int
     said: str
 
 
 def moments(run: Run, evaluation: Evaluation | None) -> list[str]:
-    """The sections with pictures; none where the run kept none."""
+    """The sections with pictures; none if the run kept none."""
     if not run.thumbnails:
         return []
     marked = [frame for frame in run.frames if frame.is_keyframe]
@@ -73,13 +73,13 @@ def worst(frames: Sequence[FrameRecord], evaluation: Evaluation | None) -> Itera
             fewest, stamp_ns = min(known)
             yield Moment(stamp_ns, said.format(fewest))
     if len(frames) > 1:
-        # of the first frame keyframe and buffers are made
+        # the first frame also creates the keyframe and buffers
         slowest = max(frames[1:], key=lambda frame: frame.latency_ms)
         yield Moment(slowest.stamp_ns, f"slowest, {slowest.latency_ms:.0f} ms")
 
 
 def _strip(run: Run, shown: Sequence[Moment]) -> str:
-    """Pictures with words, in order of time, several words below one picture; "" without any."""
+    """Pictures with captions, in order of time, possibly several per picture; "" without any."""
     stamps = np.array(sorted(run.thumbnails), np.int64)
     said: dict[int, list[str]] = {}
     for moment in sorted(shown, key=lambda m: m.stamp_ns):

@@ -1,4 +1,4 @@
-"""Replays a recording through the odometry and leaves the results in a folder."""
+"""Replays a recording through the odometry and writes the results to a folder."""
 
 from __future__ import annotations
 
@@ -62,25 +62,25 @@ def replay(
     inputs: InputConfig | None = None,
     command: str = "",
 ) -> Run:
-    """Runs the odometry over ``sequence`` as fast as it goes; no frame is dropped.
+    """Runs the odometry over ``sequence`` as fast as possible; no frame is dropped.
 
-    Poses are on disk as soon as they are known. However the run ends, the results of the frames
-    done are written.
+    Poses are on disk as soon as they are known. However the run ends, the results of the processed
+    frames are written.
 
     Args:
-        sequence: where the frames come from.
+        sequence: source of the frames.
         config: of the odometry.
         folder: where the results go; created if it is not there.
-        ground_truth: T_world_camera; None takes what the sequence knows.
+        ground_truth: T_world_camera; None uses the sequence's.
         limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
-        sinks: take each frame and its estimate, and are closed in the end.
-        cloud: PLY file for a coloured cloud of the keyframes, which the report shows too; None
-            makes none.
-        odometry: a new one of ``config``, for who wants to look into it; None makes one. It
-            is closed in the end.
-        inputs: how ``sequence`` was opened, for the record; None as by default.
-        command: that asks for it, to be quoted in the report.
+        sinks: receive each frame and its estimate, and are finally closed.
+        cloud: PLY file for a coloured cloud of the keyframes, which the report also shows; None for
+            none.
+        odometry: a new one of ``config``, for access by the caller; None creates one. It is finally
+            closed.
+        inputs: how ``sequence`` was opened, for the record; None for the defaults.
+        command: the command line, for quoting in the report.
 
     Raises:
         InputError: the folder cannot be written, another run is writing to it, a frame cannot be
@@ -114,9 +114,9 @@ def replay_into(
     odometry: Odometry | None = None,
     command: str = "",
 ) -> Run:
-    """As ``replay``, into a folder that the caller goes on to write to."""
+    """Like ``replay``, into a folder that the caller continues to write to."""
     folder = results.path
-    logger.info("warming up; where nothing is compiled yet, it takes some seconds")
+    logger.info("warming up; the first time, this compiles for some seconds")
     warm_up(config)
     run = Run(sequence.name, config, ground_truth or sequence.ground_truth, command=command)
     pictures, clouds = Thumbnails(), KeyframeClouds()
@@ -144,7 +144,7 @@ def replay_into(
                 left.callback(write_results, run, folder)
                 _leave_cloud(left, cloud, clouds, run)
     if not run.frames:
-        raise InputError(sequence.name, "holds no frame", "give a recording with RGB-D frames")
+        raise InputError(sequence.name, "holds no frames", "give a recording with RGB-D frames")
     _warn_of_imu(odometry)
     _warn_of_restarts(run)
     if last is not None and len(run.trajectory) == 0:
@@ -152,19 +152,19 @@ def replay_into(
         raise InputError(
             sequence.name,
             f"none of its {len(run.frames)} frames was tracked: {why}",
-            f"what there is to see of them is in {folder}",
+            f"the report on them is in {folder}",
         )
     return run
 
 
 def _after_frames(error: InputError, count: int) -> InputError:
-    """A fault of a recording, with how many frames before it are done."""
-    done = f"; the {count} frames before it are done" if count else ""
+    """A fault of a recording, with the number of frames processed before it."""
+    done = f"; the {count} frames before it are processed" if count else ""
     return InputError(error.where, error.cause, error.remedy + done)
 
 
 def _leave_cloud(left: ExitStack, file: Path | None, clouds: KeyframeClouds, run: Run) -> None:
-    """Gives the run a picture of what its keyframes saw, and leaves the file to be written."""
+    """Adds a picture of the keyframes' cloud to the run, and writes the file."""
     if file is not None:
         seen = clouds.fused()
         left.callback(write_ply, file, seen)
@@ -188,7 +188,7 @@ def _warn_of_imu(odometry: Odometry) -> None:
 
 
 def _recording_of(folder: Path) -> str | None:
-    """Of which recording the results in a folder are; None if it holds none."""
+    """The recording of the results in a folder; None if it has none."""
     try:
         return str(json.loads(read_text(folder / METRICS))["sequence"])
     except (ValueError, KeyError, TypeError):
@@ -203,18 +203,18 @@ def results_of(
     Args:
         name: of the recording.
         config: of the odometry.
-        folder: created if it is not there; results in it are removed.
+        folder: created if it does not exist; results in it are removed.
         inputs: how the recording was opened.
-        further: names of what is written beside the results of a replay.
+        further: names of further files besides the results of a replay.
 
     Raises:
-        InputError: it cannot be written, is a recording, or another run is writing to it.
+        InputError: the folder cannot be written, is a recording, or another run is writing to it.
     """
     refuse_recording(folder)
     before = _recording_of(folder)
     results = ResultFolder(folder, (*RESULTS, *further))
     if before not in (None, name):
-        logger.warning("%s: the results of %s that were there are replaced", folder, before)
+        logger.warning("%s: replacing the results of %s", folder, before)
     write_whole(folder / PARAMETERS, to_yaml(inputs, config))
     return results
 
@@ -223,14 +223,14 @@ def results_of(
 def write_results(
     run: Run, folder: Path, measured: Mapping[str, Any] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """Writes figures, report and pose graph of a run with one frame at least.
+    """Writes figures, report and pose graph of a run with at least one frame.
 
     Where the odometry started anew, report, errors and pose graph are of the longest part.
 
     Args:
-        run: what was done.
-        folder: where to.
-        measured: figures measured elsewhere, beside those of the run or in place of them.
+        run: the run.
+        folder: destination.
+        measured: figures measured elsewhere, in addition to those of the run or replacing them.
 
     Returns:
         The figures written.

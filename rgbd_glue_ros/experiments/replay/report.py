@@ -1,4 +1,4 @@
-"""The report of a run: one HTML page that needs nothing else."""
+"""The report of a run: one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def render(
     """The page.
 
     Args:
-        run: with one frame at least.
+        run: with at least one frame.
         figures: its ``metrics``.
         evaluation: of its trajectory; None without ground truth.
-        colophon: how it came about.
+        colophon: how it was produced.
     """
     stamps_ns = np.array([frame.stamp_ns for frame in run.frames], np.int64)
     seconds = since_start(run, stamps_ns)
@@ -88,7 +88,7 @@ def _tiles(figures: Mapping[str, Any]) -> str:
         shown.append((f"{rpe['rot_rmse_deg']:.2f}", "°/s", "rotation drift, rmse (RPE)"))
     shown += [
         (tracked, "%", f"of {which} tracked, {figures['lost']} lost"),
-        (f"{figures['latency_ms']['p50']:.1f}", "ms", "median latency of a frame"),
+        (f"{figures['latency_ms']['p50']:.1f}", "ms", "median latency per frame"),
         (f"{figures['fps']:.1f}", "fps", "poses of the node" if is_live else "with decoding"),
     ]
     return tiles(shown)
@@ -101,16 +101,17 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
     times, poses = with_gaps(replace(run, unanswered_ns=()), trajectory.stamps_ns, trajectory.poses)
     tracks = []
     if evaluation is not None:
-        # the truth, laid upon the estimate, so that the picture has the first camera's axes
+        # the ground truth, aligned with the estimate, so that the picture has the first camera's
+        # axes
         truth = se3.inverse(evaluation.T_reference_estimate) @ evaluation.reference
         tracks.append(("ground truth", "var(--truth)", truth[:, :3, 3], "thick"))
     tracks.append(("estimate", "var(--estimate)", poses[:, :3, 3], ""))
     above = [Line(name, color, p[:, 0], p[:, 2], style) for name, color, p, style in tracks]
     beside = [Line(name, color, p[:, 2], -p[:, 1], style) for name, color, p, style in tracks]
-    aligned = "; the ground truth is laid upon it by rotation and translation"
+    aligned = "; the ground truth is aligned with it by rotation and translation"
     return (
         "<h2>Trajectory</h2><p>In the axes of the first camera, from the green to the red end"
-        f"{aligned if evaluation else ''}. Both views have one scale.</p>"
+        f"{aligned if evaluation else ''}. Both views have the same scale.</p>"
         + plans(
             [
                 ("From above (right, forward)", above, times),
@@ -121,13 +122,13 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
 
 
 def _map(run: Run) -> str:
-    """The picture of the map, where there is one."""
+    """The picture of the map, if there is one."""
     if not run.map_jpeg:
         return ""
     jpeg = base64.b64encode(run.map_jpeg).decode()
     return (
-        "<h2>Map</h2><p>What the keyframes saw, where they are in the end, and the way of the "
-        "camera. Walls and edges that are there twice would show an error.</p>"
+        "<h2>Map</h2><p>What the keyframes saw, at their final poses, and the camera's path. "
+        "Duplicate walls and edges would show an error.</p>"
         f'<img class="map" src="data:image/jpeg;base64,{jpeg}" alt="the map from above" />'
     )
 
@@ -181,7 +182,7 @@ def _latency(run: Run, span: tuple[float, float]) -> str:
     latency = np.array([frame.latency_ms for frame in run.frames])
     offered = since_start(run, np.sort(np.append(stamps_ns, run.unanswered_ns)).astype(np.int64))
     interval = 1000 * float(np.median(np.diff(offered))) if len(offered) > 1 else float("nan")
-    # the seconds of a frame that compiles code or waits for a disk would hide all others
+    # a frame of seconds, which compiles code or waits for a disk, would hide all others
     y = rising(1.5 * float(np.nanmax([interval, np.percentile(latency, 95)])), _TALL)
     is_shown = latency <= y.high
     x, shown = with_gaps(run, stamps_ns, np.where(is_shown, latency, np.nan))
@@ -194,7 +195,7 @@ def _latency(run: Run, span: tuple[float, float]) -> str:
     if len(beyond):
         dots = [Line("longer", "var(--bad)", beyond, np.full(len(beyond), y.high))]
         text = (
-            f"<p>Red at the top edge: longer than that, {latency.max():.0f} ms at most "
+            f"<p>Red at the top edge: longer than that, up to {latency.max():.0f} ms "
             f"(at {since_start(run, stamps_ns)[latency.argmax()]:.1f} s).</p>"
         )
     drawn = charts.plot(
@@ -204,7 +205,7 @@ def _latency(run: Run, span: tuple[float, float]) -> str:
 
 
 def _stages(medians: Mapping[str, float]) -> list[str]:
-    """The section about stages; none where they were not timed, as in a node."""
+    """The section about stages; none if they were not timed, as in a node."""
     if not medians:
         return []
     named = {name.replace("_", " "): value for name, value in medians.items()}

@@ -1,4 +1,4 @@
-"""Values of a run over time, and what is known of its errors, as lines of charts."""
+"""Values of a run over time, and its errors, as lines of charts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rgbd_glue_ros.experiments.report.charts import Area, Line
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64
 
-# A line breaks where this many of the usual intervals passed without a frame.
+# A line breaks if this many of the usual intervals passed without a frame.
 _GAP = 3.0
 # Normal and chi (3 degrees of freedom) quantiles, as factors of σ of an axis and of all three.
 _OF_AN_AXIS, _OF_A_ROTATION = 1.96, (7.815 / 3) ** 0.5
@@ -25,10 +25,10 @@ def since_start(run: Run, stamps_ns: Int64) -> Float64:
 
 
 def with_gaps(run: Run, stamps_ns: Int64, values: Float64) -> tuple[Float64, Float64]:
-    """Times and values [N, ...] of a line that is broken where frames were dropped, or none came.
+    """Times and values [N, ...] of a line with breaks where frames were dropped or missing.
 
     Args:
-        run: knows what was dropped.
+        run: has the dropped frames.
         stamps_ns: int64 [N], increasing.
         values: float64 [N, ...].
 
@@ -57,11 +57,11 @@ def error_charts(run: Run, evaluation: Evaluation, span: tuple[float, float]) ->
     position_m, rotation_rad = errors_since_start(evaluation)
     sigmas = sigmas_of(run, evaluation.stamps_ns)
     drawn.append(
-        "<p>Since the first pose that has a true one, in the axes of the first camera. The band "
-        "holds 95&nbsp;% of the errors where the covariance that comes with each pose is right: "
-        "1.96 σ of an axis. It is cut off beyond three times the greatest error.</p>"
+        "<p>Since the first pose with ground truth, in the axes of the first camera. The band "
+        "contains 95&nbsp;% of the errors if the covariance of each pose is correct: 1.96 σ of an "
+        "axis. It is cut off beyond three times the largest error.</p>"
         if np.isfinite(sigmas).any()
-        else "<p>Since the first pose that has a true one, in the axes of the first camera.</p>"
+        else "<p>Since the first pose with ground truth, in the axes of the first camera.</p>"
     )
     parts = []
     for i, name in enumerate(("x (right)", "y (down)", "z (forward)")):
@@ -82,7 +82,7 @@ def _part(
     error, low, high = both.T
     furthest = float(np.nanmax(np.abs(error)))
     if np.isfinite(high).any():
-        # of a band that is far too wide the error's neighbourhood is shown
+        # if a band is far too wide, only the neighbourhood of the error is shown
         furthest = max(furthest, min(float(np.nanmax(high)), 3 * furthest))
     is_signed = bool((values[:, 1] < 0).any() or (values[:, 0] < 0).any())
     y = symmetric(furthest, _ROWS) if is_signed else rising(furthest, _ROWS)
@@ -92,7 +92,7 @@ def _part(
 
 
 def errors_since_start(evaluation: Evaluation) -> tuple[Float64, Float64]:
-    """Errors of poses where the first one is laid upon its true one, in the axes of odom.
+    """Errors of poses with the first one aligned with ground truth, in the axes of odom.
 
     Returns:
         Of positions float64 [N, 3], metres; of rotations the angles float64 [N], radians.

@@ -1,4 +1,4 @@
-"""What takes the frames of a replay and their estimates, to write them elsewhere."""
+"""Receivers of the frames of a replay and their estimates, which write them elsewhere."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from rgbd_glue_ros.types import OdometryEstimate, RgbdFrame
 
 
 class FrameSink(Protocol):
-    """Takes every frame with its estimate, in order."""
+    """Receives every frame with its estimate, in order."""
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Takes a frame."""
+        """Adds a frame."""
 
     def start_anew(self) -> None:
         """Time went back, and the odometry starts anew: the next pose is in another frame."""
 
     def close(self) -> None:
-        """Finishes what is written; called however the replay ends."""
+        """Completes the output; called however the replay ends."""
 
 
 class LeftOpen:
-    """A sink that a replay does not finish, as more is to come."""
+    """A sink that a replay does not close, since more follows."""
 
     def __init__(self, sink: FrameSink) -> None:
         self._sink = sink
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Takes a frame."""
+        """Adds a frame."""
         self._sink.add(frame, estimate)
 
     def start_anew(self) -> None:
@@ -35,4 +35,4 @@ class LeftOpen:
         self._sink.start_anew()
 
     def close(self) -> None:
-        """Nothing: whoever opened it does."""
+        """Does nothing: its owner closes it."""

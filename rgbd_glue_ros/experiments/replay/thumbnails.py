@@ -21,13 +21,13 @@ class Thumbnails:
     """
 
     def __init__(self) -> None:
-        """Has none yet."""
+        """Starts without pictures."""
         self.jpegs: dict[int, bytes] = {}
         self._frames = 0
         self._every = 1
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Takes a frame."""
+        """Adds a frame."""
         if self._frames % self._every == 0:
             self.jpegs[estimate.stamp_ns] = thumbnail(frame.color)
         self._frames += 1
@@ -39,7 +39,7 @@ class Thumbnails:
         """Nothing: a picture is of its stamp."""
 
     def close(self) -> None:
-        """Nothing: the pictures are in memory."""
+        """Does nothing: the pictures are in memory."""
 
 
 def thumbnail(color: UInt8) -> bytes:

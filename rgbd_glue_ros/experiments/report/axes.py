@@ -1,4 +1,4 @@
-"""Axes of charts: where values lie, and which of them are written beside the axis."""
+"""Axes of charts: positions of values, and which of them are labelled."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 @dataclass(frozen=True)
 class Axis:
-    """How values lie along an axis.
+    """The mapping of values to an axis.
 
     Attributes:
         low: value at its start.
         high: value at its end.
-        ticks: values and what to write beside them.
-        is_logarithmic: whether equal ratios are equally long, and not equal differences.
+        ticks: values and their labels.
+        is_logarithmic: whether equal ratios have equal lengths, instead of equal differences.
     """
 
     low: float
@@ -28,7 +28,7 @@ class Axis:
     is_logarithmic: bool = False
 
     def at(self, values: Float64) -> Float64:
-        """Fractions of the axis, those of values beyond its ends too."""
+        """Fractions of the axis, also for values beyond its ends."""
         ends = np.array([self.low, self.high])
         if self.is_logarithmic:
             values, ends = np.log(np.maximum(values, 1e-300)), np.log(ends)
@@ -36,7 +36,7 @@ class Axis:
 
 
 def linear(low: float, high: float, unit: str = "", count: int = 6) -> Axis:
-    """An axis with round ticks, about ``count`` of them, that ends where the values end."""
+    """An axis with about ``count`` round ticks that ends where the values end."""
     values = [value for value in ticks(low, high, count) if value <= high]
     return Axis(low, high, tuple((value, f"{value:g}{unit}") for value in values))
 
@@ -48,7 +48,7 @@ def rising(highest: float, rows: int) -> Axis:
 
 
 def symmetric(furthest: float, rows: int) -> Axis:
-    """A y axis about zero that ends at the first tick beyond all values."""
+    """A y axis centred on zero that ends at the first tick beyond all values."""
     values = ticks(0.0, furthest, max(1, rows // 2))
     end = values[-1] or 1.0
     both = sorted({*values, *(-value for value in values)})

@@ -1,4 +1,4 @@
-"""Charts as self-contained HTML: shapes in SVG, words beside it so that they keep their size.
+"""Charts as self-contained HTML: shapes in SVG, with text outside it so that it keeps its size.
 
 Shapes are drawn in a square of ``SIDE`` units that the page stretches to any width.
 """
@@ -74,7 +74,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Area:
-    """What lies between two lines over time.
+    """The area between two lines over time.
 
     Attributes:
         label: what it shows.
@@ -99,14 +99,14 @@ def chart(
     y: Axis | None = None,
     areas: Sequence[Area] = (),
 ) -> str:
-    """Lines over a common x axis in seconds; a pointer on it shows its moment in all such charts.
+    """Lines over a common x axis in seconds; a pointer shows the same moment in all such charts.
 
     Args:
         title: with the unit of y.
         lines: to draw, the last on top.
         x_range: ends of the x axis.
-        rows: of grid lines, about; the height follows from it.
-        y: the axis upward; None for one from zero that holds all lines.
+        rows: approximate number of grid lines; determines the height.
+        y: the axis upward; None for one from zero that covers all lines.
         areas: drawn below the lines.
     """
     if y is None:
@@ -136,7 +136,7 @@ def plot(
         rows: that make up the height.
         dots: drawn as dots at their points, below the lines.
         areas: drawn below all.
-        is_timed: whether x is a time in seconds that the page's other charts have too.
+        is_timed: whether x is a time in seconds, shared with the page's other charts.
     """
     heights = SIDE * (1 - y.at(np.array([value for value, _ in y.ticks])))
     shapes = [
@@ -175,7 +175,7 @@ def plot(
 
 
 def _placed(axis: Axis) -> list[tuple[float, str]]:
-    """Where along the axis each tick's text is."""
+    """The position of each tick's label along the axis."""
     at = axis.at(np.array([value for value, _ in axis.ticks]))
     return [(float(place), text) for place, (_, text) in zip(at, axis.ticks, strict=True)]
 
@@ -196,8 +196,8 @@ def _known(line: Line) -> bool:
 
 
 def caption(title: str, lines: Sequence[Line | Area], *, is_timed: bool = False) -> str:
-    """The title of a figure, the keys of its lines, and room for what a pointer asks for."""
-    # one line alone is what the title says
+    """The title of a figure, the keys of its lines, and room for values at the pointer."""
+    # a single line is described by the title
     named = lines if len(lines) > 1 else ()
     said = "<output></output>" if is_timed else ""
     return f"<figcaption><b>{escape(title)}</b>{_keys(named)}{said}</figcaption>"
@@ -217,18 +217,18 @@ def _keys(lines: Sequence[Line | Area]) -> str:
 
 
 def key(label: str, color: str, style: str) -> str:
-    """The colour of what is drawn, and what it is."""
+    """A colour and its meaning."""
     return f'<span class="key {style}" style="--c:{color}"><i></i>{escape(label)}</span>'
 
 
 def path(line: Line, x: Float64, y: Float64, *, is_timed: bool = False) -> str:
-    """A line through points in units of the drawing; a point alone is a dot.
+    """A line through points in units of the drawing; an isolated point is a dot.
 
     Args:
-        line: how it looks.
+        line: its style.
         x: float64 [N].
         y: float64 [N]; NaN breaks the line.
-        is_timed: whether a pointer may ask for its value.
+        is_timed: whether a pointer can show its value.
     """
     drawn = "".join(_stretch(x[rows], y[rows]) for rows in _stretches(y))
     value = f' data-value="{escape(line.label)}"' if is_timed else ""
@@ -245,7 +245,7 @@ def _stretch(x: Float64, y: Float64) -> str:
 
 
 def _stretches(y: Float64) -> list[slice]:
-    """The parts of a line between the points that are not known."""
+    """The parts of a line between unknown points."""
     known = np.concatenate([[0], np.isfinite(y), [0]]).astype(np.int8)
     starts, stops = np.flatnonzero(np.diff(known) == 1), np.flatnonzero(np.diff(known) == -1)
     return [slice(a, b) for a, b in zip(starts.tolist(), stops.tolist(), strict=True)]
@@ -264,7 +264,7 @@ def _area(area: Area, x: Axis, y: Axis) -> str:
 
 
 def _thinned(x: Float64, y: Float64) -> tuple[Float64, Float64]:
-    """The least and greatest y of each column, so that no peak is lost in a long recording."""
+    """The minimum and maximum y of each column, so that no peak is lost in a long recording."""
     if len(x) <= 2 * _COLUMNS:
         return x, y
     rows: list[int] = []

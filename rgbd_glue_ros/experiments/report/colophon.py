@@ -1,4 +1,4 @@
-"""What a page ends with: what made it, when, where, and by which command."""
+"""The footer of a page: software, date, machine and command."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rgbd_glue_ros.experiments.report.machine import machine
 
 @dataclass(frozen=True)
 class Colophon:
-    """How a result came about.
+    """The origin of a result.
 
     Attributes:
         version: of this package.
         date: of the page, with its zone.
         machine: processor, memory and system.
-        command: that asked for it; "" where a program did.
+        command: the command line; "" if it was started by a program.
         source: what it is about.
     """
 
@@ -31,7 +31,7 @@ class Colophon:
 
     @staticmethod
     def now(command: str, source: str) -> Colophon:
-        """Of what is made now, on this machine."""
+        """The colophon for a result made now, on this machine."""
         about = machine()
         return Colophon(
             about["versions"].get("rgbd_glue_ros", "(not installed)"),
@@ -48,7 +48,7 @@ class Colophon:
 
 
 def machine_text(about: Mapping[str, Any]) -> str:
-    """A machine in a line, from what ``machine`` says of it."""
+    """A machine in one line, from the result of ``machine``."""
     return (
         f"{about['cores']} cores of {about['processor']}, {about['memory_gb']} GB, "
         f"{about['system']}, Python {about['python']}"

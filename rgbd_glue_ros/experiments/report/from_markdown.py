@@ -1,4 +1,4 @@
-"""The Markdown that this package writes, as HTML: one text for a repository and for a browser."""
+"""Converts the Markdown that this package writes to HTML: one text for repository and browser."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ASIDE = 0xE000
 _INLINE = (
     (re.compile(r"\*\*(.+?)\*\*"), r"<b>\1</b>"),
     (re.compile(r"`(.+?)`"), r"<code>\1</code>"),
-    # what it links to is a file beside it in the repository
+    # its links are to files beside it in the repository
     (re.compile(r"(?<!!)\[(.+?)\]\(.+?\)"), r"\1"),
 )
 
@@ -23,8 +23,8 @@ def from_markdown(text: str, images: dict[str, str]) -> list[str]:
     """Headings, paragraphs, tables, lists, code and pictures, in their order.
 
     Args:
-        text: as ``report/markdown.py`` and its users write it; its first heading is left out, as
-            it is the page's.
+        text: as written by ``report/markdown.py`` and its users; its first heading is omitted,
+            since it is the page's.
         images: HTML of the pictures, by the file that the text names.
     """
     blocks = [block for block in re.split(r"\n{2,}", text.strip()) if block]
@@ -63,7 +63,7 @@ def _cells(line: str) -> Iterator[str]:
 
 
 def _row(cells: list[str], tag: str) -> str:
-    # of numbers the right ends are compared
+    # numbers are aligned at the right
     return "".join(
         f'<{tag} class="n">{cell}</{tag}>' if i else f"<{tag}>{cell}</{tag}>"
         for i, cell in enumerate(cells)
@@ -71,7 +71,7 @@ def _row(cells: list[str], tag: str) -> str:
 
 
 def _inline(text: str) -> str:
-    # letters that only look like marks wait behind others, which no text has
+    # letters that only look like markup are replaced by others, which no text contains
     shown = escape(html.unescape(text))
     shown = re.sub(r"\\([\\`|\[\]])", lambda m: chr(_ASIDE + ord(m[1])), shown)
     for pattern, replacement in _INLINE:

@@ -1,14 +1,14 @@
-"""Places for the names of dots in a picture, where they lie on no dot and on no other name."""
+"""Places the names of dots in a picture, away from dots and other names."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-# What letters of a proportional font take on average, as a part of the font's size.
+# Average width of letters of a proportional font, as a fraction of the font's size.
 _LETTER = 0.58
 _GAP = 4.0
-# A name lies at most so many lines above or below its dot.
+# Maximum distance of a name above or below its dot, lines.
 _ROWS = 6
 
 
@@ -22,7 +22,7 @@ class Box:
     bottom: float
 
     def overlap(self, other: Box) -> float:
-        """The area that both cover."""
+        """The area of intersection."""
         width = min(self.right, other.right) - max(self.left, other.left)
         height = min(self.bottom, other.bottom) - max(self.top, other.top)
         return max(0.0, width) * max(0.0, height)
@@ -37,14 +37,14 @@ def placed(
 ) -> dict[str, Box]:
     """A box for the name of every dot.
 
-    Those dots come first that have the least room; of the places around a dot the first is taken
-    where nothing is in the way, else that with the least in the way.
+    Dots with the least room come first; of the places around a dot the first free one is used,
+    otherwise the one with the least overlap.
 
     Args:
-        dots: where they are, by name, pixels.
+        dots: their positions, by name, pixels.
         radius: of a dot.
         font_px: size of the letters.
-        frame: what names should not stick out of.
+        frame: the area that names should not exceed.
     """
     taken = {
         name: Box(x - radius, y - radius, x + radius, y + radius) for name, (x, y) in dots.items()

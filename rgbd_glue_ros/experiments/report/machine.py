@@ -1,4 +1,4 @@
-"""What a benchmark ran on, so that its figures can be judged."""
+"""The machine of a benchmark, so that its figures can be judged."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def machine() -> dict[str, Any]:
 
 
 def load() -> float:
-    """How many processes of the whole machine wanted to run during the last minute."""
+    """Number of runnable processes on the whole machine during the last minute."""
     return os.getloadavg()[0]
 
 
 def resident_mb() -> float:
-    """Memory that this process holds now, MB."""
+    """Current memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 

@@ -1,4 +1,4 @@
-"""The frame that all reports share: one HTML page that needs nothing else, in any width."""
+"""The common frame of all reports: one self-contained HTML page, for any width."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from rgbd_glue_ros.experiments.report import charts, plans, timeline
 from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.parameters import Config, parameters, values
 
-SIDE_BY_SIDE = "Stages that run side by side add up to more than the whole."
-"""What is to be said of a list of stages."""
+SIDE_BY_SIDE = "Stages that run in parallel add up to more than the whole."
+"""Note on a list of stages."""
 
 _CSS = """
 :root { --page: #fff; --card: #f6f7f9; --text: #16202c; --quiet: #5d6b7b; --line: #e3e7ec;
@@ -59,7 +59,7 @@ def page(title: str, parts: Iterable[str], css: str = "") -> str:
     Args:
         title: text of the heading.
         parts: HTML below it.
-        css: beside what all pages share.
+        css: besides that of all pages.
     """
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
@@ -72,7 +72,7 @@ def page(title: str, parts: Iterable[str], css: str = "") -> str:
 
 
 def tiles(figures: Iterable[tuple[str, str, str]]) -> str:
-    """Figures to be seen first: number, unit, and what it is."""
+    """The most important figures: number, unit, and meaning."""
     body = "".join(
         f'<div class="tile"><b>{value} <small>{unit}</small></b><span>{text}</span></div>'
         for value, unit, text in figures

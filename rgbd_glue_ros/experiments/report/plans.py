@@ -1,4 +1,4 @@
-"""Paths in a plane, several views of them at one scale."""
+"""Paths in a plane, in several views at the same scale."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ CSS = """
 .plan .here.on { display: inline; }
 """
 
-# Of a view's width: its least height, and the room for strokes at the edge.
+# Fractions of a view's width: its minimum height, and the room for strokes at the edge.
 _LEAST_HEIGHT = 0.3
 _MARGIN = 0.08
 
 
 def plans(views: Sequence[tuple[str, Sequence[Line], Float64]]) -> str:
-    """Views of paths side by side, at one scale: axes are equal, in a view and among views.
+    """Views of paths side by side, at the same scale: axes are equal, within and among views.
 
     The first point of the last line of a view is marked green, its last one red.
 
     Args:
         views: of each the title, the lines, x to the right and y up, and the times float64 [N] of
-            the last line's points, for a pointer that asks for a moment.
+            the last line's points, for a pointer at a moment.
     """
     extents = [_extent(lines) for _, lines, _ in views]
     longest = max(float((high - low).max()) for low, high in extents) or 1.0
@@ -87,10 +87,10 @@ def _plan(
 
 
 def _spaced(x: Float64, y: Float64) -> Int64:
-    """Rows of points that lie apart by more than anybody sees, and of those that break a line."""
+    """Rows of points with a visible distance, and of those that break a line."""
     kept = [0]
     for i in range(1, len(x)):
-        # a difference to what is not known is none that is small
+        # a difference from an unknown value is not small
         if not abs(x[i] - x[kept[-1]]) + abs(y[i] - y[kept[-1]]) <= 1.0:
             kept.append(i)
     return np.array([*kept, len(x) - 1], np.int64)

@@ -22,7 +22,7 @@ CSS = """
   font-size: .78rem; line-height: 1; font-variant-numeric: tabular-nums; white-space: nowrap; }
 """
 
-# What is under the pointer is read from the drawn lines: the page holds no second copy of them.
+# The value under the pointer is read from the drawn lines: the page has no second copy of them.
 SCRIPT = """
 (() => {
   const all = (selector, root = document) => [...root.querySelectorAll(selector)];

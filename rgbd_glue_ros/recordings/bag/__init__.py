@@ -1,1 +1,1 @@
-"""Recordings that are bags, of ROS 1 and ROS 2."""
+"""Bags of ROS 1 and ROS 2."""

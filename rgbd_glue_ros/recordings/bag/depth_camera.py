@@ -1,4 +1,4 @@
-"""The depth camera of a bag whose depth is not registered to colour: its info and its place."""
+"""The depth camera of a bag whose depth is not registered to colour: its info and its pose."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ _GIVE_PLACE = (
 
 
 class RecordedDepthCamera:
-    """What a bag tells of the camera that took its depth images.
+    """What a bag says about the camera that took its depth images.
 
     Attributes:
-        topics: those of the sequence, with that of the depth camera's info.
-        metres_per_unit: of the depth images; None where the bag does not tell.
+        topics: those of the sequence, including that of the depth camera's info.
+        metres_per_unit: of the depth images; None if the bag does not say.
     """
 
     def __init__(
@@ -53,14 +53,14 @@ class RecordedDepthCamera:
         calibration: CameraIntrinsics | None,
         info_topic: str | None,
     ) -> None:
-        """Finds what tells of the depth camera.
+        """Finds the information about the depth camera.
 
         Args:
             bag: the bag.
             topics: of colour, depth and the colour camera's info.
-            inputs: may tell where the depth camera is, or that depth is registered.
-            calibration: of the depth camera; None takes the bag's info.
-            info_topic: of that info; None takes the one beside the depth images.
+            inputs: may give the depth camera's pose, or say that depth is registered.
+            calibration: of the depth camera; None uses the bag's info.
+            info_topic: topic of that info; None uses the one beside the depth images.
 
         Raises:
             InputError: the given info cannot be read, or ``depth_camera_pose`` cannot.
@@ -84,15 +84,15 @@ class RecordedDepthCamera:
         self.topics = FrameTopics(topics.color, topics.depth, topics.info, name or "camera_info")
 
     def of(self, match: Match[Any]) -> DepthCamera | None:
-        """The camera that took a depth image; None if the image is taken as registered.
+        """The camera that took a depth image; None if the image is assumed to be registered.
 
-        What is doubtful is logged. Unlike a live camera, a recording cannot be made anew: what may
-        be registered is taken as it is, and a depth camera whose place is nowhere told is taken to
-        be where the colour camera is.
+        Doubtful cases are logged. Unlike with a live camera, a recording cannot be repeated: depth
+        that may be registered is used as it is, and a depth camera without a known pose is assumed
+        to be at the colour camera.
 
         Raises:
-            InputError: what was given does not fit, or a bag of the RealSense SDK does not tell
-                where its depth camera is.
+            InputError: given information does not fit, or a bag of the RealSense SDK does not
+                contain the pose of its depth camera.
         """
         if self._is_registered:
             return None
@@ -100,7 +100,7 @@ class RecordedDepthCamera:
             self._say_what_is_taken_as_registered(match)
             return None
         if self._is_realsense:
-            # depth is never registered there, and frames have no names
+            # there depth is never registered, and frames have no names
             T = self._T_color_depth
             if T is None:
                 T = realsense.T_color_depth(self._bag, self.topics.color, self.topics.depth)
@@ -113,7 +113,7 @@ class RecordedDepthCamera:
             if self._is_given:
                 raise
             logger.warning(
-                "%s: %s; depth is taken as registered to colour", error.where, error.cause
+                "%s: %s; depth is assumed to be registered to colour", error.where, error.cause
             )
             return None
 
@@ -126,8 +126,8 @@ class RecordedDepthCamera:
                 logger.warning("%s", doubt)
                 return None
             logger.warning(
-                "%s is of another camera than colour, and the bag does not tell where %s is in "
-                "%s: it is taken to be at the colour camera's place; %s",
+                "%s is of another camera than colour, and the bag does not contain the pose of %s "
+                "in %s: it is assumed to be that of the colour camera; %s",
                 self.topics.depth,
                 depth_frame,
                 color_frame,
@@ -145,7 +145,7 @@ class RecordedDepthCamera:
         return found.camera
 
     def _place(self, color_frame: str, depth_frame: str) -> Float64 | None:
-        """The pose [4, 4] of the depth camera in that of colour; None where it is not told."""
+        """The pose [4, 4] of the depth camera in that of colour; None if it is not known."""
         if self._T_color_depth is not None:
             return self._T_color_depth
         return recorded_transform(self._bag, color_frame, depth_frame)
@@ -154,14 +154,14 @@ class RecordedDepthCamera:
         doubt = registration_doubt(match.color, match.depth, self.topics)
         if self._is_realsense:
             doubt = (
-                f"{self.topics.depth}: the bag does not tell its camera, so depth is taken as "
-                "registered to colour; if it is not, give --depth-calibration FILE"
+                f"{self.topics.depth}: the bag does not contain its camera, so depth is assumed "
+                "to be registered to colour; if it is not, give --depth-calibration FILE"
             )
         if doubt is not None:
             logger.warning("%s", doubt)
 
     def _info_beside(self, topics: FrameTopics) -> str | None:
-        """The topic of the only camera info beside the depth images; None without."""
+        """The topic of the only camera info beside the depth images; None if there is none."""
         if self._is_realsense:
             topic = realsense.info_topic(topics.depth)
             return topic if topic in self._bag.topics else None
@@ -176,12 +176,12 @@ class RecordedDepthCamera:
         return beside[0] if len(beside) == 1 else None
 
     def _info_in(self, topic: str) -> CameraInfo | None:
-        """The first info of a topic; None, and said, where one that was found cannot be read."""
+        """The first info of a topic; None, with a warning, if a detected one cannot be read."""
         try:
             info: CameraInfo = self._bag.deserialize(next(self._bag.messages([topic])))
         except InputError as error:
             if self._is_given:
                 raise
-            logger.warning("%s; depth is taken as registered to colour", error)
+            logger.warning("%s; depth is assumed to be registered to colour", error)
             return None
         return info

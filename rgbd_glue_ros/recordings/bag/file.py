@@ -1,6 +1,6 @@
 """A bag as topics and messages in order, whatever its format and state.
 
-Whole ones are read through rosbags, damaged ones by ``salvage``.
+Intact ones are read with rosbags, damaged ones with ``salvage``.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class RecordedTopic:
 
     Attributes:
         name: of the topic.
-        type: as ``sensor_msgs/msg/Image``.
+        type: for example ``sensor_msgs/msg/Image``.
         message_count: of the topic in the bag.
         offered_qos: the profiles of its publishers; empty if not recorded.
     """
@@ -68,16 +68,16 @@ class BagFile(Closing):
 
     Attributes:
         path: a rosbag2 folder or storage file, or a ROS 1 bag.
-        topics: with one message at least, by name.
+        topics: those with at least one message, by name.
         is_ros1: whether messages are serialised as in ROS 1.
-        damage: what is wrong with it, None as long as nothing is known to be.
+        damage: what is wrong with the bag, None as long as no damage is known.
     """
 
     def __init__(self, path: Path) -> None:
         """Opens it.
 
         Raises:
-            InputError: there is no bag, it holds no message, or nothing of it can be read.
+            InputError: there is no bag, it has no messages, or nothing of it can be read.
         """
         self.path = path
         self.damage: str | None = None
@@ -86,7 +86,7 @@ class BagFile(Closing):
             raise InputError(path, "does not exist", "give a bag")
         self._files = storage_files(path)
         if not self._files:
-            raise InputError(path, "is no bag", f"looked for {SIGNATURE}")
+            raise InputError(path, "is not a bag", f"looked for {SIGNATURE}")
         _say_what_is_missing(path, self._files)
         self._plain_files = PlainFiles()
         self._plain = self._unpacked()
@@ -102,11 +102,11 @@ class BagFile(Closing):
         if not self.topics:
             self.close()
             raise InputError(
-                path, f"holds no message: {self.damage or 'it is empty'}", "record anew"
+                path, f"holds no message: {self.damage or 'it is empty'}", "record again"
             )
 
     def _unpacked(self) -> list[tuple[Path, Path]]:
-        """Each file with its plain form; without those that cannot be unpacked."""
+        """Each file with its unpacked form; without those that cannot be unpacked."""
         found = []
         for file in self._files:
             with self._noting_damage(file):
@@ -114,11 +114,11 @@ class BagFile(Closing):
         return found
 
     def _open_with_index(self) -> None:
-        """Opens readers of the whole files; raises almost anything where there is no such index."""
+        """Opens readers of the complete files; may raise almost anything without a valid index."""
         if any(has_log(plain) for _, plain in self._plain):
             raise DamagedError("its recorder did not finish it")
         if self.is_ros1 and first_bytes(self._plain[0][1]).startswith(MCAP_MAGIC):
-            raise DamagedError("no reader takes the messages of ROS 1 in MCAP")
+            raise DamagedError("no reader supports ROS 1 messages in MCAP")
         for _, plain in self._plain:
             if first_bytes(plain).startswith(SQLITE_MAGIC):
                 check_sqlite(plain)
@@ -127,7 +127,7 @@ class BagFile(Closing):
             self._readers.append(reader)
 
     def encoding(self, topic: str) -> str:
-        """What the first image of a topic says of its encoding; "" if it is no image."""
+        """The encoding of the first image of a topic; "" if it is not an image."""
         try:
             image = self.deserialize(next(self.messages([topic])))
         except (InputError, StopIteration):
@@ -135,10 +135,10 @@ class BagFile(Closing):
         return str(getattr(image, "encoding", "") or getattr(image, "format", ""))
 
     def messages(self, topics: Collection[str] = ()) -> Iterator[RecordedMessage]:
-        """The messages of some topics (none given: of all), from the beginning, in order of time.
+        """The messages of some topics (by default all), from the beginning, in order of time.
 
-        Those of a damaged file are in the order in which they were written; they end where the
-        damage begins, and ``damage`` says what it is.
+        In a damaged file they are in the order of writing; they end where the damage begins, and
+        ``damage`` describes it.
         """
         messages = self._indexed(topics) if self._readers else self._salvaged()
         return (message for message in messages if not topics or message.topic in topics)
@@ -147,17 +147,19 @@ class BagFile(Closing):
         """The message as an object with the fields it has in ROS 2.
 
         Raises:
-            InputError: its bytes are not of its type.
+            InputError: its bytes do not match its type.
         """
         try:
-            # by the standard's definitions: those in the bag may be damaged as all of it
+            # with the standard definitions: those in the bag may be damaged too
             if self.is_ros1:
                 fields: Any = self._typestore.deserialize_ros1(message.data, message.type)
             else:
                 fields = self._typestore.deserialize_cdr(message.data, message.type)
         except Exception as error:
             raise InputError(
-                message.topic, f"a message is no {message.type} ({error})", "check the recording"
+                message.topic,
+                f"a message is not a valid {message.type} ({error})",
+                "check the recording",
             ) from error
         if self.is_ros1 and message.type == "sensor_msgs/msg/CameraInfo":
             return _ros2_camera_info(fields)
@@ -181,8 +183,8 @@ class BagFile(Closing):
                     connection.topic, connection.msgtype, stamp_ns, unpacked_message(data)
                 )
         except Exception as error:  # noqa: BLE001 (as on opening)
-            # damage between the indexed parts, or merely a file without chunks out of order
-            logger.debug("%s: read on without its index (%r)", self.path, error)
+            # damage between the indexed parts, or merely a file without chunks that is out of order
+            logger.debug("%s: continuing without its index (%r)", self.path, error)
             for message in self._salvaged():
                 if (message.topic, message.stamp_ns) not in given:
                     yield message
@@ -214,7 +216,7 @@ class BagFile(Closing):
 
 
 def _say_what_is_missing(path: Path, files: list[Path]) -> None:
-    """Logs which of the files that the metadata names are not there."""
+    """Logs which of the files named by the metadata are missing."""
     if not (path / METADATA).is_file():
         return
     try:
@@ -224,10 +226,10 @@ def _say_what_is_missing(path: Path, files: list[Path]) -> None:
     except (InputError, yaml.YAMLError, KeyError, TypeError):
         return
     missing = named - {file.name for file in files}
-    # as many files under other names are the same, renamed
+    # the same number of files under other names are the same files, renamed
     if missing and len(files) < len(named):
         logger.warning(
-            "%s: %d of its %d parts are missing (%s); going on without them",
+            "%s: %d of its %d parts are missing (%s); continuing without them",
             path,
             len(missing),
             len(named),
@@ -236,7 +238,7 @@ def _say_what_is_missing(path: Path, files: list[Path]) -> None:
 
 
 def _ros2_camera_info(ros1: Any) -> CameraInfo:
-    """In ROS 1 the names of the matrices are capitals."""
+    """Renames the matrices, which have capital names in ROS 1."""
     return CameraInfo(
         header=ros1.header,
         height=ros1.height,

@@ -27,10 +27,10 @@ def recorded_imu(bag: BagFile, topic: str, color: str, inputs: InputConfig) -> I
         bag: the bag.
         topic: of the IMU.
         color: topic of the colour images, whose frame is the camera's.
-        inputs: may tell how the IMU is turned in the camera, and which stamps are taken.
+        inputs: may give the IMU's orientation in the camera, and which stamps are used.
 
     Returns:
-        None, which is logged, where no message can be read or it is not told how it is turned.
+        None, which is logged, if no message can be read or its orientation is not known.
     """
     faults, readings, imu_frame = Faults(), [], ""
     for recorded in bag.messages([topic]):
@@ -49,8 +49,8 @@ def recorded_imu(bag: BagFile, topic: str, color: str, inputs: InputConfig) -> I
     T_camera_imu = _place(bag, color, imu_frame, inputs)
     if T_camera_imu is None:
         logger.warning(
-            "%s: the bag does not tell how %s is turned in the camera, so the IMU is left out; "
-            "give --set imu_pose='x y z roll pitch yaw', in the camera's optical frame",
+            "%s: the bag does not contain the orientation of %s in the camera, so the IMU is "
+            "ignored; give --set imu_pose='x y z roll pitch yaw', in the camera's optical frame",
             topic,
             imu_frame or "its frame, which has no name,",
         )
@@ -59,7 +59,7 @@ def recorded_imu(bag: BagFile, topic: str, color: str, inputs: InputConfig) -> I
 
 
 def _place(bag: BagFile, color: str, imu_frame: str, inputs: InputConfig) -> Float64 | None:
-    """The pose [4, 4] of the IMU in the camera's optical frame; None where it is not told."""
+    """The pose [4, 4] of the IMU in the camera's optical frame; None if it is not known."""
     given = pose_parameter("imu_pose", inputs.imu_pose)
     if given is not None:
         return given

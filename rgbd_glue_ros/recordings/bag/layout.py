@@ -1,7 +1,7 @@
-"""Which files make a bag; imports nothing that takes time.
+"""Which files form a bag; imports nothing slow.
 
-What a file is shows in its first bytes. In a folder only files with the name of a bag are looked
-at, as there may be a hundred thousand images beside them.
+A file's type shows in its first bytes. In a folder only files with the name of a bag are examined,
+since there may be a hundred thousand images beside them.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 SIGNATURE = f"{METADATA} or *{', *'.join(SUFFIXES)}"
 
-# Also of what a recorder did not finish (.bag.active), or compressed (.db3.zstd)
+# Also unfinished (.bag.active) or compressed (.db3.zstd) recordings
 _NAME = re.compile(r".*\.(mcap|db3|bag)(\.[a-z0-9]+)?", re.IGNORECASE)
 # Recorders number the parts of a bag from 0; ROS 1 puts the date of each before its number
 _PART = re.compile(r"(.*?)(\d{4}(-\d\d){5})?_(\d+)")
 
 
 def storage_files(path: Path) -> list[Path]:
-    """The files that hold the messages of the bag at ``path``; none if it is no bag."""
+    """The files with the messages of the bag at ``path``; none if it is not a bag."""
     if not path.is_dir():
         return [path] if path.is_file() and _is_storage(path) else []
     files = sorted(file for file in path.iterdir() if _NAME.fullmatch(file.name))
-    # where a recorder did not finish there may be an empty file beside the one that counts
+    # an unfinished recorder may leave an empty file beside the one that counts
     return [file for file in files if file.is_file()]
 
 
 def is_bag(path: Path) -> bool:
-    """Whether it looks like a bag, whole or not; a folder of several bags is none."""
+    """Whether ``path`` looks like a bag, intact or not; a folder of several bags does not count."""
     return (path / METADATA).is_file() or bool(storage_files(path) and not separate_bags(path))
 
 
 def separate_bags(path: Path) -> list[Path]:
-    """The bags in a folder that are no parts of one; none if they are, or there is only one."""
+    """The bags in a folder that are not parts of one; none if they are, or there is only one."""
     files = storage_files(path)
     if len(files) < 2 or (path / METADATA).is_file() or not path.is_dir():
         return []
@@ -53,7 +53,7 @@ def separate_bags(path: Path) -> list[Path]:
 
 
 def first_bytes(path: Path) -> bytes:
-    """As many as tell what a file is; none where it cannot be read."""
+    """The bytes that identify a file's type; none if it cannot be read."""
     try:
         with path.open("rb") as file:
             return file.read(64)
@@ -70,7 +70,7 @@ def is_ros1(path: Path) -> bool:
 
 
 def has_log(path: Path) -> bool:
-    """Whether beside an SQLite file lies a log of what is not in it yet."""
+    """Whether there is a log beside an SQLite file with content that is not in it yet."""
     log = path.with_name(f"{path.name}-wal")
     return log.is_file() and log.stat().st_size > 0
 

@@ -1,4 +1,4 @@
-"""What every reader of bags gives: messages, and how a file stops making sense."""
+"""The results of every bag reader: messages, and where a file becomes unreadable."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 class DamagedError(Exception):
-    """How a file stops making sense."""
+    """A file is unreadable from some point on."""
 
 
 @dataclass(frozen=True)
@@ -14,10 +14,10 @@ class RecordedMessage:
     """A message as it is in a bag.
 
     Attributes:
-        topic: its name.
-        type: as ``sensor_msgs/msg/Image``, in ROS 1 bags too.
+        topic: name of the topic.
+        type: for example ``sensor_msgs/msg/Image``, in ROS 1 bags too.
         stamp_ns: time of recording, nanoseconds.
-        data: serialised: CDR, in a ROS 1 bag that of ROS 1.
+        data: serialised as CDR, or in a ROS 1 bag as in ROS 1.
     """
 
     topic: str

@@ -1,4 +1,4 @@
-"""Bags of the RealSense viewer and SDK: what they hold in topics of their own.
+"""Bags of the RealSense viewer and SDK: the content of their own topics.
 
 A stream ``/device_0/sensor_0/Depth_0`` has its images in ``image/data``. Its camera info is in
 ``info/camera_info`` (ROS 1), or as text in ``camera_info`` (ROS 2). Its place is in ``tf/0``, as a
@@ -39,10 +39,10 @@ def info_topic(image_topic: str) -> str:
 
 
 def camera_in_text(bag: BagFile, image_topic: str) -> CameraIntrinsics | None:
-    """The camera of a stream where the bag tells it as text; None where it does not.
+    """The camera of a stream if the bag contains it as text; otherwise None.
 
     Raises:
-        InputError: the text holds no camera.
+        InputError: the text is not a camera.
     """
     topic = _stream(image_topic) + _TEXT_INFO
     if topic not in bag.topics or not bag.topics[topic].type.endswith("String"):
@@ -61,12 +61,14 @@ def camera_in_text(bag: BagFile, image_topic: str) -> CameraIntrinsics | None:
             p=np.zeros(12),
         )
     except (KeyError, ValueError) as error:
-        raise InputError(topic, f"holds no camera ({error})", "give --calibration FILE") from error
+        raise InputError(
+            topic, f"holds no valid camera ({error})", "give --calibration FILE"
+        ) from error
     return intrinsics_from_message(info, topic)
 
 
 def metres_per_unit(bag: BagFile, depth_topic: str) -> float | None:
-    """Metres of one unit of the depth images; None where the bag does not tell."""
+    """Metres per unit of the depth images; None if the bag does not say."""
     sensor = _stream(depth_topic).rpartition("/")[0]
     topic = next((sensor + unit for unit in _UNITS if sensor + unit in bag.topics), None)
     if topic is None:
@@ -76,10 +78,10 @@ def metres_per_unit(bag: BagFile, depth_topic: str) -> float | None:
 
 
 def T_color_depth(bag: BagFile, color_topic: str, depth_topic: str) -> Float64:
-    """The place [4, 4] of the depth camera in that of colour.
+    """The pose [4, 4] of the depth camera in that of colour.
 
     Raises:
-        InputError: the bag does not tell it.
+        InputError: the bag does not contain it.
     """
     color, depth = (_stream(topic) + _PLACES for topic in (color_topic, depth_topic))
     references = [
@@ -88,12 +90,12 @@ def T_color_depth(bag: BagFile, color_topic: str, depth_topic: str) -> Float64:
         if topic.startswith(color) and depth + topic.removeprefix(color) in bag.topics
     ]
     if not references:
-        # some recordings lack it, as those of the L515 by SDK 2.36
+        # some recordings lack it, such as those of the L515 by SDK 2.36
         raise InputError(
             bag.path,
-            f"does not tell where the depth camera is ({depth}0 and {color}0)",
+            f"does not contain the pose of the depth camera ({depth}0 and {color}0)",
             "give --set depth_camera_pose='x y z roll pitch yaw', as rs-enumerate-devices -c "
-            "tells it (about 0.015 0 0 0 0 0 for a D400), or --set depth_is_registered=true if "
+            "prints it (about 0.015 0 0 0 0 0 for a D400), or --set depth_is_registered=true if "
             "the depth is registered to colour",
         )
     T_color_reference, T_depth_reference = (
@@ -116,7 +118,9 @@ def _place(bag: BagFile, topic: str) -> Float64:
     try:
         T = _of_text(message.data) if hasattr(message, "data") else _of_transform(message)
     except (KeyError, ValueError) as error:
-        raise InputError(topic, f"holds no transform ({error})", "check the recording") from error
+        raise InputError(
+            topic, f"holds no valid transform ({error})", "check the recording"
+        ) from error
     return T
 
 
@@ -139,7 +143,7 @@ def _of_text(text: str) -> Float64:
 
 
 def _values(text: str) -> Mapping[str, str]:
-    """What a text of the SDK tells: ``name=value;name=value``."""
+    """The values in a text of the SDK: ``name=value;name=value``."""
     pairs = (part.partition("=") for part in text.split(";"))
     return {name.strip(): value.strip() for name, _, value in pairs}
 

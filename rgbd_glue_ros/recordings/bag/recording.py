@@ -52,7 +52,7 @@ __all__ = ["BagRecording", "Topics"]
 
 logger = logging.getLogger(__name__)
 
-# A bag may hold the topics' messages further apart in time than a network delivers them.
+# In a bag, messages of the topics may be further apart in time than over a network.
 QUEUE_SIZE = 30
 
 # Later than any image: a camera info that no image has to wait for.
@@ -60,12 +60,12 @@ _FOREVER_NS = 2**63
 
 
 class BagRecording(Closing):
-    """The frames of a bag, paired and decoded as the node does it.
+    """The frames of a bag, paired and decoded as in the node.
 
-    Messages that cannot be used are skipped, counted and logged once per cause.
+    Unusable messages are skipped, counted and logged once per cause.
 
     Attributes:
-        skipped: how many messages and frames the last iteration could not use.
+        skipped: number of messages and frames that the last iteration could not use.
     """
 
     def __init__(
@@ -81,16 +81,15 @@ class BagRecording(Closing):
 
         Args:
             path: a rosbag2 folder or storage file, or a ROS 1 bag.
-            topics: those to take; None, and any that is None, is found by type and name.
-            calibration: of the colour camera; None takes the bag's camera info.
-            inputs: how images are understood and paired; None as by default.
-            depth_calibration: of the depth camera, where depth is not registered; None takes the
-                bag's.
-            told_scale: metres of a unit of depth as the file of ``calibration`` tells. Images of a
-                bag have the units of REP-118 all the same; where these differ, it is said.
+            topics: the topics to use; None, and any that is None, is found by type and name.
+            calibration: of the colour camera; None uses the bag's camera info.
+            inputs: how images are interpreted and paired; None for the defaults.
+            depth_calibration: of the depth camera, if depth is not registered; None uses the bag's.
+            told_scale: metres per unit of depth according to the file of ``calibration``. Images of
+                a bag have the units of REP-118 regardless; a difference is logged.
 
         Raises:
-            InputError: it is no bag or an empty one, or the topics are missing or ambiguous.
+            InputError: the path is not a bag, the bag is empty, or topics are missing or ambiguous.
         """
         wanted = topics or Topics()
         self._bag = BagFile(path)
@@ -133,20 +132,20 @@ class BagRecording(Closing):
 
     @property
     def topics(self) -> Topics:
-        """The topics taken."""
+        """The topics in use."""
         info = None if self._calibration else self._topics.info
         return Topics(self._topics.color, self._topics.depth, info, self._ground_truth)
 
     @property
     def frame_count(self) -> int:
-        """How many frames it holds, at most."""
+        """The maximum number of frames."""
         topics = self._bag.topics
         images = self._topics.color, self._topics.depth
         return min(topics[name].message_count for name in images)
 
     @cached_property
     def ground_truth(self) -> Trajectory | None:
-        """Poses as recorded, None if the bag has no such topic; those that are no pose left out."""
+        """Poses as recorded, without invalid ones; None if the bag has no such topic."""
         if self._ground_truth is None:
             return None
         faults = Faults()
@@ -166,13 +165,13 @@ class BagRecording(Closing):
 
     @cached_property
     def imu(self) -> ImuSamples | None:
-        """The samples of its IMU, None if it has none or does not tell how that is turned."""
+        """The samples of its IMU; None if it has none or its orientation is not known."""
         if self._imu is None:
             return None
         return recorded_imu(self._bag, self._imu, self._topics.color, self._inputs)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
-        """The frames in order of time; a stamp goes back only where the bag's do.
+        """The frames in order of time; a stamp goes back only if the bag's do.
 
         Raises:
             InputError: at the end, if the bag is damaged there or gave no frame at all.
@@ -215,7 +214,7 @@ class BagRecording(Closing):
         return Synchronizer(round(self._inputs.max_interval_s * NANOSECONDS), QUEUE_SIZE)
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
-        """The frames of these numbers, increasing; all before the last of them are read too."""
+        """The frames with these increasing numbers; all before the last of them are read too."""
         return selected(self, indices)
 
     def close(self) -> None:
@@ -241,7 +240,7 @@ class BagRecording(Closing):
         yield from sync.flush()
 
     def _stamp_source(self) -> str:
-        """As wanted; where the first images bear no stamp, that of their recording."""
+        """The requested source; if the first images have no stamp, their time of recording."""
         first = islice(self._bag.messages([self._topics.color]), 2)
         try:
             stamps = [stamp_ns(self._bag.deserialize(m).header.stamp) for m in first]
@@ -250,14 +249,14 @@ class BagRecording(Closing):
         if any(stamps) or self._inputs.stamps == RECEIPT:
             return self._inputs.stamps
         logger.warning(
-            "%s: images bear no stamp; those of their recording are taken", self._topics.color
+            "%s: images have no stamp; their time of recording is used", self._topics.color
         )
         return RECEIPT
 
     def _watched(
         self, matches: Iterator[Match[Any]]
     ) -> Iterator[tuple[Match[Any], DepthCamera | None]]:
-        """The matches with the camera that took their depth; what is odd about them is logged."""
+        """The matches with the camera that took their depth; anomalies are logged."""
         taken_by: DepthCamera | None = None
         for number, match in enumerate(matches):
             if number == 0:
@@ -268,13 +267,13 @@ class BagRecording(Closing):
             yield match, taken_by
 
     def _say_of_unit(self, match: Match[Any]) -> None:
-        """Says so where the calibration's file tells of other units than the bag's images have."""
+        """Warns if the calibration file gives other units than the bag's images have."""
         unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
         is_other = self._told_scale not in {None, 1 / DEPTH_UNITS_PER_METRE, 1}
         if unit is None and is_other and holds_whole_numbers(match.depth):
             logger.warning(
-                "%s: whole numbers are taken as millimetres, as bags have them (REP-118), though "
-                "the calibration tells a unit of %g m; if that is right, give --depth-scale %g",
+                "%s: whole numbers are read as millimetres, as in bags (REP-118), though the "
+                "calibration gives a unit of %g m; if that is right, give --depth-scale %g",
                 self._topics.depth,
                 self._told_scale,
                 self._told_scale,
@@ -295,6 +294,6 @@ def _nothing_paired(path: Path, topics: FrameTopics, sync: Synchronizer[Any]) ->
         return InputError(path, f"no frame is complete (messages: {received})", "record all topics")
     return InputError(
         path,
-        f"no image of {topics.color} has one of {topics.depth} near its stamp",
+        f"no image of {topics.color} has one of {topics.depth} close to its stamp",
         explain_miss(sync.closest_miss_ns, sync.max_interval_ns),
     )

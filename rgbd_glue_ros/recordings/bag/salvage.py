@@ -1,7 +1,7 @@
-"""What is left in a bag whose end or index is missing: it was cut off, or its recorder killed.
+"""Reads bags whose end or index is missing: truncated, or their recorder killed.
 
 Readers that rely on the index refuse such files; these read a file from its beginning as far as
-it goes. There is one for each kind of file: MCAP, SQLite and ROS 1 (version 2.0).
+possible. There is one for each kind of file: MCAP, SQLite and ROS 1 (version 2.0).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from rgbd_glue_ros.recordings.bag.unpacking import (
 )
 from rgbd_glue_ros.types import NANOSECONDS
 
-# What a parser may stumble over where bytes make no sense
+# Errors that a parser may raise on invalid bytes
 _NONSENSE = (
     *(ValueError, KeyError, EOFError, OSError, RuntimeError, MemoryError, OverflowError),
     *(struct.error, sqlite3.Error, zstd.ZstdError),
@@ -42,14 +42,14 @@ _NONSENSE = (
 
 
 class _DamagedChunks:
-    """Counts the chunks that are damaged for themselves, so that what follows can be read."""
+    """Counts individually damaged chunks, so that what follows can be read."""
 
     def __init__(self) -> None:
         self._first: BaseException | None = None
         self._count = 0
 
     def passed_over(self, messages: Iterator[RecordedMessage]) -> Iterator[RecordedMessage]:
-        """The messages of a chunk up to where it is damaged."""
+        """The messages of a chunk up to its damage."""
         try:
             yield from messages
         except (DamagedError, *_NONSENSE) as error:
@@ -57,10 +57,10 @@ class _DamagedChunks:
             self._count += 1
 
     def say(self) -> None:
-        """Says that some were damaged.
+        """Reports damaged chunks.
 
         Raises:
-            DamagedError: they were.
+            DamagedError: some chunks were damaged.
         """
         if self._count:
             raise DamagedError(
@@ -72,7 +72,7 @@ def salvage(path: Path) -> Iterator[RecordedMessage]:
     """The messages of a bag file, in the order in which they were written.
 
     Raises:
-        DamagedError: after the last message that can be read, unless the file is whole.
+        DamagedError: after the last readable message, unless the file is intact.
     """
     with closing(PlainFiles()) as plain_files:
         plain = plain_files.of(path)
@@ -82,7 +82,7 @@ def salvage(path: Path) -> Iterator[RecordedMessage]:
                 for message in _noticing_damage(read(plain)):
                     yield replace(message, data=unpacked_message(message.data))
                 return
-    raise DamagedError("it does not begin like a bag")
+    raise DamagedError("it does not start like a bag")
 
 
 def _exactly(file: IO[bytes], size: int) -> bytes:
@@ -90,14 +90,14 @@ def _exactly(file: IO[bytes], size: int) -> bytes:
         raise DamagedError(f"a part of it has {size} bytes")
     data = file.read(size)
     if len(data) < size:
-        raise DamagedError("it is cut off")
+        raise DamagedError("it is truncated")
     return data
 
 
 def _skip(file: IO[bytes], size: int) -> None:
     here = file.tell()
     if size > file.seek(0, os.SEEK_END) - here:
-        raise DamagedError("it is cut off")
+        raise DamagedError("it is truncated")
     file.seek(here + size)
 
 
@@ -110,7 +110,7 @@ _MCAP_SIZE = struct.Struct("<16xQ")
 
 
 class _Mcap:
-    """Schemas and channels met so far."""
+    """Schemas and channels read so far."""
 
     def __init__(self) -> None:
         self.damaged = _DamagedChunks()
@@ -121,13 +121,13 @@ class _Mcap:
         """The messages until the end of the data, or of the chunk that ``file`` is."""
         while head := file.read(_MCAP_RECORD.size):
             if len(head) < _MCAP_RECORD.size:
-                raise DamagedError("it is cut off")
+                raise DamagedError("it is truncated")
             kind, size = _MCAP_RECORD.unpack(head)
             if kind == _DATA_END:
                 return
             if kind == _CHUNK:
                 if is_chunk:
-                    raise DamagedError("a chunk is inside of another")
+                    raise DamagedError("a chunk is inside another")
                 yield from self._chunk(file, size)
                 continue
             if kind not in (_SCHEMA, _CHANNEL, _MESSAGE):
@@ -146,12 +146,12 @@ class _Mcap:
                 yield RecordedMessage(topic, message_type, stamp_ns, record[_MCAP_MESSAGE.size :])
 
     def _chunk(self, file: IO[bytes], size: int) -> Iterator[RecordedMessage]:
-        # not all of a chunk need be there: an uncompressed one can be read as far as it goes
+        # a chunk may be incomplete: an uncompressed one can be read as far as it goes
         chunk = file.read(size)
         messages = self._of_chunk(chunk)
         if len(chunk) < size:
             yield from messages
-            raise DamagedError("it is cut off")
+            raise DamagedError("it is truncated")
         yield from self.damaged.passed_over(messages)
 
     def _of_chunk(self, chunk: bytes) -> Iterator[RecordedMessage]:
@@ -180,7 +180,7 @@ def _salvage_mcap(path: Path) -> Iterator[RecordedMessage]:
         yield from reader.messages(file)
         # the data end with a record of their own; after it come index and footer
         if not file.read(1):
-            raise DamagedError("it is cut off")
+            raise DamagedError("it is truncated")
         reader.damaged.say()
 
 
@@ -189,7 +189,7 @@ _ROS1_MESSAGE, _ROS1_CHUNK, _ROS1_CONNECTION, _ROS1_HEADER = b"\x02", b"\x05", b
 
 
 class _Ros1:
-    """Connections met so far."""
+    """Connections read so far."""
 
     def __init__(self) -> None:
         self.is_indexed = False
@@ -207,7 +207,7 @@ class _Ros1:
                 self.is_indexed = any(header[b"index_pos"])
             elif kind == _ROS1_CHUNK:
                 if is_chunk:
-                    raise DamagedError("a chunk is inside of another")
+                    raise DamagedError("a chunk is inside another")
                 yield from self.damaged.passed_over(self._of_chunk(header, data))
             elif kind == _ROS1_CONNECTION:
                 topic, kind_name = header[b"topic"].decode(), _fields(data)[b"type"].decode()
@@ -249,11 +249,11 @@ def _salvage_ros1(path: Path) -> Iterator[RecordedMessage]:
 
 
 def _noticing_damage(messages: Iterator[RecordedMessage]) -> Iterator[RecordedMessage]:
-    """The messages; whatever nonsense makes a parser stumble becomes a ``DamagedError``."""
+    """The messages; any error of a parser on invalid bytes becomes a ``DamagedError``."""
     try:
         yield from messages
     except _NONSENSE as error:
-        raise DamagedError(f"it makes no sense from some place on ({error!r})") from error
+        raise DamagedError(f"it is unreadable from some point on ({error!r})") from error
 
 
 _READERS: Mapping[bytes, Callable[[Path], Iterator[RecordedMessage]]] = {

@@ -1,6 +1,6 @@
-"""Bags in SQLite: what is left in a damaged one, and what one must not be.
+"""Bags in SQLite: reads damaged ones, and refuses malicious ones.
 
-A database can compute what it seems to hold: a view without end, or a column of gigabytes.
+A database can compute its apparent content: an endless view, or a column of gigabytes.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from pathlib import Path
 from rgbd_glue_ros.recordings.bag.layout import has_log
 from rgbd_glue_ros.recordings.bag.message import DamagedError, RecordedMessage
 
-# Steps of SQLite's machine, of which a row of a table takes a dozen
+# Steps of SQLite's virtual machine, of which a row of a table takes a dozen
 _STEPS_A_ROW, _STEPS = 100, 100_000
-# A row takes so many bytes of the file at least
+# Minimum bytes of the file per row
 _SMALLEST_ROW = 8
 
 
 def check_sqlite(path: Path) -> None:
-    """Makes sure that the tables of a bag are tables, and hold no more than the file does.
+    """Checks that the tables of a bag are real tables, and contain no more than the file.
 
     Raises:
-        DamagedError: they are not, or do.
-        sqlite3.Error: the file is no whole database.
+        DamagedError: a table is computed, or larger than the file.
+        sqlite3.Error: the file is not an intact database.
     """
     with closing(_opened(path)) as connection:
         _check_schema(connection)
@@ -37,7 +37,7 @@ def check_sqlite(path: Path) -> None:
             (rows,),
         ).fetchone()
         if counted >= rows or held > size:
-            raise DamagedError("its messages are more than the file holds")
+            raise DamagedError("its messages are larger than the file")
 
 
 def _check_schema(connection: sqlite3.Connection) -> None:
@@ -52,7 +52,7 @@ def _check_schema(connection: sqlite3.Connection) -> None:
 
 
 def _stop_after(connection: sqlite3.Connection, rows: int) -> None:
-    """Ends a query that takes longer than one over so many rows can."""
+    """Ends a query that takes longer than one over a number of rows can."""
     calls = 0
 
     def count() -> bool:
@@ -68,11 +68,11 @@ _SQLITE_SIZES = struct.Struct(">16xH10xI")
 
 
 def salvage_sqlite(path: Path) -> Iterator[RecordedMessage]:
-    """The messages of a database in the order in which they were written, as far as it goes.
+    """The messages of a database in the order of writing, as far as it goes.
 
     Raises:
-        DamagedError: after the last message that can be read, unless the file is whole.
-        sqlite3.Error: it makes no sense from some place on.
+        DamagedError: after the last readable message, unless the file is intact.
+        sqlite3.Error: the file is unreadable from some point on.
     """
     with path.open("rb") as file:
         page_size, pages = _SQLITE_SIZES.unpack(file.read(_SQLITE_SIZES.size))
@@ -82,7 +82,7 @@ def salvage_sqlite(path: Path) -> Iterator[RecordedMessage]:
         yield from messages
         return
     yield from _without_the_last_larger_than(page_size, messages)
-    raise DamagedError("it is cut off")
+    raise DamagedError("it is truncated")
 
 
 def _without_the_last_larger_than(
@@ -90,8 +90,8 @@ def _without_the_last_larger_than(
 ) -> Iterator[RecordedMessage]:
     """The messages up to the last one that needs more than a page.
 
-    SQLite takes what is missing of the last page for zeros, so that the last message that goes on
-    in further pages may end in zeros. Pages are filled in order: those before it are whole.
+    SQLite reads the missing part of the last page as zeros, so the last message that continues in
+    further pages may end in zeros. Pages are filled in order: earlier ones are intact.
     """
     held: list[RecordedMessage] = []
     for message in messages:
@@ -107,7 +107,7 @@ def _without_the_last_larger_than(
 def _sqlite_messages(path: Path) -> Iterator[RecordedMessage]:
     connection = _opened(path)
     try:
-        # else SQLite would read nothing of a file that is shorter than its header says
+        # otherwise SQLite would read nothing of a file that is shorter than its header says
         connection.execute("PRAGMA writable_schema = ON")
         _check_schema(connection)
         log = path.with_name(f"{path.name}-wal")
@@ -123,10 +123,10 @@ def _sqlite_messages(path: Path) -> Iterator[RecordedMessage]:
             "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
         ):
             if not (isinstance(data, bytes) and isinstance(stamp_ns, int)):
-                raise DamagedError("a row of its messages is none")
+                raise DamagedError("a row of its messages is invalid")
             left -= len(data) + _SMALLEST_ROW
             if left < 0:
-                raise DamagedError("its messages are more than the file holds")
+                raise DamagedError("its messages are larger than the file")
             yield RecordedMessage(*topics[number], stamp_ns, data)
     finally:
         connection.close()

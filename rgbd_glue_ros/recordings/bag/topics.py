@@ -1,4 +1,4 @@
-"""Which topics of a bag hold colour, depth, camera info and ground truth."""
+"""Finds the topics of colour, depth, camera info and ground truth in a bag."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 _Rule = Callable[[RecordedTopic], bool]
 
 _VIDEO = "republish it as raw or compressed (ros2 run image_transport republish), and record that"
-# What else images come as: of which kinds, and what makes images of it
+# Other forms of images, and what converts them to images
 _OTHER_FORMS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "PointCloud2": (
         ("depth",),
@@ -44,20 +44,20 @@ _OTHER_FORMS: Mapping[str, tuple[tuple[str, ...], str]] = {
 }
 
 EncodingOf = Callable[[str], str]
-"""Gives what the first image of a topic says of its encoding."""
+"""Returns the encoding of the first image of a topic."""
 
 
 @dataclass(frozen=True)
 class Topics:
-    """Names of topics; None where it is to be found out.
+    """Names of topics; None if to be detected.
 
     Attributes:
         color: images of colour or grey.
         depth: depth images registered to them.
         info: camera info of the colour images.
         ground_truth: true poses T_world_camera of the optical frame.
-        depth_info: camera info of the depth images, where they are not registered.
-        imu: of an inertial sensor; "" takes none.
+        depth_info: camera info of the depth images, if they are not registered.
+        imu: of an inertial sensor; "" for none.
     """
 
     color: str | None = None
@@ -75,13 +75,13 @@ def find_color(
     encoding: EncodingOf = lambda _: "",
     near: str = "",
 ) -> str:
-    """The topic of the colour images; of infrared ones where there are no others.
+    """The topic of the colour images; of infrared ones if there are no others.
 
     Args:
         topics: of the bag.
-        wanted: topic to take; None finds it.
+        wanted: topic to use; None detects it.
         bag: for errors.
-        encoding: tells that of a topic's images, for where names do not.
+        encoding: returns that of a topic's images, in case names are not clear.
         near: a topic of the same camera, "" if none is known.
 
     Raises:
@@ -95,7 +95,7 @@ def find_color(
     found = _best(
         colors or [t for t in no_depth if not _named("thermal")(t)],
         _named(r"rgb|colou?r"),
-        # what was computed from other images has lost some of them
+        # images computed from others may have lost some of them
         lambda t: not is_rectified(t.name),
         # image_color, not image_mono beside it
         lambda t: re.search(r"rgb|colou?r", base_name(t.name).rpartition("/")[2]) is not None,
@@ -118,10 +118,10 @@ def find_depth(
     """The topic of the depth images; those registered to colour come first.
 
     Args:
-        topics: as of ``find_color``.
-        wanted: the same.
-        bag: the same.
-        encoding: the same.
+        topics: of the bag, as in ``find_color``.
+        wanted: as in ``find_color``.
+        bag: as in ``find_color``.
+        encoding: as in ``find_color``.
         near: topic of the colour images, "" if it is not known.
 
     Raises:
@@ -156,10 +156,10 @@ def find_info(
 def find_depth_info(
     topics: Mapping[str, RecordedTopic], wanted: str | None, bag: Path
 ) -> str | None:
-    """The topic of the depth camera's info as it was given; None if it was not.
+    """The given topic of the depth camera's info; None if it was not given.
 
     Raises:
-        InputError: it is not there; lists what there is.
+        InputError: the topic does not exist; lists those that do.
     """
     if wanted is None:
         return None
@@ -171,10 +171,10 @@ def find_depth_info(
 def find_ground_truth(
     topics: Mapping[str, RecordedTopic], wanted: str | None, bag: Path
 ) -> str | None:
-    """The topic of true poses, None if none is named like that.
+    """The topic of ground-truth poses, None if none has such a name.
 
     Raises:
-        InputError: the wanted one is not there, or there is more than one.
+        InputError: the wanted topic does not exist, or there is more than one.
     """
     poses = _of_types(topics, POSE_TYPES)
     named = [t for t in poses if _named(r"truth|mocap|vicon|vrpn|optitrack|(^|/)gt(/|_|$)")(t)]
@@ -186,16 +186,16 @@ def find_ground_truth(
 def find_imu(
     topics: Mapping[str, RecordedTopic], wanted: str | None, color: str, bag: Path
 ) -> str | None:
-    """The topic of an IMU; None if there is none, or, which is logged, several and none is wanted.
+    """The topic of an IMU; None if there is none, or, which is logged, several and none was given.
 
     Args:
         topics: of the bag.
-        wanted: topic to take; None finds it, "" takes none.
+        wanted: topic to use; None detects it, "" uses none.
         color: topic of the colour images: the IMU of the same device comes first.
         bag: for errors.
 
     Raises:
-        InputError: the wanted one is not there.
+        InputError: the wanted topic does not exist.
     """
     sensors = _of_types(topics, IMU_TYPES)
     if wanted == "" or not (sensors or wanted):
@@ -205,7 +205,7 @@ def find_imu(
     nearest = _nearest(sensors, color)
     if len(nearest) > 1:
         names = ", ".join(topic.name for topic in nearest)
-        logger.warning("%s: left out, since one IMU is taken: give one (--imu-topic)", names)
+        logger.warning("%s: ignored, since only one IMU is used: give one (--imu-topic)", names)
         return None
     return nearest[0].name
 
@@ -225,7 +225,7 @@ def _chosen(
             [t for t in possible if "/" + base_name(t.name).lstrip("/") == base_name(name)]
         )
         found = [t for t in possible if "/" + t.name.lstrip("/") == name] or found
-    # one base name is one image, in whichever transports
+    # one base name is one image, whatever the transports
     if len({base_name(t.name) for t in found}) == 1:
         return _best(found, _is_raw, _named("compressedDepth$"))[0].name
     if found:
@@ -239,7 +239,7 @@ def _chosen(
 
 
 def _in_another_form(what: str, topics: Mapping[str, RecordedTopic]) -> list[str]:
-    """What to do where images are there as something else."""
+    """The remedy if images exist in another form."""
     for topic in topics.values():
         kinds, remedy = _OTHER_FORMS.get(topic.type.rpartition("/")[2], ((), ""))
         if what in kinds:
@@ -248,7 +248,7 @@ def _in_another_form(what: str, topics: Mapping[str, RecordedTopic]) -> list[str
 
 
 def _nearest(topics: list[RecordedTopic], name: str) -> list[RecordedTopic]:
-    """Those whose names begin with most of the parts that another topic's begins with."""
+    """The topics whose names share most leading parts with another topic's."""
     shared = [_shared_parts(t.name, name) for t in topics]
     most = max(shared, default=0)
     return [t for t, count in zip(topics, shared, strict=True) if count == most]
@@ -268,12 +268,12 @@ def _is_infrared(topic: RecordedTopic) -> bool:
 
 
 def _is_depth(encoding: str) -> bool:
-    """Whether images of an encoding can be nothing but depth."""
+    """Whether images of an encoding can only be depth."""
     return re.match(r"16[US]C1|32FC1|64FC1|z16", encoding, re.IGNORECASE) is not None
 
 
 def _best(topics: list[RecordedTopic], *rules: _Rule) -> list[RecordedTopic]:
-    """Those that meet the rules, each asked in turn and passed over when none meets it."""
+    """The topics that meet the rules, applied in turn; a rule that none meets is skipped."""
     for rule in rules:
         topics = [t for t in topics if rule(t)] or topics
     return topics

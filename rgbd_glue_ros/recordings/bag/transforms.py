@@ -1,4 +1,4 @@
-"""What a bag tells of where frames are."""
+"""Transforms between frames in a bag."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.types import Float64
 
 STATIC_TRANSFORMS, TRANSFORMS = "/tf_static", "/tf"
-# ROS 1 repeats static transforms on /tf; all of them are there within so many messages
+# ROS 1 repeats static transforms on /tf; all of them occur within this many messages
 _FIRST_TRANSFORMS = 500
 
 
 def recorded_transform(bag: BagFile, target: str, source: str) -> Float64 | None:
-    """The constant T_target_source [4, 4] between two frames; None where it is not told.
+    """The constant T_target_source [4, 4] between two frames; None if it is not recorded.
 
     Raises:
         InputError: a message of transforms cannot be read.

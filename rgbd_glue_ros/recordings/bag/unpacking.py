@@ -1,6 +1,6 @@
-"""What is compressed in bags, unpacked within limits: no more than is declared, and never too much.
+"""Unpacks compressed bags within limits: no more than declared, and never too much.
 
-A chunk of a hundred kilobytes may stand for gigabytes of zeros.
+A chunk of a hundred kilobytes may expand to gigabytes of zeros.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from rgbd_glue_ros.recordings.bag.layout import ZSTD_MAGIC, first_bytes
 from rgbd_glue_ros.recordings.bag.message import DamagedError
 
 MAX_CHUNK = 2**28
-"""Bytes of a chunk or message: a hundred times what recorders write, a message of any camera."""
+"""Maximum bytes of a chunk or message: a hundred times what recorders write."""
 
 MAX_FILE_RATIO = 100
-"""Bytes out for a byte in, of a file that is compressed as a whole."""
+"""Maximum ratio of sizes for a file that is compressed as a whole."""
 
 _SMALL = 2**24
 _BLOCK = 2**20
 _FOLDER = "rgbd-glue-bag-"
-# A folder that nobody holds is left for so long, as it may be new
+# An unlocked folder is kept for this long, since it may be new
 _AGE_S = 60
 
 
@@ -44,36 +44,36 @@ def unpacked(data: bytes, compression: str, declared: int = MAX_CHUNK) -> bytes:
     Args:
         data: as recorded.
         compression: "" or none, zstd, lz4 or bz2.
-        declared: how many bytes it should be, or at most.
+        declared: its declared or maximum number of bytes.
 
     Raises:
-        DamagedError: it is cut off, of another compression, or more than it should be.
+        DamagedError: the data are truncated, of another compression, or larger than declared.
     """
     if compression in ("", "none"):
         return data
     if compression not in _DECOMPRESSORS:
-        raise DamagedError(f"it is compressed by {compression!r}")
+        raise DamagedError(f"it is compressed with {compression!r}")
     limit = min(declared, MAX_CHUNK)
     parts: list[bytes] = []
     size = 0
     while data:
-        # one behind the other, as some write what they call one
+        # several frames in sequence, which some writers call one
         decompressor = _DECOMPRESSORS[compression]()
         part = decompressor.decompress(data, limit - size + 1)
         size += len(part)
         if size > limit:
             raise DamagedError(f"a part of {len(data)} bytes unpacks to more than {limit}")
         if not decompressor.eof:
-            raise DamagedError("it is cut off")
+            raise DamagedError("it is truncated")
         parts.append(part)
         data = decompressor.unused_data or b""
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
 def unpacked_message(data: bytes) -> bytes:
-    """A message's data, unpacked if rosbag2 compressed each message for itself.
+    """A message's data, unpacked if rosbag2 compressed each message individually.
 
-    CDR never begins like zstd. What cannot be unpacked stays as it is, and is no message.
+    CDR never begins like zstd. What cannot be unpacked stays as it is, and is not a valid message.
     """
     if data.startswith(ZSTD_MAGIC):
         with suppress(zstd.ZstdError, DamagedError):
@@ -82,10 +82,10 @@ def unpacked_message(data: bytes) -> bytes:
 
 
 class PlainFiles:
-    """Files as readers want them: those compressed as a whole are unpacked to a folder of its own.
+    """Files as readers need them: those compressed as a whole are unpacked to a temporary folder.
 
-    The folder is gone when it is closed, or when the process ends; after one that was killed, the
-    next removes it.
+    The folder is removed when it is closed, or when the process ends; after a killed process, the
+    next one removes it.
     """
 
     def __init__(self) -> None:
@@ -93,10 +93,10 @@ class PlainFiles:
         self._lock = -1
 
     def of(self, path: Path) -> Path:
-        """The file itself, or what it unpacks to, as far as it goes.
+        """The file itself, or its unpacked form, as far as possible.
 
         Raises:
-            DamagedError: it unpacks to too much, or to more than there is room for.
+            DamagedError: it unpacks to too much, or to more than the free space.
         """
         if not first_bytes(path).startswith(ZSTD_MAGIC):
             return path
@@ -133,7 +133,7 @@ def _unpack_file(source: BinaryIO, target: BinaryIO) -> None:
         raise DamagedError(f"it unpacks to {declared or packed} bytes, and {folder} has {free}")
     limit = min(declared or limit, free)
     written = 0
-    # where the rest is missing, the reader will notice
+    # if the rest is missing, the reader will notice
     with suppress(EOFError, zstd.ZstdError), zstd.open(source, "rb") as plain:
         while block := plain.read(_BLOCK):
             written += len(block)
@@ -143,7 +143,7 @@ def _unpack_file(source: BinaryIO, target: BinaryIO) -> None:
 
 
 def _remove_what_is_left() -> None:
-    """Removes the folders of processes that were killed: those that nobody holds."""
+    """Removes the folders of killed processes: those without a lock."""
     for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*"):
         with suppress(OSError):
             descriptor = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
@@ -163,7 +163,7 @@ _DECOMPRESSORS: Mapping[str, Callable[[], Any]] = {
 
 
 def _bound_rosbags() -> None:
-    """Gives the limits to the readers of rosbags, which have none and look up what they use."""
+    """Imposes the limits on the readers of rosbags, which have none."""
     for name in ("zstd", "lz4"):
         storage_mcap.DECOMPRESSORS[name] = _of_size(name)
     for name in ("bz2", "lz4"):

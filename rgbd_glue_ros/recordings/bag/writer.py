@@ -38,7 +38,7 @@ from rgbd_glue_ros.messages.images import COLOR_SUFFIX, DEPTH_SUFFIX
 from rgbd_glue_ros.types import Float32, Float64, ImuSamples, RgbdFrame, UInt8
 
 GROUND_TRUTH_TOPIC = "/ground_truth/pose"
-"""Where the bags written here have true poses."""
+"""Topic of ground-truth poses in bags written here."""
 
 CAMERA_FRAME = "camera_color_optical_frame"
 WORLD_FRAME = "world"
@@ -60,7 +60,7 @@ class WrittenTopics:
 
 
 AS_REALSENSE = WrittenTopics()
-"""As a RealSense camera's driver names them."""
+"""The names used by a RealSense camera's driver."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class ImageCodec:
         type: of the messages.
         color_suffix: of the colour images' topic.
         depth_suffix: of the depth images' topic.
-        color: makes the message of a colour image, [H, W, 3] RGB or [H, W].
-        depth: makes the message of a depth image, [H, W] metres.
+        color: creates the message of a colour image, [H, W, 3] RGB or [H, W].
+        depth: creates the message of a depth image, [H, W] metres.
     """
 
     type: str
@@ -89,7 +89,7 @@ RAW = ImageCodec(
     color_image,
     depth_image,
 )
-"""rgb8 or mono8, and 32FC1: loses nothing."""
+"""rgb8 or mono8, and 32FC1: lossless."""
 
 COMPRESSED = ImageCodec(
     "sensor_msgs/msg/CompressedImage",
@@ -98,7 +98,7 @@ COMPRESSED = ImageCodec(
     compressed_color_image,
     compressed_depth_image,
 )
-"""JPEG, and PNG of whole millimetres, as image_transport has them."""
+"""JPEG, and PNG of whole millimetres, as in image_transport."""
 
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 IMU_TYPE = "sensor_msgs/msg/Imu"
@@ -110,8 +110,8 @@ _NO_LIMIT = QosTime(0, 0)
 
 
 def _qos(depth: int) -> Qos:
-    # Most subscribers of images ask for best effort, some for reliable: a reliable publisher
-    # serves both, so that whoever plays the bag with the offered profiles is heard by all.
+    # Most subscribers of images request best effort, some reliable: a reliable publisher serves
+    # both, so that a player with the offered profiles reaches all.
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=depth,
@@ -148,7 +148,7 @@ def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
         codec: ``RAW`` or ``COMPRESSED``.
 
     Raises:
-        InputError: its time is none that a bag holds.
+        InputError: its time cannot be stored in a bag.
     """
     for stamp_ns in (frame.stamp_ns, frame.stamp_ns + frame.depth_delay_ns):
         check_recordable(stamp_ns)
@@ -164,13 +164,13 @@ def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
 
 
 def encode_imu(samples: ImuSamples, index: int, frame_id: str) -> memoryview:
-    """Serialises one of the samples, in the axes of a frame; raises InputError as of its time."""
+    """Serialises one sample, in the axes of a frame; raises InputError if its time does not fit."""
     check_recordable(int(samples.stamps_ns[index]))
     return _TYPES.serialize_cdr(imu(samples, index, frame_id or CAMERA_FRAME), IMU_TYPE)
 
 
 class BagWriter(Closing):
-    """A bag under construction; as a context manager, it leaves a whole bag however it is left.
+    """A bag under construction; as a context manager, it always leaves a valid bag.
 
     Equal calls write equal bytes.
     """
@@ -183,7 +183,7 @@ class BagWriter(Closing):
         Args:
             folder: of the bag; must not exist.
             codec: ``RAW`` or ``COMPRESSED``.
-            topics: what its topics are called.
+            topics: names of its topics.
 
         Raises:
             InputError: the folder exists or cannot be written.
@@ -212,7 +212,7 @@ class BagWriter(Closing):
         self._writer.write(self._depth, frame.stamp_ns, frame.depth)
 
     def write_pose(self, stamp_ns: int, T_world_camera: Float64) -> None:
-        """Adds a true pose [4, 4] of the optical frame; raises InputError as of its time."""
+        """Adds a true pose [4, 4] of the optical frame; raises InputError for a bad time."""
         check_recordable(stamp_ns)
         if self._pose is None:
             self._pose = self._topic(GROUND_TRUTH_TOPIC, _POSE_TYPE, _POSE_QOS)

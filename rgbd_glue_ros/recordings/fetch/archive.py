@@ -1,4 +1,4 @@
-"""Unpacks archives from the network: files and folders below one folder, and not without end."""
+"""Unpacks archives from the network: files and folders below one folder, up to a limit."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from typing import IO, Any
 from rgbd_glue_ros.errors import InputError
 
 MAX_RATIO = 10
-"""Bytes out for a byte in; images are compressed already, and hardly shrink."""
+"""Maximum ratio of sizes; images are already compressed, and hardly shrink."""
 
 MAX_ENTRIES = 1_000_000
-"""Files and folders, of the archive and of all archives in it together."""
+"""Maximum number of files and folders in the archive and all archives in it together."""
 
-# whatever its ratio, so much does no harm
+# whatever the ratio, this much does no harm
 _SMALL = 2**24
 _BLOCK = 2**20
-# what tar may say of a file before its content, such as a long name
+# what tar may store about a file before its content, such as a long name
 _MAX_HEADERS = 2**20
 _REMEDY = "do not trust it, or download it again"
 
-# A name that is too long, a place before the beginning
+# A name that is too long, a position before the beginning
 _NONSENSE = {errno.ENAMETOOLONG, errno.EINVAL}
 
-# What readers raise on nonsense; InputError is a ValueError, but raised on purpose.
+# Errors that readers raise on invalid data; InputError is a ValueError, but raised on purpose.
 _DAMAGE = (
     *(tarfile.TarError, gzip.BadGzipFile, zipfile.BadZipFile, zlib.error, lzma.LZMAError),
     *(EOFError, RuntimeError, NotImplementedError, struct.error, ValueError),
@@ -42,10 +42,10 @@ _DAMAGE = (
 
 
 def unpack(archive: Path, folder: Path, on_bytes: Callable[[int], None] = lambda _: None) -> None:
-    """Unpacks a .zip, .tgz or .tar.gz into a folder that is not there yet.
+    """Unpacks a .zip, .tgz or .tar.gz into a new folder.
 
-    Zip archives inside it (7-Scenes has one for every sequence) are unpacked where they lie and
-    removed, one level deep.
+    Zip archives inside it (7-Scenes has one for every sequence) are unpacked in place and removed,
+    one level deep.
 
     Args:
         archive: the file.
@@ -53,7 +53,7 @@ def unpack(archive: Path, folder: Path, on_bytes: Callable[[int], None] = lambda
         on_bytes: called with the number of bytes written, for every block.
 
     Raises:
-        InputError: the archive is damaged, holds anything but files and folders, names a place
+        InputError: the archive is damaged, contains anything but files and folders, names a path
             outside the folder or one twice, or unpacks, with all archives in it, to more than
             ``MAX_RATIO`` times its size or to more than ``MAX_ENTRIES`` files and folders.
     """
@@ -66,7 +66,7 @@ def unpack(archive: Path, folder: Path, on_bytes: Callable[[int], None] = lambda
 
 
 class _Budget:
-    """What an archive and all archives in it may still become, counted before it is written."""
+    """What an archive and all archives in it may still expand to, counted before it is written."""
 
     def __init__(self, archive: Path) -> None:
         self._archive = archive
@@ -74,12 +74,12 @@ class _Budget:
         self._entries = MAX_ENTRIES
 
     def take(self, size: int) -> None:
-        """Takes so many bytes."""
+        """Uses a number of bytes."""
         self._bytes -= size
         self._check()
 
     def take_entry(self, name: str) -> None:
-        """Takes a file or folder, whose name may be long and have folders of its own."""
+        """Uses an entry, whose name may be long and contain further folders."""
         self._entries -= 1 + name.count("/")
         self._bytes -= len(name)
         self._check()
@@ -124,12 +124,12 @@ def _unpack(archive: Path, folder: Path, budget: _Budget, on_bytes: Callable[[in
 def _inside(archive: Path, name: str) -> PurePosixPath:
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or {*name} & {"\\", "\0"}:
-        raise InputError(archive, f"holds {name!r}, a place outside its folder", _REMEDY)
+        raise InputError(archive, f"holds {name!r}, a path outside its folder", _REMEDY)
     return path
 
 
 class _TarStream:
-    """A tar as it comes out of gzip: all of it is within the budget, and so are its headers."""
+    """A tar stream out of gzip: all of it is within the budget, and so are its headers."""
 
     def __init__(self, stream: gzip.GzipFile, budget: _Budget) -> None:
         self._stream = stream
@@ -137,11 +137,11 @@ class _TarStream:
         self._headers: int | None = _MAX_HEADERS
 
     def begin_headers(self) -> None:
-        """What comes now is kept in memory until it is whole."""
+        """Headers follow, which are kept in memory until complete."""
         self._headers = _MAX_HEADERS
 
     def begin_content(self) -> None:
-        """What comes now is written on."""
+        """Content follows, which is written out."""
         self._headers = None
 
     def read(self, size: int) -> bytes:
@@ -160,7 +160,7 @@ def _tar_members(archive: Path, budget: _Budget) -> Iterator[tuple[str, IO[bytes
         bounded: Any = _TarStream(stream, budget)
         with tarfile.open(fileobj=bounded, mode="r|") as tar:
             while (member := tar.next()) is not None:
-                # tarfile keeps what it has met
+                # tarfile keeps the members it has read
                 tar.members.clear()  # type: ignore[attr-defined]
                 bounded.begin_content()
                 if member.isdir():
@@ -168,30 +168,34 @@ def _tar_members(archive: Path, budget: _Budget) -> Iterator[tuple[str, IO[bytes
                 elif member.isreg():
                     yield member.name, tar.extractfile(member)
                 else:
-                    raise InputError(archive, f"holds {member.name!r}, no file or folder", _REMEDY)
+                    raise InputError(
+                        archive, f"holds {member.name!r}, which is neither file nor folder", _REMEDY
+                    )
                 bounded.begin_headers()
-        # gzip's checksum comes after what tar has a use for
+        # gzip's checksum comes after the part that tar uses
         if len(stream.read(_SMALL)) == _SMALL:
-            raise InputError(archive, "goes on after its end", _REMEDY)
+            raise InputError(archive, "continues after its end", _REMEDY)
 
 
 def _zip_members(archive: Path, _: _Budget) -> Iterator[tuple[str, IO[bytes] | None]]:
     """Name and content of every member; no content for a folder."""
     with zipfile.ZipFile(archive) as zipped:
         for member in zipped.infolist():
-            # a file's kind is where Unix has it; others leave it zero
+            # a file's type is where Unix stores it; others leave it zero
             kind = stat.S_IFMT(member.external_attr >> 16)
             if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-                raise InputError(archive, f"holds {member.filename!r}, no file or folder", _REMEDY)
+                raise InputError(
+                    archive, f"holds {member.filename!r}, which is neither file nor folder", _REMEDY
+                )
             yield member.filename, None if member.is_dir() else zipped.open(member)
 
 
 def only_folder(folder: Path) -> Path:
-    """The folder in which everything is that was unpacked."""
+    """The folder that contains everything that was unpacked."""
     inside = list(folder.iterdir())
     return inside[0] if len(inside) == 1 and inside[0].is_dir() else folder
 
 
 def remove(folder: Path) -> None:
-    """Removes what an unpacking left."""
+    """Removes what unpacking left behind."""
     shutil.rmtree(folder, ignore_errors=True)

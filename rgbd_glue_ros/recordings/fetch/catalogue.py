@@ -1,4 +1,4 @@
-"""Data sets that anybody may download without signing anything, and where they are."""
+"""Data sets that can be downloaded without an agreement, and where they are."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class Source:
     """An archive of one or more recordings.
 
     Attributes:
-        name: as the user calls it.
+        name: the name for the user.
         url: of the archive.
-        folder: that it is unpacked to.
+        folder: the folder that it is unpacked to.
         licence: in a few words.
-        sha256: of the archive, hexadecimal, where one can be trusted; None of the publishers
-            below gives any.
+        sha256: of the archive, hexadecimal, if a trusted one exists; none of the publishers below
+            gives any.
     """
 
     name: str
@@ -75,13 +75,13 @@ def find(name: str) -> Source:
     """The source of a name.
 
     Raises:
-        InputError: there is none.
+        InputError: no source has this name.
     """
     if name in CATALOGUE:
         return CATALOGUE[name]
     similar = get_close_matches(name, CATALOGUE, cutoff=0.4) or [next(iter(CATALOGUE))]
     raise InputError(
         name,
-        "is no data set that can be fetched",
-        f"give one of those that 'rgbd-glue fetch' lists, such as {', '.join(similar)}",
+        "is not an available data set",
+        f"give one listed by 'rgbd-glue fetch', such as {', '.join(similar)}",
     )

@@ -1,4 +1,4 @@
-"""Downloads over HTTP that go on where they were broken off."""
+"""Resumable downloads over HTTP."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_BYTES = 2**37
 """More than ten times the largest archive of the catalogue."""
 
 Progress = Callable[[int, "int | None"], None]
-"""Called with the bytes that are there and how many there will be, None if nobody knows."""
+"""Called with the bytes present and the total, None if unknown."""
 
 _BLOCK = 2**18
 _TIMEOUT_S = 30
@@ -40,22 +40,22 @@ def download(
     limit: int = MAX_BYTES,
     pause_s: float = _PAUSE_S,
 ) -> None:
-    """Downloads a file; what a run before this one left is gone on with if it is still the same.
+    """Downloads a file; continues what an earlier run left if the file is unchanged.
 
-    Whether it is the same is asked of the server (If-Range, by the ETag or date that it gave);
-    without these the download starts over. ``target`` appears only when it is complete as far as
-    the server's word goes, so whoever needs more has to check what is in it.
+    The server decides whether it is unchanged (If-Range, by the ETag or date that it gave); without
+    these the download starts over. ``target`` appears only once it is complete according to the
+    server; the caller has to check its content.
 
     Args:
         url: http or https; https is never left for http.
-        target: where to; what is missing yet is in a file of this name with ``.part``.
+        target: destination; an incomplete download is in a file of this name with ``.part``.
         on_progress: called for every block.
-        limit: of the size in bytes.
-        pause_s: before the first retry; every further one takes as much longer.
+        limit: maximum size in bytes.
+        pause_s: before the first retry; it increases by as much for every further one.
 
     Raises:
-        InputError: there is no such file, it is too large, or the server broke off several times
-            without a byte more.
+        InputError: there is no such file, it is too large, or the server stopped several times
+            without sending another byte.
     """
     part = _Part(target, url)
     failures, most = 0, part.size
@@ -63,7 +63,7 @@ def download(
         try:
             if _attempt(part, limit, on_progress):
                 break
-            cause = "the connection broke off"
+            cause = "the connection was lost"
         except urllib.error.HTTPError as error:
             if error.code not in _PASSING:
                 raise InputError(
@@ -77,17 +77,17 @@ def download(
         if failures >= _ATTEMPTS:
             raise InputError(
                 url,
-                f"broke off after {most} bytes ({cause})" if most else f"gave nothing ({cause})",
-                "run this again, it goes on from there" if most else "check the network",
+                f"stopped after {most} bytes ({cause})" if most else f"returned nothing ({cause})",
+                "run this again to resume" if most else "check the network",
             )
-        logger.info("%s: %s; going on from byte %d", url, cause, part.size)
+        logger.info("%s: %s; resuming from byte %d", url, cause, part.size)
         time.sleep(pause_s * failures)
     part.finish()
 
 
 @dataclass(frozen=True)
 class _Part:
-    """The file in the making, and beside it what tells whether the server's is still the same."""
+    """The partial file, and beside it what identifies the server's version."""
 
     target: Path
     url: str
@@ -106,7 +106,7 @@ class _Part:
 
     @property
     def validator(self) -> str | None:
-        """ETag or date of what is there, None if it cannot be gone on with."""
+        """ETag or date of the partial file, None if it cannot be resumed."""
         try:
             note = json.loads(self._note.read_text(encoding="utf-8"))
             return str(note["validator"]) if note["url"] == self.url else None
@@ -114,7 +114,7 @@ class _Part:
             return None
 
     def start(self, validator: str | None) -> None:
-        """Begins anew."""
+        """Starts over."""
         self.path.write_bytes(b"")
         self._note.unlink(missing_ok=True)
         if validator is not None:
@@ -131,12 +131,14 @@ class _StaysSecure(urllib.request.HTTPRedirectHandler):
         self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str
     ) -> Any:
         if req.full_url.startswith("https:") and not newurl.startswith("https:"):
-            raise InputError(req.full_url, f"leads to {newurl}, not encrypted", "do not trust it")
+            raise InputError(
+                req.full_url, f"redirects to {newurl}, which is not encrypted", "do not trust it"
+            )
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
 def _attempt(part: _Part, limit: int, on_progress: Progress) -> bool:
-    """One request for what is missing; whether all is there then."""
+    """One request for the missing part; returns whether the file is then complete."""
     validator = part.validator
     offset = part.size if validator else 0
     request = urllib.request.Request(part.url)  # noqa: S310 - of the catalogue or a test
@@ -148,7 +150,7 @@ def _attempt(part: _Part, limit: int, on_progress: Progress) -> bool:
         response = opener.open(request, timeout=_TIMEOUT_S)
     except urllib.error.HTTPError as error:
         if error.code == _NOT_SATISFIABLE:
-            # there is more here than there: it is not what it was
+            # the local part is larger than the file: the file has changed
             part.start(None)
             return False
         raise
@@ -171,7 +173,7 @@ def _attempt(part: _Part, limit: int, on_progress: Progress) -> bool:
 
 
 def _total(response: Any, offset: int) -> int | None:
-    """How many bytes the whole file has by the server's word; None if it gives none."""
+    """The size of the whole file according to the server; None if it gives none."""
     length = response.headers.get("Content-Length", "")
     if not length.isdecimal():
         return None
@@ -179,14 +181,14 @@ def _total(response: Any, offset: int) -> int | None:
 
 
 def _start_of(response: Any) -> int | None:
-    """Where in the file the answer begins."""
+    """The offset at which the response begins."""
     word = response.headers.get("Content-Range", "").removeprefix("bytes ").split("-")[0]
     return int(word) if word.isdecimal() else None
 
 
 def _validator(headers: Mapping[str, str]) -> str | None:
     etag = headers.get("ETag")
-    # a weak one does not promise the same bytes
+    # a weak ETag does not guarantee the same bytes
     return etag if etag and not etag.startswith("W/") else headers.get("Last-Modified")
 
 

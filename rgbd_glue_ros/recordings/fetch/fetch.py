@@ -15,12 +15,12 @@ from rgbd_glue_ros.recordings.fetch.catalogue import Source
 from rgbd_glue_ros.recordings.fetch.download import Progress, download
 
 RECORD = "fetched.json"
-"""In the folder: where it is from, with size and checksum of the archive."""
+"""File in the folder with its origin, and size and checksum of the archive."""
 
 
 @dataclass(frozen=True)
 class Fetched:
-    """What was fetched.
+    """A fetched data set.
 
     Attributes:
         folder: of the recordings.
@@ -45,28 +45,27 @@ def fetch(
     on_unpack: Callable[[int], None] = lambda _: None,
     pause_s: float = 2.0,
 ) -> Fetched:
-    """Downloads and unpacks a data set; its folder appears when all of it is there.
+    """Downloads and unpacks a data set; its folder appears once it is complete.
 
-    No publisher of the catalogue gives checksums. What is trusted instead is the server's
-    certificate, and the checksums that gzip and zip keep of their content; where ``source`` has a
-    checksum it decides.
+    No publisher in the catalogue gives checksums. Instead the server's certificate is trusted, and
+    the checksums in gzip and zip; if ``source`` has a checksum, it is decisive.
 
     Args:
         source: what to fetch.
-        directory: where its folder goes; created if it is not there.
+        directory: parent of its folder; created if it does not exist.
         on_download: called for every block of the archive.
         on_unpack: called with the bytes of every block unpacked.
-        pause_s: between attempts to go on with a download.
+        pause_s: between attempts to resume a download.
 
-    What is in ``directory`` under the archive's name is taken for it and not downloaded again.
+    A file in ``directory`` with the archive's name is used and not downloaded again.
 
     Raises:
-        InputError: the folder is there already or cannot be written, the download fails, or the
-            archive is not what it should be.
+        InputError: the folder exists or cannot be written, the download fails, or the archive is
+            invalid.
     """
     target = directory / source.folder
     if target.exists():
-        raise InputError(target, "is there already", "remove it to fetch it again")
+        raise InputError(target, "already exists", "remove it to fetch it again")
     archive = directory / Path(urlsplit(source.url).path).name
     work = directory / f".{source.folder}.unpacking"
     try:
@@ -85,7 +84,7 @@ def fetch(
             unpack(archive, work, on_unpack)
             _record(result, only_folder(work)).rename(target)
         except InputError:
-            # what is damaged must not be taken up again
+            # a damaged archive must not be used again
             archive.unlink()
             raise
         finally:

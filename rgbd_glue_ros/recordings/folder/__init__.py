@@ -1,1 +1,1 @@
-"""Folders of colour and depth images, in whatever way they are named and listed."""
+"""Folders of colour and depth images, with any naming and listing."""

@@ -31,27 +31,27 @@ NAMES = (
     "intrinsic/intrinsic_color.txt",
     "intrinsic/intrinsic_depth.txt",
 )
-"""Those that programs write, the plainest first."""
+"""Names that programs write, the plainest first."""
 
-# A file for each frame, of which the first is taken
+# A file for each frame, of which the first is used
 _FOR_EACH_FRAME = "*_intrinsics/*.pincam"
 _OTHERS = ("*.yaml", "*.yml", "*calib*.json", "*intrinsic*.json", "*intrinsic*.txt")
 
 
 def calibration_of(folder: Path) -> Calibration | None:
-    """The calibration in a folder, or else in the one above it; None if neither has any.
+    """The calibration in a folder, or otherwise in the one above it; None if neither has any.
 
-    Files that hold none are passed over, with a warning if they bear the name of one.
+    Other files are ignored, with a warning if they have the name of one.
 
     Raises:
-        InputError: several files there hold different cameras.
+        InputError: several files there contain different cameras.
     """
     for place in (folder, folder.resolve().parent):
         named = [place / name for name in NAMES if (place / name).is_file()]
         found = next((c for c in map(_read, named) if c is not None), None)
         if found is not None:
             return found
-        # what is called anything may belong to anything: only files of the recording itself
+        # files with any name may belong to anything: only files of the recording itself
         if place == folder:
             found = _the_only(folder) or _of_first_frame(folder)
             if found is not None:
@@ -64,7 +64,7 @@ def _read(path: Path) -> Calibration | None:
         return read_calibration(path)
     except InputError as error:
         level = logging.WARNING if path.name in NAMES else logging.DEBUG
-        logger.log(level, "%s; passed over", error)
+        logger.log(level, "%s; ignored", error)
         return None
 
 

@@ -21,7 +21,7 @@ from rgbd_glue_ros.types import NANOSECONDS, Int64
 logger = logging.getLogger(__name__)
 
 RATE_HZ = 30
-"""What numbered images are taken for: they bear no stamps."""
+"""Assumed rate of numbered images, which have no stamps."""
 
 COLOR_LISTS = ("rgb.txt", "color.txt", "colour.txt", "image.txt", "images.txt")
 DEPTH_LISTS = ("aligned_depth.txt", "depth_aligned.txt", "depth.txt")
@@ -33,7 +33,7 @@ _IS_DEPTH = re.compile("depth", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class ListedImages:
-    """The images that a list names.
+    """The images named by a list.
 
     Attributes:
         stamps_ns: of each, int64 [N].
@@ -60,7 +60,7 @@ def association_in(folder: Path) -> Path | None:
 
 
 def scale_in_comments(depth_list: Path) -> float | None:
-    """Metres of a unit, where a comment of a list tells them: ``# depth scale: 1000``."""
+    """Metres per unit, if a comment of a list gives them: ``# depth scale: 1000``."""
     comments, _ = read_lines(depth_list)
     found = next(filter(None, map(_SCALE.search, comments)), None)
     try:
@@ -73,7 +73,7 @@ def paired(color_list: Path, depth_list: Path) -> ImagePairs:
     """The frames of two lists, one-to-one by time.
 
     Raises:
-        InputError: a list cannot be read or names nothing, or no two images pair.
+        InputError: a list cannot be read or names nothing, or no images pair up.
     """
     color, depth = read_list(color_list), read_list(depth_list)
     rows = zip(*associate(color.stamps_ns, depth.stamps_ns), strict=True)
@@ -84,7 +84,7 @@ def paired(color_list: Path, depth_list: Path) -> ImagePairs:
     if not pairs:
         raise InputError(
             color_list.parent,
-            f"no colour and depth image lie within {MAX_TIME_DIFFERENCE_S} s of each other",
+            f"no colour and depth images are within {MAX_TIME_DIFFERENCE_S} s of each other",
             f"check the stamps in {color_list.name} and {depth_list.name}",
         )
     images = {COLOR: len(color.files), DEPTH: len(depth.files)}
@@ -92,10 +92,10 @@ def paired(color_list: Path, depth_list: Path) -> ImagePairs:
 
 
 def read_list(path: Path) -> ListedImages:
-    """The images that lines of a stamp and a file name; others are skipped and said.
+    """The images named by lines of a stamp and a file; other lines are skipped and logged.
 
     Raises:
-        InputError: it cannot be read, or no line is one.
+        InputError: the file cannot be read, or has no such line.
     """
     rows = _rows(path, 2)
     files: dict[int, Path] = {}
@@ -106,22 +106,22 @@ def read_list(path: Path) -> ListedImages:
 
 
 def read_association(path: Path) -> ImagePairs:
-    """The frames of lines of two stamps and files, colour or depth first; others are skipped.
+    """The frames in lines of two stamps and files, colour or depth first; others are skipped.
 
-    Which is depth is told by its name. Stamps that are whole numbers from a small one on are
-    numbers of frames, taken as ``RATE_HZ`` a second. Of lines with one stamp of colour, the first
-    is taken.
+    Depth is identified by its name. Stamps that are whole numbers starting from a small one are
+    numbers of frames, at ``RATE_HZ`` per second. Of lines with equal stamps of colour, the first is
+    used.
 
     Raises:
-        InputError: it cannot be read, no line is one, or which files are depth is not told.
+        InputError: the file cannot be read, has no such line, or depth cannot be identified.
     """
     rows = _rows(path, 4)
     first, second = (any(_IS_DEPTH.search(row[i]) for row in rows) for i in (1, 3))
     if first == second:
         raise InputError(
             path,
-            f"does not tell which of {rows[0][1]} and {rows[0][3]} is depth",
-            "name the folder of the depth images depth",
+            f"does not show which of {rows[0][1]} and {rows[0][3]} is depth",
+            "rename the folder of the depth images to depth",
         )
     color, depth = (2, 0) if first else (0, 2)
     times = [[row[at] for row in rows] for at in (color, depth)]
@@ -141,12 +141,12 @@ def read_association(path: Path) -> ImagePairs:
 
 
 def frame_stamp_ns(number: int) -> int:
-    """When a numbered frame was taken; from 1/30 s on, as a stamp of zero means none in ROS."""
+    """When a numbered frame was taken; from 1/30 s on, since a stamp of zero means none in ROS."""
     return (number + 1) * NANOSECONDS // RATE_HZ
 
 
 def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
-    """Stamps and files that every line begins with, as many as columns."""
+    """The stamps and files at the beginning of every line, as many as columns."""
     _, lines = read_lines(path)
     rows = []
     skipped = []
@@ -158,8 +158,8 @@ def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
             rows.append(words)
     if not rows:
         kind = "a stamp and a file" if columns == 2 else "stamp, file, stamp, file"
-        raise InputError(path, f"holds no line of {kind}", "restore the file")
-    # a line of names above all others is none that was lost
+        raise InputError(path, f"holds no lines of {kind}", "restore the file")
+    # a header line is not counted as lost
     if skipped and skipped != [lines[0].number]:
         logger.warning(
             "%s: %d lines name no image and were skipped; the first: line %d",

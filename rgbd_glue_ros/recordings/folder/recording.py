@@ -1,7 +1,7 @@
-"""A folder of colour and depth images whose layout is none of the published ones.
+"""A folder of colour and depth images with none of the published layouts.
 
-What the frames are is told by lists, by an association file or by the names of the images; camera,
-unit of depth and true poses by files in the folder.
+Frames are defined by lists, by an association file or by the names of the images; camera, unit of
+depth and ground truth by files in the folder.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ _MILLIMETRES = DepthEncoding(1000.0, (0, 65535))
 _TUM = DepthEncoding(5000.0, (0,))
 # SUN3D rotates the bits of its millimetres
 _SUN3D = replace(_MILLIMETRES, rotation=3)
-# Where a Kinect sees nothing, the disparity that it sends
+# The disparity that a Kinect sends where it sees nothing
 _NO_DISPARITY = 2047
 _SUN3D_EXTRINSICS = re.compile(r"\d{10,}\.txt")
 
 
 def matches(path: Path) -> bool:
-    """Whether there are images of colour and depth, however they are named."""
+    """Whether there are images of colour and depth, with any names."""
     if not path.is_dir():
         return False
     if lists.lists_in(path) or lists.association_in(path):
@@ -51,7 +51,7 @@ def matches(path: Path) -> bool:
     try:
         return streams.color_and_depth(path, None, None) is not None
     except InputError:
-        return True  # several may be: to be said on opening
+        return True  # ambiguous: reported on opening
 
 
 def open_folder(
@@ -65,10 +65,10 @@ def open_folder(
 
     Args:
         folder: of the recording.
-        calibration: of the colour camera; None takes that of a file in the folder.
+        calibration: of the colour camera; None uses that of a file in the folder.
         color: part of the path of the colour images; None finds them by name.
-        depth: the same of the depth images.
-        depth_camera: that took the depth images; None if they are registered to colour.
+        depth: part of the path of the depth images; None finds them by name.
+        depth_camera: the one that took the depth images; None if they are registered to colour.
 
     Raises:
         InputError: the images, or their camera, are missing, ambiguous or do not fit.
@@ -123,7 +123,7 @@ def _calibration(folder: Path) -> Calibration:
     if told is None:
         raise InputError(
             folder,
-            "no file there tells its camera",
+            "no file there describes its camera",
             "give the calibration (--calibration FILE), such as a K.txt of 3x3 numbers",
         )
     return told
@@ -145,7 +145,7 @@ def _fitted(
 
 
 def _first_readable(pairs: tuple[ImagePair, ...]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Height and width of colour and of depth images, by the first frame that can be read."""
+    """Height and width of colour and depth images, from the first readable frame."""
     first: InputError | None = None
     for pair in pairs:
         try:
@@ -165,5 +165,5 @@ def _first_readable(pairs: tuple[ImagePair, ...]) -> tuple[tuple[int, int], tupl
 
 
 def _holds_disparities(depth: NDArray[Any]) -> bool:
-    """Whether an image holds what a Kinect measures; NYU writes its bytes in the other order."""
+    """Whether an image has a Kinect's raw values, which NYU writes in the other byte order."""
     return _NO_DISPARITY in {int(depth.max()), int(depth.byteswap().max())}

@@ -1,6 +1,6 @@
-"""Numbered or stamped image files: which are colour, which depth, and which belong together.
+"""Numbered or stamped image files: which are colour or depth, and which belong together.
 
-Files of a stream have one folder, and one name but for a number in it.
+Files of a stream share a folder, and a name except for a number in it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rgbd_glue_ros.recordings.folder.lists import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import IMAGE_TYPES, ImagePair, ImagePairs
 from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
 
-# Where one folder in a recording holds both images it is called so; else it is another recording
+# Names of a folder in a recording with both images; others are separate recordings
 _BOTH = re.compile(r"results?|data|images?|frames|rgbd|cam(era)?_?\d*", re.I)
 
 _COLOR = re.compile(r"rgb|colou?r|(?<![a-z])images?(?![a-z])|frames?|(?<![a-z])left(?![a-z])", re.I)
@@ -33,7 +33,7 @@ _OTHER = re.compile(
 )
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
-# Seconds since 1970 and a part of one
+# Seconds since 1970 and a fraction
 _STAMP = re.compile(r"\d{9,10}\.\d+")
 
 # Redwood and SUN3D name a file by its number and when it was taken, in microseconds
@@ -88,7 +88,7 @@ def _images(folder: Path) -> Iterator[Path]:
 
 
 def _is_of_another(stream: Stream, streams: list[Stream]) -> bool:
-    """Whether a stream is in a folder that is a recording for itself."""
+    """Whether a stream is in a folder that is a separate recording."""
     place, _, _ = stream.name.rpartition("/")
     if not place or _BOTH.fullmatch(place):
         return False
@@ -104,11 +104,11 @@ def color_and_depth(
 
     Args:
         folder: of the recording.
-        wanted_color: part of the name of the stream to take; None finds it by name.
-        wanted_depth: the same.
+        wanted_color: part of the name of the colour stream; None finds it by name.
+        wanted_depth: part of the name of the depth stream; None finds it by name.
 
     Raises:
-        InputError: several streams may be one of them, or the wanted one is not there.
+        InputError: several streams may be one of them, or the wanted one does not exist.
     """
     streams = streams_in(folder)
     depth = _chosen(folder, streams, "depth", wanted_depth)
@@ -139,10 +139,10 @@ def _chosen(folder: Path, streams: list[Stream], what: str, wanted: str | None) 
 
 
 def paired(folder: Path, color: Stream, depth: Stream) -> ImagePairs:
-    """The frames of two streams: by the numbers in the names, or by time where these are stamps.
+    """The frames of two streams: by the numbers in the names, or by time if these are stamps.
 
     Raises:
-        InputError: none belong together.
+        InputError: no images belong together.
     """
     color_ns, depth_ns = _stamps(color), _stamps(depth)
     color_files, depth_files = list(color.files.values()), list(depth.files.values())
@@ -159,7 +159,7 @@ def paired(folder: Path, color: Stream, depth: Stream) -> ImagePairs:
         raise InputError(
             folder,
             f"no image of {color.name} has the number of one of {depth.name}",
-            "give both images of a frame one number, or list them in associations.txt "
+            "give both images of a frame the same number, or list them in associations.txt "
             "(stamp color stamp depth)",
         )
     images = {COLOR: len(color_files), DEPTH: len(depth_files)}
@@ -170,7 +170,7 @@ def _by_number(color: Stream, depth: Stream) -> list[ImagePair]:
     colors = {_whole(text): path for text, path in color.files.items()}
     depths = {_whole(text): path for text, path in depth.files.items()}
     if not colors.keys() & depths.keys() and len(colors) == len(depths):
-        # as where one counts from 0 and the other goes on behind
+        # for example if one counts from 0 and the other continues after it
         depths = dict(zip(sorted(colors), (depths[n] for n in sorted(depths)), strict=True))
     return [
         ImagePair(frame_stamp_ns(n), colors[n], frame_stamp_ns(n), depths[n])
@@ -183,7 +183,7 @@ def _whole(text: str) -> int:
 
 
 def _stamps(stream: Stream) -> list[int] | None:
-    """When the images were taken; None where their names hold numbers of frames."""
+    """When the images were taken; None if their names contain numbers of frames."""
     texts = list(stream.files)
     timed = [_NUMBER_AND_TIME.fullmatch(text) for text in texts]
     if all(timed):

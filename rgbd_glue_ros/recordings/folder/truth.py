@@ -1,4 +1,4 @@
-"""True poses in the folder of a recording: stamped, one a line, or a file for each frame."""
+"""Ground truth in the folder of a recording: stamped, one per line, or a file for each frame."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ _NUMBER = re.compile(r"\d+")
 def truth_of(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
     """The poses T_world_camera in a folder; None if it has none.
 
-    A file that cannot be used is said, and leaves the recording without ground truth.
+    An unusable file is logged, and leaves the recording without ground truth.
 
     Args:
         folder: of the recording.
-        frames: of the recording, in order of time; poses without stamps are of these in turn.
+        frames: of the recording, in order of time; poses without stamps belong to these in turn.
     """
     found = [folder / name for name in NAMES if (folder / name).is_file()]
     found += sorted((folder / _EXTRINSICS).glob("*.txt"), reverse=True)[:1]
@@ -60,7 +60,7 @@ def truth_of(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
             if (folder / name).is_dir():
                 return _of_files(folder / name, frames)
     except InputError as error:
-        logger.warning("%s; going on without ground truth", error)
+        logger.warning("%s; continuing without ground truth", error)
     return None
 
 
@@ -71,7 +71,7 @@ def _of_file(path: Path, frames: Sequence[ImagePair]) -> Trajectory:
         return read_tum(path)
     if len(poses) == len(frames):
         return Trajectory(_stamps(frames), np.stack(poses))
-    # what has been left out of the images is told by their numbers
+    # missing images show in the numbers of the others
     numbers = [_number(pair.color) for pair in frames]
     if None in numbers or max(filter(None, numbers), default=0) >= len(poses):
         raise InputError(
@@ -83,7 +83,7 @@ def _of_file(path: Path, frames: Sequence[ImagePair]) -> Trajectory:
 
 
 def _matrices(lines: list[Line]) -> list[Float64] | None:
-    """The poses of matrices on a line each, or a row a line with numbers of frames between."""
+    """The poses of matrices on one line each, or one row per line with frame numbers between."""
     widths = {len(line.words) for line in lines}
     try:
         if widths in ({12}, {16}):
@@ -115,7 +115,7 @@ def _of_files(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
             stamps.append(pair.stamp_ns)
             poses.append(pose)
     if not poses:
-        raise InputError(folder, "holds no pose of any frame", "name its files as the images are")
+        raise InputError(folder, "holds no pose of any frame", "name its files like the images")
     if len(poses) < len(frames):
         logger.warning(
             "%s: %d of %d frames have no pose", folder, len(frames) - len(poses), len(frames)
@@ -124,7 +124,7 @@ def _of_files(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
 
 
 def _of_frame(path: Path) -> Float64 | None:
-    """The matrix in a file; None where tracking was lost, which some write as no numbers."""
+    """The matrix in a file; None if tracking was lost, which some write without numbers."""
     _, lines = read_lines(path)
     try:
         return parse_matrix([word for line in lines for word in line.words])

@@ -1,4 +1,4 @@
-"""Which faults deserve a line in the log: each once, and not hundreds in a minute."""
+"""Which faults deserve a line in the log: each kind once, and not hundreds in a minute."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from collections.abc import Callable
 from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.types import NANOSECONDS
 
-# Different faults remembered, and told in so much time at most: a camera gone mad must not fill the
-# memory or the log, nor keep what comes later out of it.
+# A camera gone mad must not fill the memory or the log, nor keep what comes later out of it.
 MAX_FAULTS = 100
+"""Faults that are remembered, and that are told in ``FAULTS_WINDOW_NS``, at most."""
+
 FAULTS_WINDOW_NS = 600 * NANOSECONDS
 
 
@@ -57,3 +58,8 @@ class FaultNews:
             if len(self._faults) > MAX_FAULTS:
                 self._faults.popitem(last=False)
             return True
+
+    def forget(self) -> None:
+        """Takes what comes again for news, as where all was well in between."""
+        with self._lock:
+            self._faults.clear()

@@ -1,0 +1,113 @@
+"""The RGB-D camera as a node hears it: subscriptions, complete frames, and what is wrong."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.geometry.reduction import reduced
+from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
+from rgbd_glue_ros.messages.reading import stamp_ns
+from rgbd_glue_ros.messages.stamps import StampSource
+from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
+from rgbd_glue_ros.node.base_node import BaseNode
+from rgbd_glue_ros.node.depth_camera import DepthCameraInput
+from rgbd_glue_ros.node.input_watch import NodeWatch
+from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
+from rgbd_glue_ros.node.tf import Transforms
+from rgbd_glue_ros.parameters import NodeConfig
+from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
+
+ReceiveMatch = Callable[[Match[Any], int], None]
+"""Takes complete messages, and when the last of them came, by the monotonic clock, nanoseconds."""
+
+
+class RgbdInput(Closing):
+    """Subscribes to colour, depth and camera info, and makes frames of them.
+
+    Attributes:
+        synchronizer: pairs the messages, and counts them.
+        watch: says why nothing, or not all, arrives.
+    """
+
+    def __init__(
+        self,
+        node: BaseNode,
+        config: NodeConfig,
+        transforms: Transforms | None,
+        receive: ReceiveMatch,
+        learned: Sequence[str] = (),
+    ) -> None:
+        """Has not subscribed to images yet.
+
+        Args:
+            node: subscribes, and has the log.
+            config: how images are understood; what it reads of this is fixed while a node runs.
+            transforms: where the depth camera is in the colour camera; None without TF.
+            receive: called by the executor's thread with what belongs together.
+            learned: parameters that choose a learned feature, which may be why frames are slow.
+
+        Raises:
+            InputError: ``depth_camera_pose`` cannot be read.
+        """
+        self._node = node
+        self._config = config
+        self._receive_match = receive
+        self._stamps = StampSource(config.stamps)
+        self.synchronizer: Synchronizer[Any] = Synchronizer(
+            round(config.max_interval_s * NANOSECONDS), config.sync_queue_size
+        )
+        self._depth_camera = DepthCameraInput(node, config, transforms)
+        self._background = ThreadPoolExecutor(1, thread_name_prefix="depth")
+        self._inputs: tuple[NodeInput, ...] = ()
+        self.watch = NodeWatch(node, self.synchronizer, node.monitor, self._stamps, learned)
+
+    def subscribe(self) -> None:
+        """Subscribes to the images, and watches from now on what arrives."""
+        self._inputs = node_inputs(self._node, self._config, self._receive)
+        self.watch.start(self._inputs)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The full names of what is subscribed: colour, depth, camera info; none before that."""
+        return tuple(i.topic for i in self._inputs)
+
+    @property
+    def is_by_receipt(self) -> bool:
+        """Whether frames have the time at which this process received their colour image."""
+        return self._stamps.is_by_receipt(Channel.COLOR)
+
+    def _receive(self, channel: Channel, message: Any) -> None:
+        arrived_ns = time.monotonic_ns()
+        stamp = self._stamps.of(
+            channel, stamp_ns(message.header.stamp), self._node.get_clock().now().nanoseconds
+        )
+        if channel in self._stamps.unstamped:
+            self._node.warn_once(channel.value, "bears no stamp; that of its receipt is taken")
+        for match in self.synchronizer.add(channel, stamp, message):
+            self._receive_match(match, arrived_ns)
+
+    def frame(self, match: Match[Any]) -> RgbdFrame:
+        """The frame of complete messages, at most ``max_width`` wide.
+
+        Waits for TF and for the first info of a depth camera: not to be called by the executor's
+        thread.
+
+        Raises:
+            InputError: a message cannot be used, or it is not known where the depth camera is.
+        """
+        color, depth, info = self.topics
+        names = FrameTopics(color, depth, info, self._depth_camera.topic)
+        taken_by = self._depth_camera.of(match, names)
+        unit = self._config.metres_per_unit
+        frame = frame_of_match(match, names, taken_by, unit, self._background)
+        frame = reduced(frame, self._config.max_width)
+        self._node.monitor.width = frame.intrinsics.width
+        return frame
+
+    def close(self) -> None:
+        """Ends the thread that decodes depth; ``frame`` is not to be called any more."""
+        self._background.shutdown()

@@ -1,0 +1,76 @@
+"""What a pose is refined by: the model, the frame whose pose it is, and how they are compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rgbd_glue_ros.parameters import RefineConfig
+from rgbd_glue_ros.refinement.image_pyramid import ImagePyramid
+from rgbd_glue_ros.refinement.level_problem import Exposure, LevelProblem
+from rgbd_glue_ros.refinement.model import Model
+from rgbd_glue_ros.types import Correspondences, View
+
+NO_MATCHES = Correspondences.empty()
+# Of a match against a plane, a few times that of a pixel: enough to hold a pose where planes and
+# pixels leave it open. Where they fix it, they are many more, and more exact.
+_MATCH_WEIGHT = 30.0
+_NO_IMAGES = ImagePyramid(np.empty((0, 0), np.uint8))
+
+
+@dataclass(frozen=True)
+class RefinementProblem:
+    """What a pose is refined by.
+
+    The pyramid of the frame's image is made once, and shared by the problems that ``replace`` makes
+    of this one with the same image. It is freed with the last of them: keep none beyond its frame.
+
+    Attributes:
+        model: planes and pixels.
+        view: the frame whose pose is refined, with the twist that it is believed to have.
+        config: steps at each level (0 only evaluates the start) and weights.
+        matches: visual ones that hold the pose too, between the frame and the model.
+        images: pyramid of the view's image; not to be given.
+    """
+
+    model: Model
+    view: View
+    config: RefineConfig
+    matches: Correspondences = NO_MATCHES
+    images: ImagePyramid = field(default=_NO_IMAGES, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Makes another pyramid where that of a replaced problem is of another image."""
+        if self.images.at_level(0) is not self.view.grey:
+            object.__setattr__(self, "images", ImagePyramid(self.view.grey))
+
+    def without_matches(self) -> RefinementProblem:
+        """The same, of planes and pixels alone."""
+        return replace(self, matches=NO_MATCHES)
+
+    def at_level(self, level: int) -> LevelProblem:
+        """The problem at a level of the pyramid; its planes are every 2^level-th of the model."""
+        view, config = self.view, self.config
+        planes, pixels = self.model.planes, self.model.pixels[level]
+        image, K = self.images.at_level(level), view.intrinsics.focal_and_centre
+        every = slice(None, None, 2**level)
+        twist, readout_time, delay = view.twist, view.readout_time, view.depth_delay
+        return LevelProblem(
+            points=np.ascontiguousarray(planes.points[every]),
+            normals=np.ascontiguousarray(planes.normals[every]),
+            depth=view.depth,
+            depth_exposure=Exposure(K, view.depth.shape[0], twist, readout_time, delay),
+            pixels=pixels.points,
+            brightness=pixels.brightness,
+            image=image,
+            # pyrDown centres pixel i of a level on pixel 2 i of the one below
+            image_exposure=Exposure(K / 2**level, image.shape[0], twist, readout_time, 0.0),
+            plane_cauchy=config.plane_cauchy,
+            pixel_cauchy=config.pixel_cauchy,
+            pixel_weight=config.pixel_weight,
+            match_source=self.matches.source,
+            match_target=self.matches.target,
+            match_weight=_MATCH_WEIGHT,
+            contrast=view.contrast,
+        )
