@@ -21,6 +21,7 @@ from rigs.room import CAMERA
 from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
+from rgbd_glue_ros.experiments.pairs import gallery
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
 from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.figures import gap_figures
@@ -29,7 +30,8 @@ from rgbd_glue_ros.experiments.pairs.methods import Described, GlueMethod, PairM
 from rgbd_glue_ros.experiments.pairs.report import FIGURES, TABLES
 from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, values
+from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.parameters import CameraConfig, Config, FeaturesConfig, load_preset, values
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import Correspondences, RegistrationResult, RgbdFrame, Trajectory, View
 
@@ -365,6 +367,23 @@ def test_an_interrupted_experiment_keeps_the_pairs_done(tmp_path: Path) -> None:
         )
     gap = figures_in(tmp_path)["gaps"]["3"]
     assert gap["pairs"] == 2
+
+
+def test_an_interrupt_while_pictures_are_made_waits_for_one_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[View] = []
+
+    def view_interrupted(frame: RgbdFrame, camera: CameraConfig) -> View:
+        signal.raise_signal(signal.SIGINT)
+        seen.append(view_of(frame, camera))
+        return seen[-1]
+
+    monkeypatch.setattr(gallery, "view_of", view_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_pairs([Path("walk")], opened(Walk()), Experiment(BLIND, [3]), tmp_path)
+    assert len(seen) == 2
+    assert figures_in(tmp_path)["gaps"]["3"]["pairs"] == 3
 
 
 # a real recording

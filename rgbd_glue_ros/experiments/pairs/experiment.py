@@ -128,8 +128,8 @@ def _measured(
         raise InputError("--gap", f"no two frames with ground truth are {gap} apart", "give less")
     shown = chosen([(path, pair[GLUE]) for path, pair in collector.in_order(plan)])
     method = method_of(experiment.config)
+    pictures = examples(shown, open_source, method, experiment.config.camera)
     with uninterrupted():
-        pictures = examples(shown, open_source, method, experiment.config.camera)
         write_report(folder, experiment.config, results, figures, pictures)
     return figures
 

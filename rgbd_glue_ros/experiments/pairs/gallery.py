@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM, PairResult
 from rgbd_glue_ros.experiments.pairs.jobs import pose_at, true_poses
@@ -118,9 +119,10 @@ def _example(
             target, source = recording.select([figures.target, figures.source])
             truth = true_poses(recording)
             poses = [pose_at(truth, frame.stamp_ns) for frame in (target, source)]
-        views = [view_of(frame, camera) for frame in (target, source)]
-        described = [method.describe(view) for view in views]
-        result = method.register(described[1], described[0])
+        with uninterrupted():
+            views = [view_of(frame, camera) for frame in (target, source)]
+            described = [method.describe(view) for view in views]
+            result = method.register(described[1], described[0])
     except Exception as error:
         logger.debug("cannot draw a pair of %s", path, exc_info=error)
         return None
