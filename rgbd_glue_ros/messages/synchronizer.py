@@ -192,7 +192,11 @@ class _Queue(Generic[Item]):
     @property
     def period_ns(self) -> int:
         """Usual time between stamps; 0 while it is not known."""
-        return int(median(self.gaps_ns)) if self.gaps_ns else 0
+        if not self.gaps_ns:
+            return 0
+        # the median gap may be off by the jitter of two stamps, their sum is by no more
+        usual_ns = median(self.gaps_ns)
+        return round(sum(self.gaps_ns) / sum(max(round(g / usual_ns), 1) for g in self.gaps_ns))
 
     def take(self) -> _Stamped[Item]:
         """Removes the oldest message."""

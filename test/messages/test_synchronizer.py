@@ -4,7 +4,7 @@ import random
 from itertools import chain
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS, Channel, Match, Synchronizer
@@ -284,6 +284,7 @@ def test_a_jump_of_time_costs_no_frame_however_the_channels_interleave(
 
 
 @given(st.sets(st.integers(12, 60), max_size=3), st.integers(0, 2**32 - 1))
+@example({46, 47, 48}, 2746)
 def test_messages_that_never_came_are_counted_by_the_gaps_in_the_stamps(
     lost: set[int], seed: int
 ) -> None:
