@@ -29,6 +29,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.camera_frame import CameraFrame
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.live.heap import exempt_loaded_objects
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
 from rgbd_glue_ros.live.monitor import Drop
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
@@ -170,6 +171,7 @@ class OdometryNode(BaseNode):
             logger.exception("Warming up failed, and so would every frame: giving up")
             self._give_up()
             return
+        exempt_loaded_objects()
         with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
             self._warmed_up.trigger()
 
