@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import logging
-from abc import ABC, abstractmethod
-from types import TracebackType
-from typing import TypeVar
+from abc import abstractmethod
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.parameters import PACKAGE
-
-N = TypeVar("N", bound="BaseNode")
 
 # How long work may take to end: longer than the slowest frame, and shorter than a launch system
 # waits before it kills.
 CLOSE_S = 4.0
 
 
-class BaseNode(LoggedNode, ABC):
+class BaseNode(Closing, LoggedNode):
     """A node with a thread of its own; a context manager that ends it.
 
     Attributes:
@@ -45,15 +42,7 @@ class BaseNode(LoggedNode, ABC):
     def _finish(self) -> bool:
         """Ends the threads, within ``CLOSE_S``; returns whether they have ended."""
 
-    def __enter__(self: N) -> N:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         """Ends the threads; the node lives on, until the process ends, while one of them does."""
         has_ended = self._finish()
         logging.getLogger(PACKAGE).removeHandler(self._log_handler)

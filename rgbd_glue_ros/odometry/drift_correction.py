@@ -90,7 +90,11 @@ class DriftCorrection:
             anchors: keyframes that see the same part of the room.
             config: how they are compared, and when the result is accepted.
         """
-        compared = [self._compared(keyframe, anchor, config) for anchor in anchors]
+        problem = RefinementProblem(keyframe.model, keyframe.features.view, config.refine)
+        compared = [
+            self._compared(keyframe, anchor, replace(problem, model=anchor.model), config)
+            for anchor in anchors
+        ]
         comparisons = [comparison for comparison in compared if comparison is not None]
         edges = tuple(comparison.edge for comparison in comparisons)
         corrections = np.array([comparison.correction for comparison in comparisons])
@@ -99,11 +103,12 @@ class DriftCorrection:
         target = se3.exp(corrections.mean(axis=0)) @ self.target
         return DriftCorrection(self.T_odom_track, target, edges)
 
-    def _compared(self, keyframe: Keyframe, anchor: Anchor, config: Config) -> _Comparison | None:
+    def _compared(
+        self, keyframe: Keyframe, anchor: Anchor, problem: RefinementProblem, config: Config
+    ) -> _Comparison | None:
         """The comparison with one anchor; None if it is not accepted."""
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
-        problem = RefinementProblem(anchor.model, keyframe.features.view, config.refine)
         found = refine(start, problem, _LEVELS)
         if not is_conclusive(found, config.odometry):
             return None

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -23,6 +22,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.live.topics import (
     DIAGNOSTICS,
     KEYFRAME_POSE,
@@ -81,10 +81,7 @@ def frame_messages(frame: RgbdFrame, *, is_compressed: bool) -> Triple:
     )
 
 
-R = TypeVar("R", bound="Rig")
-
-
-class Rig:
+class Rig(Closing):
     """Publishes frames and collects what the node answers.
 
     A context of its own keeps it apart from a node in the same process. All waiting is for events,
@@ -126,17 +123,6 @@ class Rig:
             (DiagnosticArray, DIAGNOSTICS, self.diagnostics),
         ):
             self.node.create_subscription(kind, topic, received.append, 10)
-
-    def __enter__(self: R) -> R:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Leaves the domain, as a driver that ends."""

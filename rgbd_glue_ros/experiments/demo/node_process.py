@@ -14,8 +14,8 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.parameters import profiles_file
 
@@ -89,7 +89,7 @@ def _end_with_parent() -> None:
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-class NodeProcess:
+class NodeProcess(Closing):
     """A running node; a context manager that ends it.
 
     Attributes:
@@ -132,15 +132,8 @@ class NodeProcess:
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
-    def __enter__(self) -> NodeProcess:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Stops the node."""
         self.stop()
 
     def _read(self) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType, TracebackType
-from typing import TypeVar
+from types import MappingProxyType
 
 import numpy as np
 import rclpy
@@ -19,6 +18,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.experiments.demo.played import Played, PlayedMessage, Sensor, Stream, transport
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.monitor import Summary
@@ -42,7 +42,6 @@ ALL_FOUND_S = 3.0
 SETTLED_S = 1.0
 # Poses wait while messages are published; none may be lost, since they are counted.
 ANSWERS = 1000
-C = TypeVar("C", bound="Camera")
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Listeners:
     unheard: tuple[str, ...]
 
 
-class Camera:
+class Camera(Closing):
     """Publishes a recording as a camera's driver would; a context manager.
 
     Attributes:
@@ -103,15 +102,8 @@ class Camera:
         }
         self.topics = {channel: p.topic_name for channel, p in self._publishers.items()}
 
-    def __enter__(self: C) -> C:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Leaves the domain."""
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
