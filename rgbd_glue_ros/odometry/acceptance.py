@@ -2,50 +2,90 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 
 
-def is_plausible(found: Refinement, asked: int, config: OdometryConfig) -> bool:
-    """Whether planes or pixels support a pose and the planes do not contradict it.
+@dataclass(frozen=True)
+class Acceptance:
+    """The evidence that a pose needs to be accepted.
 
-    Args:
-        found: the pose.
-        asked: planes of which a fraction has to agree.
-        config: thresholds.
+    Attributes:
+        min_planes: planes that must be seen for their agreement to count.
+        min_pixels: textured pixels that must be seen for their correlation to count.
+        plane_agreement: least fraction of the planes that agrees; half of it is a contradiction.
+        brightness_correlation: least correlation of the brightness of model and image.
+        min_inliers: visual inliers of a registration that no prediction supports.
+        includes_jumps: whether a pose that the camera can hardly reach is accepted if it is
+            conclusive.
     """
-    enough = asked >= config.min_planes
-    agreement = found.planes_agreeing / max(asked, 1)
-    if enough and agreement < config.plane_agreement / 2:
-        return False
-    return (enough and agreement >= config.plane_agreement) or (
-        found.pixels_seen >= config.min_pixels
-        and found.brightness_correlation >= config.brightness_correlation
-    )
 
+    min_planes: int
+    min_pixels: int
+    plane_agreement: float
+    brightness_correlation: float
+    min_inliers: int
+    includes_jumps: bool = True
 
-def is_conclusive(found: Refinement, config: OdometryConfig) -> bool:
-    """Whether to accept an unlikely pose: one that a camera can hardly reach, or was at before.
+    @staticmethod
+    def of(config: OdometryConfig) -> Acceptance:
+        """The acceptance of a pose that continues the motion before."""
+        return Acceptance(
+            config.min_planes,
+            config.min_pixels,
+            config.plane_agreement,
+            config.brightness_correlation,
+            config.relocalisation_inliers,
+        )
 
-    Both planes and pixels must support it, including those that may be occluded.
-    """
-    return (
-        found.planes_seen >= config.min_planes
-        and found.plane_agreement >= config.plane_agreement
-        and found.brightness_correlation >= config.brightness_correlation
-    )
+    def sceptical(self) -> Acceptance:
+        """A stricter one for a pose that no motion leads to, as after frames without a pose.
 
+        Of the many poses that a camera may have reached, some agree with a few planes or pixels.
+        """
+        return replace(
+            self,
+            min_planes=4 * self.min_planes,
+            min_pixels=4 * self.min_pixels,
+            brightness_correlation=(1 + self.brightness_correlation) / 2,
+        )
 
-def sceptical(config: OdometryConfig) -> OdometryConfig:
-    """Stricter thresholds for a pose that no motion leads to, as after frames without a pose.
+    def without_jumps(self) -> Acceptance:
+        """One that accepts no pose that the camera can hardly reach."""
+        return replace(self, includes_jumps=False)
 
-    Of the many poses that a camera may have reached, some agree with a few planes or pixels.
-    """
-    return replace(
-        config,
-        min_planes=4 * config.min_planes,
-        min_pixels=4 * config.min_pixels,
-        brightness_correlation=(1 + config.brightness_correlation) / 2,
-    )
+    def is_plausible(self, pose: Refinement, asked: int) -> bool:
+        """Whether planes or pixels support a pose and the planes do not contradict it.
+
+        Args:
+            pose: with what its frame shows of it.
+            asked: planes of which a fraction has to agree.
+        """
+        enough = asked >= self.min_planes
+        agreement = pose.planes_agreeing / max(asked, 1)
+        if enough and agreement < self.plane_agreement / 2:
+            return False
+        return (enough and agreement >= self.plane_agreement) or (
+            pose.pixels_seen >= self.min_pixels and self.correlates(pose)
+        )
+
+    def is_conclusive(self, pose: Refinement) -> bool:
+        """Whether to accept an unlikely pose: one hardly within reach, or where the camera was.
+
+        Both planes and pixels must support it, including those that may be occluded.
+        """
+        return (
+            pose.planes_seen >= self.min_planes
+            and pose.plane_agreement >= self.plane_agreement
+            and self.correlates(pose)
+        )
+
+    def correlates(self, pose: Refinement) -> bool:
+        """Whether the brightness of model and image correlates at a pose."""
+        return pose.brightness_correlation >= self.brightness_correlation
+
+    def allows_jump(self, pose: Refinement) -> bool:
+        """Whether to accept a pose that the camera can hardly reach."""
+        return self.includes_jumps and self.is_conclusive(pose)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem, is_near
-from rgbd_glue_ros.parameters import OdometryConfig
+from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows, squared_sigmas
@@ -50,7 +50,7 @@ def is_contradicted(pose: Refinement) -> bool:
 
 
 def find_alternative(
-    problem: PoseProblem, pose: Refinement, before: Alternative | None, config: OdometryConfig
+    problem: PoseProblem, pose: Refinement, before: Alternative | None, acceptance: Acceptance
 ) -> Alternative | None:
     """The other pose on which a part of the frame agrees, and which contradicts the accepted one.
 
@@ -58,7 +58,7 @@ def find_alternative(
         problem: the frame, and the inputs of its refinement.
         pose: the accepted pose, at the coarse levels.
         before: the alternative of the previous frame: a moving object has not moved far since.
-        config: when a pose is accepted.
+        acceptance: the evidence that a pose needs.
 
     Returns:
         None if little contradicts, or the contradicting parts disagree.
@@ -70,14 +70,14 @@ def find_alternative(
     rest = [(level, _contradicting(of_level, pose)) for level, of_level in levels]
     predicted = problem.predicted.T_track_camera
     starts = [pose.T_model_source]
-    if not is_near(predicted, pose.T_model_source, config):
+    if not problem.basin.connects(predicted, pose.T_model_source):
         starts.append(predicted)
     if before is not None:
         starts.append(before.T_track_camera)
     best = None
     for start in starts:
-        T = _coherent(rest, start, pose, problem.config.iterations, config)
-        if T is None or is_near(T, pose.T_model_source, config):
+        T = _coherent(rest, start, pose, problem.config.iterations, acceptance)
+        if T is None or problem.basin.connects(T, pose.T_model_source):
             continue
         share = _share(levels[-1][1], T, pose.T_model_source)
         if share >= _SUBSTANTIAL and (best is None or share > best.share):
@@ -106,7 +106,7 @@ def _coherent(
     start: Float64,
     pose: Refinement,
     iterations: int,
-    config: OdometryConfig,
+    acceptance: Acceptance,
 ) -> Float64 | None:
     """The pose on which the part that contradicts another one agrees; None if it does not agree.
 
@@ -118,20 +118,20 @@ def _coherent(
         start: of the search, float64 [4, 4].
         pose: the contradicted pose.
         iterations: maximum at each level.
-        config: when a pose is accepted.
+        acceptance: the evidence that a pose needs.
     """
     T, found = start, pose
     for level, of_the_rest in rest:
         found = refine_at(T, of_the_rest, pose.affine_brightness, iterations)
         T = found.T_model_source
-        if found.planes_agreeing * 2**level < config.min_planes:
+        if found.planes_agreeing * 2**level < acceptance.min_planes:
             return None
-        if found.visible_agreement < config.plane_agreement:
+        if found.visible_agreement < acceptance.plane_agreement:
             return None
-    if found.visible_agreement < (1 + config.plane_agreement) / 2:
+    if found.visible_agreement < (1 + acceptance.plane_agreement) / 2:
         return None
-    blank = found.pixels_seen < config.min_pixels
-    return T if blank or found.brightness_correlation >= config.brightness_correlation else None
+    blank = found.pixels_seen < acceptance.min_pixels
+    return T if blank or acceptance.correlates(found) else None
 
 
 def _share(of_level: LevelProblem, T: Float64, T_other: Float64) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.acceptance import is_plausible
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.alternative import (
     Alternative,
     agreeing_pixels,
@@ -24,7 +24,6 @@ from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
-from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.refinement.model import LEVELS
 from rgbd_glue_ros.types import Float64
@@ -47,7 +46,7 @@ class SettledPose:
 
 
 def settle_contradiction(
-    chosen: Candidate, problem: PoseProblem, last: LastPose, config: OdometryConfig
+    chosen: Candidate, problem: PoseProblem, last: LastPose, acceptance: Acceptance
 ) -> SettledPose:
     """The chosen pose and what contradicts it; the other way round where more speaks for that.
 
@@ -57,21 +56,21 @@ def settle_contradiction(
         chosen: the pose.
         problem: the frame, and what its pose was refined by.
         last: the last frame with a pose; its alternative, if that was contradicted too.
-        config: when a pose is believed.
+        acceptance: the evidence that a pose needs.
     """
     pose = chosen.estimate
     # The coarse levels may see a contradiction that the finest one resolves; ask the finest first.
     if not is_contradicted(chosen.refinement):
         return SettledPose(pose)
-    alternative = find_alternative(problem, chosen.coarse, last.alternative, config)
+    alternative = find_alternative(problem, chosen.coarse, last.alternative, acceptance)
     if alternative is None:
         return SettledPose(pose)
     distance_squared = problem.predicted.distance_squared(alternative.T_track_camera)
     is_likelier = distance_squared < chosen.distance_squared
     has_witness = last.alternative is not None or is_likelier
     if alternative.is_larger and has_witness:
-        larger = preferred(problem, alternative, chosen.coarse, config)
-        if is_plausible(larger.refinement, larger.refinement.planes_visible, config):
+        larger = preferred(problem, alternative, chosen.coarse, acceptance)
+        if acceptance.is_plausible(larger.refinement, larger.refinement.planes_visible):
             alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
             pose = larger
     T, T_other = pose.T_track_camera, alternative.T_track_camera
@@ -80,7 +79,7 @@ def settle_contradiction(
 
 
 def preferred(
-    problem: PoseProblem, alternative: Alternative, pose: Refinement, config: OdometryConfig
+    problem: PoseProblem, alternative: Alternative, pose: Refinement, acceptance: Acceptance
 ) -> PoseEstimate:
     """The alternative, refined without what agrees with the other pose alone.
 
@@ -90,7 +89,7 @@ def preferred(
         problem: the frame, and what its pose is refined by.
         alternative: to ``pose``.
         pose: the one that was believed.
-        config: when a pose is plausible.
+        acceptance: when a pose is plausible.
     """
     brightness = pose.affine_brightness
     kept = []
@@ -104,11 +103,11 @@ def preferred(
     model = problem.model.selected(planes, pixels)
     of_the_rest = replace(problem, model=model)
     coarse = of_the_rest.refined(alternative.T_track_camera, COARSE_LEVELS, brightness)
-    return of_the_rest.refined_further(coarse, config)
+    return of_the_rest.refined_further(coarse, acceptance)
 
 
 def doubt(
-    pose: Refinement, alternative: Alternative | None, spread: Float64, config: OdometryConfig
+    pose: Refinement, alternative: Alternative | None, spread: Float64, acceptance: Acceptance
 ) -> Float64:
     """What contradiction adds to the covariance of a pose, float64 [6, 6].
 
@@ -120,7 +119,7 @@ def doubt(
         pose: the one that is believed.
         alternative: to it, if there is one.
         spread: float64 [6, 6] of where the camera can be, perturbation on the right.
-        config: how many planes count as a contradiction.
+        acceptance: how many planes count as a contradiction.
 
     Returns:
         Perturbation on the left, in the track frame.
@@ -130,7 +129,7 @@ def doubt(
         apart = se3.log(alternative.T_track_camera @ se3.inverse(T))
         return np.asarray(alternative.share * np.outer(apart, apart), np.float64)
     agreeing = pose.visible_agreement
-    if pose.planes_visible < config.min_planes or agreeing >= config.plane_agreement:
+    if pose.planes_visible < acceptance.min_planes or agreeing >= acceptance.plane_agreement:
         return np.zeros((6, 6))
     return np.asarray((1 - agreeing) * se3.transported_covariance(T, spread), np.float64)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
-from rgbd_glue_ros.odometry.acceptance import is_conclusive
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.parameters import Config
@@ -110,7 +110,7 @@ class DriftCorrection:
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
         found = refine(start, problem, _LEVELS)
-        if not is_conclusive(found, config.odometry):
+        if not Acceptance.of(config.odometry).is_conclusive(found):
             return None
         T_seen = anchor.T_odom_track @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.closing import Closing, uninterrupted
-from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.acceptance import sceptical
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
@@ -17,7 +16,7 @@ from rgbd_glue_ros.odometry.keyframe_edges import timing_covariance, tracked_cov
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
-from rgbd_glue_ros.odometry.pose_refinement import PoseProblem, corrected_motion
+from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
@@ -183,14 +182,11 @@ class Odometry(Closing):
 
     def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> PredictedMotion | None:
         """The motion at a stamp, predicted without its images; None at the start."""
-        last, T_guess_last = self._progress.last, self._progress.T_guess_camera
+        last = self._progress.last
         if last is None:
             return None
         predicted = self._inertial.predicted(last.motion, stamp_ns, self._config.motion)
-        if T_guess_last is None or T_guess_camera is None:
-            return predicted
-        T_last_camera = se3.inverse(T_guess_last) @ T_guess_camera
-        return replace(predicted, T_track_camera=last.motion.T_track_camera @ T_last_camera)
+        return self._progress.guided(predicted, T_guess_camera)
 
     def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> View:
         """The frame prepared for registration, with its expected twist."""
@@ -203,17 +199,20 @@ class Odometry(Closing):
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self._map.nearest(predicted.T_track_camera)
         model = blend([keyframe.model for keyframe in references])
-        problem = PoseProblem(model, view, self._calibration.refine_config(), predicted=predicted)
-        config, is_lost = self._config.odometry, self.state is TrackingState.LOST
-        asked = sceptical(config) if is_lost or self._progress.is_after_gap else config
-        tracked = track(problem, references, last, self._glue, self._background, asked)
+        config, refine_config = self._config.odometry, self._calibration.refine_config()
+        basin, radius = Basin.of(config), config.prior_radius
+        problem = PoseProblem(model, view, refine_config, predicted=predicted, basin=basin)
+        usual, is_lost = Acceptance.of(config), self.state is TrackingState.LOST
+        asked = usual.sceptical() if is_lost or self._progress.is_after_gap else usual
+        glue, background = self._glue, self._background
+        tracked = track(problem, references[0], last, glue, background, asked, radius)
         self._map.finish_revisit()
         if tracked.fix is not None:
             return tracked
         keyframes = self._map.in_turn(self._progress.frames_missed)
-        relocalised = relocalise(
-            tracked.features, keyframes, problem, self._glue, config, is_lost=is_lost
-        )
+        # a jump is announced by a frame without a pose: none between consecutive poses
+        asked = usual if is_lost else usual.without_jumps()
+        relocalised = relocalise(tracked.features, keyframes, problem, glue, asked)
         return tracked if relocalised is None else relocalised
 
     def _accept(
@@ -228,9 +227,10 @@ class Odometry(Closing):
         self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, refine)
         self._map.advance_correction(fix.reference, last.T_track_camera, motion.T_track_camera)
         learnt = self._calibration.learnt_config()
+        usual, reach = Acceptance.of(learnt.odometry), predicted.reach_covariance()
         said = corrected_motion(predicted, fix.estimate, learnt.refine)
         covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
-            fix.estimate.refinement, fix.alternative, predicted.reach_covariance(), learnt.odometry
+            fix.estimate.refinement, fix.alternative, reach, usual
         )
         # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)

@@ -14,9 +14,8 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, distances
-from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
-from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Correspondences
 
@@ -59,18 +58,18 @@ class Candidate:
         """The pose, and how well the frame agrees with it."""
         return self.estimate.refinement
 
-    def is_believed(self, config: OdometryConfig) -> bool:
+    def is_believed(self, acceptance: Acceptance) -> bool:
         """Whether the pose is plausible, and within reach of the camera or conclusive."""
-        if not is_plausible(self.refinement, self.refinement.planes_visible, config):
+        if not acceptance.is_plausible(self.refinement, self.refinement.planes_visible):
             return False
-        return self.distance_squared < POSE_GATE or is_conclusive(self.refinement, config)
+        return self.distance_squared < POSE_GATE or acceptance.allows_jump(self.refinement)
 
 
 def choose(
     candidates: Sequence[Candidate],
     matches: Correspondences,
     inlier_threshold: float,
-    config: OdometryConfig,
+    acceptance: Acceptance,
 ) -> Candidate | None:
     """The accepted pose with the most evidence; None if none is accepted.
 
@@ -78,9 +77,9 @@ def choose(
         candidates: of a frame; of equal ones the first is chosen.
         matches: all visual matches of the frame, their targets in the frame of its poses.
         inlier_threshold: distance within which a match agrees with a pose, metres.
-        config: when a pose is accepted.
+        acceptance: the evidence that it takes.
     """
-    believed = [c for c in candidates if c.is_believed(config)]
+    believed = [c for c in candidates if c.is_believed(acceptance)]
     if not believed:
         return None
     best = believed[0]

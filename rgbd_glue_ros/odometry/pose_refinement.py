@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.acceptance import is_plausible
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion, PredictedMotion
 from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
@@ -50,14 +50,41 @@ class PoseEstimate:
 
 
 @dataclass(frozen=True)
+class Basin:
+    """The basin of convergence: how far from a pose refinement may start and still get there.
+
+    Attributes:
+        translation: metres.
+        rotation: radians.
+    """
+
+    translation: float
+    rotation: float
+
+    @staticmethod
+    def of(config: OdometryConfig) -> Basin:
+        """As configured."""
+        return Basin(config.surprise_translation, config.surprise_rotation)
+
+    def connects(self, T_a: Float64, T_b: Float64) -> bool:
+        """Whether refinement gets from one pose to the other."""
+        T = se3.inverse(T_b) @ T_a
+        return bool(
+            np.linalg.norm(T[:3, 3]) <= self.translation and se3.rotation_angle(T) <= self.rotation
+        )
+
+
+@dataclass(frozen=True)
 class PoseProblem(RefinementProblem):
     """The inputs for refining the pose of a frame; its model is in the track frame.
 
     Attributes:
         predicted: the frame's motion, predicted without its images.
+        basin: starts that are farther apart may lead to different poses.
     """
 
     predicted: PredictedMotion = field(kw_only=True)
+    basin: Basin = field(kw_only=True)
 
     def refined(
         self,
@@ -68,7 +95,7 @@ class PoseProblem(RefinementProblem):
         """A pose refined from a start, at given levels."""
         return refine(T_track_camera, self, levels, affine_brightness)
 
-    def refined_further(self, coarse: Refinement, config: OdometryConfig) -> PoseEstimate:
+    def refined_further(self, coarse: Refinement, acceptance: Acceptance) -> PoseEstimate:
         """Refines a pose from the coarse levels to the final one, with a better twist at each.
 
         If the result of the final level is not plausible, the pose is left unchanged.
@@ -78,13 +105,13 @@ class PoseProblem(RefinementProblem):
         twist = twist_from_distortion(finer, moving, VELOCITY_LEVEL)
         moving = self.with_twist_of(PoseEstimate(finer, twist))
         final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
-        if is_plausible(final, final.planes_visible, config):
+        if acceptance.is_plausible(final, final.planes_visible):
             return PoseEstimate(final, twist)
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
-    def reliable(self, estimate: PoseEstimate, config: OdometryConfig) -> PoseEstimate:
+    def reliable(self, estimate: PoseEstimate) -> PoseEstimate:
         """An estimate without spurious information, relative to another start."""
-        expected, reach = self.predicted.T_track_camera, config.surprise_translation
+        expected, reach = self.predicted.T_track_camera, self.basin.translation
         left = without_spurious_information(estimate.refinement, expected, self, reach)
         return replace(estimate, refinement=left)
 
@@ -92,15 +119,6 @@ class PoseProblem(RefinementProblem):
         """The problem with the twist that the motion filter infers from an estimate."""
         twist = corrected_motion(self.predicted, estimate, self.config).twist
         return replace(self, view=replace(self.view, twist=twist))
-
-
-def is_near(T_a: Float64, T_b: Float64, config: OdometryConfig) -> bool:
-    """Whether two poses are near enough for refinement to get from one to the other."""
-    T = se3.inverse(T_b) @ T_a
-    return bool(
-        np.linalg.norm(T[:3, 3]) <= config.surprise_translation
-        and se3.rotation_angle(T) <= config.surprise_rotation
-    )
 
 
 def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:

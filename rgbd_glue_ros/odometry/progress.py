@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.alternative import Alternative
-from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion
+from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion, PredictedMotion
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState, View
 
@@ -97,6 +98,19 @@ class Progress:
             last_interval_ns=interval_ns,
             is_after_gap=interval_ns > max(_GAP_INTERVALS * usual_ns, _GAP_NS),
         )
+
+    def guided(self, predicted: PredictedMotion, T_guess_camera: Float64 | None) -> PredictedMotion:
+        """A predicted motion, to where another odometry has moved since the last pose.
+
+        Args:
+            predicted: from the last pose.
+            T_guess_camera: float64 [4, 4], the pose by the other odometry now. Without it, or
+                without that at the last pose, the prediction remains.
+        """
+        if self.last is None or self.T_guess_camera is None or T_guess_camera is None:
+            return predicted
+        T_last_camera = se3.inverse(self.T_guess_camera) @ T_guess_camera
+        return replace(predicted, T_track_camera=self.last.motion.T_track_camera @ T_last_camera)
 
     def repeated(self, stamp_ns: int, view: View) -> OdometryEstimate | None:
         """The estimate for a frame that repeats the last one; None if it does not.

@@ -11,7 +11,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
-from rgbd_glue_ros.odometry.acceptance import is_conclusive
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.alternative import Alternative
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.contradiction import settle_contradiction
@@ -23,10 +23,8 @@ from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
     PoseEstimate,
     PoseProblem,
-    is_near,
 )
 from rgbd_glue_ros.odometry.progress import LastPose
-from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.stopwatch import timed
@@ -76,42 +74,47 @@ class Attempt:
 
 def track(
     problem: PoseProblem,
-    references: Sequence[Keyframe],
+    nearest: Keyframe,
     last: LastPose,
     glue: Glue,
     background: BackgroundThread,
-    config: OdometryConfig,
+    acceptance: Acceptance,
+    prior_radius: float,
 ) -> Attempt:
     """Registers a frame against the nearest keyframe and refines its pose against the nearest few.
 
     Args:
         problem: the frame, its predicted motion, and the model of the nearest few keyframes.
-        references: these keyframes, the nearest first.
+        nearest: the first of these.
         last: the last frame with a pose.
         glue: registers.
         background: refines the predicted pose while the frame is registered.
-        config: when a pose is believed.
+        acceptance: the evidence that a pose needs.
+        prior_radius: how far the frame may be from its prediction if visual matches give no
+            transform, metres; 0 does without the prediction.
     """
-    nearest = references[0]
-    from_prior = _start_prior_refinement(problem, background, config)
+    uses_prior = prior_radius > 0
+    from_prior = background.submit(_from_prior, problem, acceptance) if uses_prior else None
     features = glue.extract(problem.view)
-    registration = _register(features, nearest, problem.predicted, glue, config)
-    candidates = _candidates(problem, from_prior, registration, last, config)
+    prior = _prior(problem.predicted, nearest, prior_radius) if uses_prior else None
+    result = glue.register(features, nearest.features, prior)
+    registration = _Registration(result, nearest, glue.inlier_threshold)
+    candidates = _candidates(problem, from_prior, registration, last, acceptance)
     if not candidates:
         return Attempt(features, registration.result)
-    chosen = choose(candidates, registration.matches, registration.inlier_threshold, config)
+    chosen = choose(candidates, registration.matches, registration.inlier_threshold, acceptance)
     if chosen is None:
         inconsistent = registration.result.refused(RegistrationStatus.INCONSISTENT)
         return Attempt(features, inconsistent)
-    settled = settle_contradiction(chosen, problem, last, config)
-    estimate = problem.reliable(settled.estimate, config)
+    settled = settle_contradiction(chosen, problem, last, acceptance)
+    estimate = problem.reliable(settled.estimate)
     fix = PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)
     result = registration.result.with_stage("refinement", chosen.milliseconds)
     return Attempt(features, result, fix)
 
 
 def turned_candidates(
-    problem: PoseProblem, last: LastPose, config: OdometryConfig
+    problem: PoseProblem, last: LastPose, acceptance: Acceptance
 ) -> list[Candidate]:
     """Poses from where the whole image has turned to: without a way, and with the expected one.
 
@@ -120,15 +123,15 @@ def turned_candidates(
     Args:
         problem: the frame, and what its pose is refined by.
         last: the last frame with a pose.
-        config: when a pose is believed.
+        acceptance: when a pose is conclusive.
     """
     T_last, T_predicted = last.motion.T_track_camera, problem.predicted.T_track_camera
     R = T_last[:3, :3] @ turn_between(last.view, problem.view)
     turned = [
-        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, config)
+        _candidate(se3.from_rotation_translation(R, T[:3, 3]), problem, acceptance)
         for T in (T_predicted, T_last)
     ]
-    return [candidate for candidate in turned if is_conclusive(candidate.refinement, config)]
+    return [candidate for candidate in turned if acceptance.is_conclusive(candidate.refinement)]
 
 
 @dataclass(frozen=True)
@@ -163,30 +166,15 @@ class _Registration:
         return self.result.visual_inliers.moved_target(self.keyframe.T_track_camera)
 
 
-def _start_prior_refinement(
-    problem: PoseProblem, background: BackgroundThread, config: OdometryConfig
-) -> Future[Candidate] | None:
-    """Starts to refine the predicted pose; None where no prediction is to be used."""
-    if config.prior_radius <= 0:
-        return None
-    T_predicted = problem.predicted.T_track_camera
-    return background.submit(_candidate, T_predicted, problem, config)
+def _from_prior(problem: PoseProblem, acceptance: Acceptance) -> Candidate:
+    """The pose that the predicted one leads to."""
+    return _candidate(problem.predicted.T_track_camera, problem, acceptance)
 
 
-def _register(
-    features: FrameFeatures,
-    keyframe: Keyframe,
-    predicted: PredictedMotion,
-    glue: Glue,
-    config: OdometryConfig,
-) -> _Registration:
-    """Registers a frame against a keyframe, around the predicted pose where one is to be used."""
-    prior = None
-    if config.prior_radius > 0:
-        T_keyframe_camera = se3.inverse(keyframe.T_track_camera) @ predicted.T_track_camera
-        prior = TransformPrior(T_keyframe_camera, config.prior_radius)
-    result = glue.register(features, keyframe.features, prior)
-    return _Registration(result, keyframe, glue.inlier_threshold)
+def _prior(predicted: PredictedMotion, keyframe: Keyframe, radius: float) -> TransformPrior:
+    """Where to search for the transform to a keyframe: around the predicted pose."""
+    T_keyframe_camera = se3.inverse(keyframe.T_track_camera) @ predicted.T_track_camera
+    return TransformPrior(T_keyframe_camera, radius)
 
 
 def _candidates(
@@ -194,14 +182,14 @@ def _candidates(
     from_prior: Future[Candidate] | None,
     registration: _Registration,
     last: LastPose,
-    config: OdometryConfig,
+    acceptance: Acceptance,
 ) -> list[Candidate]:
     """The poses that different starts lead to: as few as make one of them clear."""
     candidates = [] if from_prior is None else [from_prior.result()]
-    candidates += _registered_candidates(problem, registration, candidates, config)
+    candidates += _registered_candidates(problem, registration, candidates, acceptance)
     matches, threshold = registration.matches, registration.inlier_threshold
     if candidates and not any(is_clear(c, matches, threshold) for c in candidates):
-        candidates += turned_candidates(problem, last, config)
+        candidates += turned_candidates(problem, last, acceptance)
     return candidates
 
 
@@ -209,7 +197,7 @@ def _registered_candidates(
     problem: PoseProblem,
     registration: _Registration,
     others: Sequence[Candidate],
-    config: OdometryConfig,
+    acceptance: Acceptance,
 ) -> list[Candidate]:
     """The poses from where registration has the frame, without its inliers and with them.
 
@@ -218,21 +206,21 @@ def _registered_candidates(
     """
     T_registered = registration.T_track_camera
     if T_registered is None or any(
-        is_near(other.coarse.T_model_source, T_registered, config) for other in others
+        problem.basin.connects(other.coarse.T_model_source, T_registered) for other in others
     ):
         return []
-    registered = _candidate(T_registered, problem, config)
+    registered = _candidate(T_registered, problem, acceptance)
     inliers = registration.inliers
     if not _leaves_behind(inliers, registered, T_registered, registration.inlier_threshold):
         return [registered]
     held = replace(problem, matches=inliers)
-    return [registered, _candidate(T_registered, held, config)]
+    return [registered, _candidate(T_registered, held, acceptance)]
 
 
-def _candidate(T_track_camera: Float64, problem: PoseProblem, config: OdometryConfig) -> Candidate:
+def _candidate(T_track_camera: Float64, problem: PoseProblem, acceptance: Acceptance) -> Candidate:
     """The pose that refinement ends at from a start."""
     coarse, coarse_ms = timed(problem.refined, T_track_camera, COARSE_LEVELS)
-    estimate, further_ms = timed(problem.refined_further, coarse, config)
+    estimate, further_ms = timed(problem.refined_further, coarse, acceptance)
     distance_squared = problem.predicted.distance_squared(estimate.T_track_camera)
     return Candidate(estimate, coarse, distance_squared, coarse_ms + further_ms)
 

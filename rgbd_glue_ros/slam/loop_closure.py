@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.acceptance import is_conclusive
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe_edges import refined_covariance
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.agreement import BandAgreement
@@ -43,18 +43,19 @@ def loop_edge(
         T_parent_child_expected: float64 [4, 4], from the graph; the search starts there if the
             images give no transform. None if nothing is known.
     """
+    acceptance = Acceptance.of(config.odometry)
     result = glue.register(child.features, parent.features)
     T = result.T_target_source
-    if T is None or len(result.visual_inliers) < config.odometry.relocalisation_inliers:
+    if T is None or len(result.visual_inliers) < acceptance.min_inliers:
         T = T_parent_child_expected
     if T is None:
         return None
     problem = RefinementProblem(parent.model, child.features.view, config.refine)
-    refinement = _refined(T, problem, config)
+    refinement = _refined(T, problem, acceptance)
     if refinement is None:
         return None
     swapped = RefinementProblem(child.model, parent.features.view, config.refine)
-    back = _refined(se3.inverse(refinement.T_model_source), swapped, config)
+    back = _refined(se3.inverse(refinement.T_model_source), swapped, acceptance)
     if back is None:
         return None
     T = refinement.T_model_source
@@ -67,7 +68,7 @@ def loop_edge(
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
 
-def _refined(T: Float64, problem: RefinementProblem, config: Config) -> Refinement | None:
+def _refined(T: Float64, problem: RefinementProblem, acceptance: Acceptance) -> Refinement | None:
     """The pose of one keyframe on the model of another, if planes and pixels are certain."""
     refinement = refine(T, problem)
-    return refinement if is_conclusive(refinement, config.odometry) else None
+    return refinement if acceptance.is_conclusive(refinement) else None

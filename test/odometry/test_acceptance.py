@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.odometry.acceptance import is_conclusive, is_plausible, sceptical
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import START_BRIGHTNESS, Refinement
 
-CONFIG = OdometryConfig()
-MANY = 4 * CONFIG.min_planes
+USUAL = Acceptance.of(OdometryConfig())
+MANY = 4 * USUAL.min_planes
 
 
 def found(planes: int, agreement: float, pixels: int, correlation: float) -> Refinement:
@@ -27,8 +27,8 @@ def found(planes: int, agreement: float, pixels: int, correlation: float) -> Ref
     )
 
 
-def plausible(pose: Refinement, config: OdometryConfig) -> bool:
-    return is_plausible(pose, pose.planes_visible, config)
+def plausible(pose: Refinement, acceptance: Acceptance) -> bool:
+    return acceptance.is_plausible(pose, pose.planes_visible)
 
 
 @pytest.mark.parametrize(
@@ -46,15 +46,25 @@ def plausible(pose: Refinement, config: OdometryConfig) -> bool:
 def test_planes_or_pixels_speak_for_a_pose_and_conclude_together(
     pose: Refinement, believed: bool, conclusive: bool
 ) -> None:
-    assert plausible(pose, CONFIG) is believed
-    assert is_conclusive(pose, CONFIG) is conclusive
+    assert plausible(pose, USUAL) is believed
+    assert USUAL.is_conclusive(pose) is conclusive
 
 
 def test_after_a_gap_a_few_planes_or_pixels_are_not_enough() -> None:
     few_planes, few_pixels = found(MANY - 1, 0.9, 0, 0.0), found(0, 0.0, MANY - 1, 0.9)
     alike = found(0, 0.0, MANY, 0.7)
     for pose in few_planes, few_pixels, alike:
-        assert plausible(pose, CONFIG)
-        assert not plausible(pose, sceptical(CONFIG))
+        assert plausible(pose, USUAL)
+        assert not plausible(pose, USUAL.sceptical())
     for pose in found(MANY, 0.6, 0, 0.0), found(0, 0.0, MANY, 0.9):
-        assert plausible(pose, sceptical(CONFIG))
+        assert plausible(pose, USUAL.sceptical())
+
+
+@pytest.mark.parametrize(
+    ("pose", "allowed"), [(found(MANY, 0.9, MANY, 0.9), True), (found(MANY, 0.9, 0, 0.0), False)]
+)
+def test_a_jump_takes_a_conclusive_pose_where_jumps_are_accepted_at_all(
+    pose: Refinement, allowed: bool
+) -> None:
+    assert USUAL.allows_jump(pose) is allowed
+    assert not USUAL.without_jumps().allows_jump(pose)

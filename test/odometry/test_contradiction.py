@@ -10,17 +10,19 @@ from rigs.room import room_view, true_pose
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.alternative import Alternative, find_alternative, is_contradicted
 from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, Basin, PoseProblem
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, View
 
 CONFIG = Config()
+ACCEPTANCE = Acceptance.of(CONFIG.odometry)
 IN_FRONT = PasserBy(distance=1.6, reach=0.4, period=6.0, tall=0.7)
 """Is half of the view from the first frame on, and walks slowly."""
 CLOSE_BY = PasserBy(distance=1.0, radius=0.3, reach=1.2, period=5.0, tall=9.0)
@@ -70,12 +72,13 @@ def prepared(frame: RgbdFrame) -> View:
 
 def problem(before: View, now: View) -> PoseProblem:
     predicted = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, CONFIG.motion)
-    return PoseProblem(model_of(before, 8), now, CONFIG.refine, predicted=predicted)
+    basin = Basin.of(CONFIG.odometry)
+    return PoseProblem(model_of(before, 8), now, CONFIG.refine, predicted=predicted, basin=basin)
 
 
 def alternative(of: PoseProblem, T: Float64) -> Alternative | None:
     pose = evaluate_pose(T, of, COARSE_LEVELS[-1])
-    return find_alternative(of, pose, None, CONFIG.odometry)
+    return find_alternative(of, pose, None, ACCEPTANCE)
 
 
 def test_the_room_behind_somebody_is_found_and_is_the_larger_part() -> None:
@@ -103,7 +106,7 @@ def test_a_view_that_agrees_with_its_pose_has_no_alternative() -> None:
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     assert alternative(of, truth) is None
     pose = evaluate_pose(truth, of)
-    np.testing.assert_array_equal(doubt(pose, None, np.eye(6), CONFIG.odometry), np.zeros((6, 6)))
+    np.testing.assert_array_equal(doubt(pose, None, np.eye(6), ACCEPTANCE), np.zeros((6, 6)))
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5])
@@ -113,7 +116,7 @@ def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
     pose = evaluate_pose(truth, of)
     apart = np.array([0.2, 0.0, -0.1, 0.0, 0.03, 0.0])
     other = Alternative(se3.exp(apart) @ truth, share)
-    added = doubt(pose, other, np.eye(6), CONFIG.odometry)
+    added = doubt(pose, other, np.eye(6), ACCEPTANCE)
     draws = np.random.default_rng(0).random(200_000) < share
     sampled = np.where(draws[:, np.newaxis], apart, 0.0)
     np.testing.assert_allclose(added, sampled.T @ sampled / len(draws), atol=5e-4)
@@ -124,6 +127,6 @@ def test_a_pose_that_most_planes_contradict_may_be_anywhere_in_reach() -> None:
     wrong = evaluate_pose(se3.exp(np.array([0, 0, 0.5, 0, 0, 0])), of)
     assert wrong.planes_agreeing < wrong.planes_visible / 2
     spread = np.diag([1.0] * 3 + [0.1] * 3)
-    added = doubt(wrong, None, spread, CONFIG.odometry)
+    added = doubt(wrong, None, spread, ACCEPTANCE)
     assert np.linalg.eigvalsh(added).min() > 0
     assert added[2, 2] > 0.5

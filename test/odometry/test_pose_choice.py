@@ -9,9 +9,10 @@ import pytest
 from rigs.room import room_view, true_pose
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
-from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
+from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseEstimate, PoseProblem
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of
@@ -45,7 +46,9 @@ def moved_matches(metres: float, count: int) -> Correspondences:
 
 def problem(before: View, now: View, matches: Correspondences = NO_MATCHES) -> PoseProblem:
     predicted = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, CONFIG.motion)
-    return PoseProblem(model_of(before, 8), now, CONFIG.refine, matches, predicted=predicted)
+    basin = Basin.of(CONFIG.odometry)
+    model = model_of(before, 8)
+    return PoseProblem(model, now, CONFIG.refine, matches, predicted=predicted, basin=basin)
 
 
 def candidate(T: Float64, of: PoseProblem, distance_squared: float = 6.0) -> Candidate:
@@ -54,7 +57,7 @@ def candidate(T: Float64, of: PoseProblem, distance_squared: float = 6.0) -> Can
 
 
 def chosen(candidates: list[Candidate], of: PoseProblem) -> Candidate | None:
-    return choose(candidates, of.matches, T_IN, CONFIG.odometry)
+    return choose(candidates, of.matches, T_IN, Acceptance.of(CONFIG.odometry))
 
 
 def test_along_a_blank_wall_the_matches_decide() -> None:
