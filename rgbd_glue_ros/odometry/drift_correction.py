@@ -18,7 +18,8 @@ from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
+from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
@@ -77,8 +78,32 @@ class DriftCorrection:
         moved = corrected @ se3.exp(left * (allowed / length))
         return DriftCorrection(moved @ se3.inverse(T_now), self.target)
 
+    def pose_in_odom(self, T_track_camera: Float64, covariance: Float64) -> tuple[Float64, Float64]:
+        """The published pose: a tracked one with the correction applied.
+
+        Args:
+            T_track_camera: as tracked, float64 [4, 4].
+            covariance: float64 [6, 6] of it, perturbation on the left, track frame.
+
+        Returns:
+            T_odom_camera [4, 4] and its covariance [6, 6] as in nav_msgs/Odometry, including drift
+            that is known but not yet corrected.
+        """
+        T_odom_camera = self.T_odom_track @ T_track_camera
+        in_odom = self.covariance_in_odom(covariance) + np.outer(self.left, self.left)
+        return T_odom_camera, se3.pose_covariance(T_odom_camera, in_odom)
+
+    def covariance_in_odom(self, covariance: Float64) -> Float64:
+        """A covariance [6, 6] of the track frame in the odom frame, both on the left of poses."""
+        return se3.transported_covariance(self.T_odom_track, covariance)
+
     def after_revisit(
-        self, keyframe: Keyframe, anchors: Sequence[Anchor], config: Config
+        self,
+        keyframe: Keyframe,
+        anchors: Sequence[Anchor],
+        refine_config: RefineConfig,
+        acceptance: Acceptance,
+        errors: PoseErrors,
     ) -> DriftCorrection:
         """The drift after a keyframe was compared with much earlier ones.
 
@@ -88,11 +113,15 @@ class DriftCorrection:
         Args:
             keyframe: the newest.
             anchors: keyframes that see the same part of the room.
-            config: how they are compared, and when the result is accepted.
+            refine_config: how they are compared.
+            acceptance: the evidence that the result needs.
+            errors: of the camera.
         """
-        problem = RefinementProblem(keyframe.model, keyframe.features.view, config.refine)
+        problem = RefinementProblem(keyframe.model, keyframe.features.view, refine_config)
         compared = [
-            self._compared(keyframe, anchor, replace(problem, model=anchor.model), config)
+            self._compared(
+                keyframe, anchor, replace(problem, model=anchor.model), acceptance, errors
+            )
             for anchor in anchors
         ]
         comparisons = [comparison for comparison in compared if comparison is not None]
@@ -104,13 +133,18 @@ class DriftCorrection:
         return DriftCorrection(self.T_odom_track, target, edges)
 
     def _compared(
-        self, keyframe: Keyframe, anchor: Anchor, problem: RefinementProblem, config: Config
+        self,
+        keyframe: Keyframe,
+        anchor: Anchor,
+        problem: RefinementProblem,
+        acceptance: Acceptance,
+        errors: PoseErrors,
     ) -> _Comparison | None:
         """The comparison with one anchor; None if it is not accepted."""
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
         found = refine(start, problem, _LEVELS)
-        if not Acceptance.of(config.odometry).is_conclusive(found):
+        if not acceptance.is_conclusive(found):
             return None
         T_seen = anchor.T_odom_track @ found.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
@@ -118,7 +152,7 @@ class DriftCorrection:
         # drift that is less likely by the covariance is a place that looks like another
         if not mahalanobis_squared(off, in_odom) <= POSE_GATE:
             return None
-        return _Comparison(off, revisit_edge(anchor, keyframe, found, config))
+        return _Comparison(off, revisit_edge(anchor, keyframe, found, errors))
 
 
 @dataclass(frozen=True)

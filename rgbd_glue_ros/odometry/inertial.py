@@ -11,7 +11,7 @@ from rgbd_glue_ros.odometry.gravity import up_direction
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, camera_covariance
-from rgbd_glue_ros.parameters import MotionConfig, RefineConfig
+from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuCalibration, ImuSamples, ImuUse
 
 # Over a longer time a turn accumulates too much bias to be useful.
@@ -88,17 +88,19 @@ class Inertial:
         """The direction away from the earth at a stamp, as in ``up_direction``."""
         return up_direction(self.samples, self.gyroscope, stamp_ns)
 
-    def after_pose(self, stamp_ns: int, pose: PoseEstimate, config: RefineConfig) -> Inertial:
+    def after_pose(
+        self, stamp_ns: int, pose: PoseEstimate, residuals_per_independent_one: float
+    ) -> Inertial:
         """The state after a frame has its pose.
 
         Args:
             stamp_ns: of the frame.
             pose: from its images.
-            config: how it was refined.
+            residuals_per_independent_one: how many of its residuals count as one.
         """
         if not len(self.samples):
             return self
-        covariance = camera_covariance(pose, config)[3:, 3:]
+        covariance = camera_covariance(pose, residuals_per_independent_one)[3:, 3:]
         now = _TrackedRotation(stamp_ns, pose.T_track_camera, covariance)
         last = self._last
         turn = None

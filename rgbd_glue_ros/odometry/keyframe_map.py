@@ -2,52 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.normals import spacing_px
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
+from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.odometry.motion_filter import Motion, lost_spread
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
-from rgbd_glue_ros.parameters import Config, OdometryConfig, RefineConfig
-from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
-from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge, View
+from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge
 
 # The first pose is exact by definition; filters need a non-singular covariance.
 _ORIGIN_COVARIANCE = np.eye(6) * 1e-8
 # Anchors compared with a new keyframe, at most, while the next frame is tracked.
 _ANCHORS_COMPARED = 3
-
-
-@dataclass(frozen=True)
-class KeyframeCandidate:
-    """A frame with a pose, which may become a keyframe.
-
-    Attributes:
-        stamp_ns: of the frame.
-        T_track_camera: float64 [4, 4].
-        covariance: float64 [6, 6] of the pose, perturbation on the left, track frame.
-        timing: float64 [6, 6], the part of it due to the time of this image alone.
-        features: of the frame.
-        reference: the keyframe that the pose was found from.
-        overlap: the fraction of the view that the keyframes showed too.
-    """
-
-    stamp_ns: int
-    T_track_camera: Float64
-    covariance: Float64
-    timing: Float64
-    features: FrameFeatures
-    reference: Keyframe
-    overlap: float
 
 
 class KeyframeMap:
@@ -83,6 +60,11 @@ class KeyframeMap:
     def in_turn(self, turn: int) -> list[Keyframe]:
         """The keyframes for relocalisation: the latest first, then different ones at every turn."""
         return self._keyframes.in_turn(self._config.odometry.relocalisation_attempts, turn)
+
+    @property
+    def drift(self) -> DriftCorrection:
+        """The correction of the drift; waits for a comparison with anchors."""
+        return self._drift.current()
 
     def take_edges(self) -> tuple[PoseGraphEdge, ...]:
         """The edges measured since the last call."""
@@ -139,11 +121,12 @@ class KeyframeMap:
         shown = self._shown_if_due(candidate)
         if shown is None:
             return False
-        T, covariance = candidate.T_track_camera, candidate.covariance
+        pose = candidate.pose
+        T, stamp_ns = pose.T_track_camera, pose.motion.stamp_ns
         # a keyframe with a wrong time is off, and what is tracked from it is off by the opposite
-        keyframe = self._add(candidate.stamp_ns, T, covariance - candidate.timing, *shown)
-        relative = covariance - candidate.reference.covariance
-        self._edges.append(edge_from(candidate.reference, keyframe.number, T, relative))
+        keyframe = self._add(stamp_ns, T, pose.covariance - pose.timing, *shown)
+        relative = pose.covariance_from_keyframe
+        self._edges.append(edge_from(pose.reference, keyframe.number, T, relative))
         self._compare_with_anchors(keyframe, calibration)
         return True
 
@@ -167,26 +150,6 @@ class KeyframeMap:
         if isinstance(reference, Anchor):
             drift = DriftCorrection.at(reference.T_odom_track)
         self._drift.replace(drift.advanced(T_before, T_now, self._config.odometry.drift_rate))
-
-    def pose_in_odom(self, T_track_camera: Float64, covariance: Float64) -> tuple[Float64, Float64]:
-        """The published pose: a tracked one with the drift correction applied.
-
-        Args:
-            T_track_camera: as tracked, float64 [4, 4].
-            covariance: float64 [6, 6] of it, perturbation on the left, track frame.
-
-        Returns:
-            T_odom_camera [4, 4] and its covariance [6, 6] as in nav_msgs/Odometry, including drift
-            that is known but not yet corrected.
-        """
-        T_odom_camera = self._drift.current().T_odom_track @ T_track_camera
-        left = self._drift.current().left
-        in_odom = self.covariance_in_odom(covariance) + np.outer(left, left)
-        return T_odom_camera, se3.pose_covariance(T_odom_camera, in_odom)
-
-    def covariance_in_odom(self, covariance: Float64) -> Float64:
-        """A covariance [6, 6] of the track frame in the odom frame, both on the left of poses."""
-        return se3.transported_covariance(self._drift.current().T_odom_track, covariance)
 
     def shift_track(self, T_shift: Float64) -> None:
         """Continues with shifted tracked poses, without a jump of the published ones.
@@ -213,20 +176,26 @@ class KeyframeMap:
         radius = self._config.odometry.drift_radius
         anchors = self._keyframes.anchors(T_odom_camera, radius)[:_ANCHORS_COMPARED]
         if anchors:
-            learnt = calibration.learnt_config()
-            self._drift.update_later(DriftCorrection.after_revisit, keyframe, anchors, learnt)
+            self._drift.update_later(
+                DriftCorrection.after_revisit,
+                keyframe,
+                anchors,
+                calibration.refine_config(),
+                Acceptance.of(self._config.odometry),
+                calibration.pose_errors(),
+            )
 
     def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
         """What a frame due as a keyframe shows of the room; None if it is not due."""
-        reference = candidate.reference
-        distance = _keyframe_distance(reference, candidate, self._config.odometry)
+        distance = candidate.distance(self._config.odometry)
         if distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap:
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):
             return None
         # a blurred image is a poor keyframe: a sharper one will probably follow
-        is_blurred = 2 * len(model.pixels[0].points) < len(reference.model.pixels[0].points)
+        pixels, of_reference = model.pixels[0], candidate.pose.reference.model.pixels[0]
+        is_blurred = 2 * len(pixels.points) < len(of_reference.points)
         return None if is_blurred and distance < 2 else (features, model)
 
     def _shown_of_the_room(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model]:
@@ -234,9 +203,9 @@ class KeyframeMap:
         features, grid_step = candidate.features, self._config.refine.grid_step
         others = [
             (keyframe.features.view, keyframe.T_track_camera)
-            for keyframe in self.nearest(candidate.T_track_camera)
+            for keyframe in self.nearest(candidate.pose.T_track_camera)
         ]
-        view = without_dynamic_objects(features.view, candidate.T_track_camera, others)
+        view = without_dynamic_objects(features.view, candidate.pose.T_track_camera, others)
         if view is None:
             return features, model_of(features.view, grid_step)
         static_features = self._background.submit(self._glue.with_other_depth, features, view)
@@ -245,27 +214,3 @@ class KeyframeMap:
 
     def _shows_enough(self, model: Model) -> bool:
         return len(model.planes.points) >= self._config.odometry.min_planes
-
-
-def overlap(view: View, refinement: Refinement, config: RefineConfig) -> float:
-    """The fraction of a frame's view that the keyframes showed too.
-
-    Args:
-        view: the frame.
-        refinement: its pose on the keyframes, at the finest level.
-        config: has the spacing of their planes.
-    """
-    step = spacing_px(view, config.grid_step)
-    known = np.isfinite(view.depth[step // 2 :: step, step // 2 :: step]).sum()
-    return refinement.planes_seen / max(int(known), 1)
-
-
-def _keyframe_distance(
-    reference: Keyframe, candidate: KeyframeCandidate, config: OdometryConfig
-) -> float:
-    """Distance of a frame from its keyframe, in units of that at which it becomes one itself."""
-    T = se3.inverse(reference.T_track_camera) @ candidate.T_track_camera
-    return max(
-        float(np.linalg.norm(T[:3, 3])) / config.keyframe_translation,
-        se3.rotation_angle(T) / config.keyframe_rotation,
-    )

@@ -9,17 +9,17 @@ import numpy as np
 from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.background import BackgroundThread
-from rgbd_glue_ros.odometry.contradiction import doubt
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
-from rgbd_glue_ros.odometry.keyframe_edges import timing_covariance, tracked_covariance
-from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
+from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
+from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
+from rgbd_glue_ros.odometry.tracked_pose import TrackedPose
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
 from rgbd_glue_ros.parameters import Config, load_preset
 from rgbd_glue_ros.refinement.model import blend
@@ -222,41 +222,24 @@ class Odometry(Closing):
         if fix.T_shift is not None:
             predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
             self._map.shift_track(fix.T_shift)
-        refine = self._config.refine
-        motion = corrected_motion(predicted, fix.estimate, refine)
-        self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, refine)
+        count = self._config.refine.residuals_per_independent_one
+        motion = corrected_motion(predicted, fix.estimate, count)
+        self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, count)
         self._map.advance_correction(fix.reference, last.T_track_camera, motion.T_track_camera)
-        learnt = self._calibration.learnt_config()
-        usual, reach = Acceptance.of(learnt.odometry), predicted.reach_covariance()
-        said = corrected_motion(predicted, fix.estimate, learnt.refine)
-        covariance = tracked_covariance(said, fix.reference, learnt.odometry) + doubt(
-            fix.estimate.refinement, fix.alternative, reach, usual
-        )
+        errors, acceptance = self._calibration.pose_errors(), Acceptance.of(self._config.odometry)
+        pose = TrackedPose.of(fix, motion, predicted, errors, acceptance)
         # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)
         self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
         is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
         self._calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=is_certain)
-        self._candidate = KeyframeCandidate(
-            motion.stamp_ns,
-            motion.T_track_camera,
-            covariance,
-            timing_covariance(said, learnt.odometry),
-            replace(attempt.features, view=view),
-            fix.reference,
-            overlap(view, fix.estimate.refinement, refine),
-        )
-        from_keyframe = covariance - fix.reference.covariance
-        return OdometryEstimate(
-            motion.stamp_ns,
-            self.state,
-            *self._map.pose_in_odom(motion.T_track_camera, covariance),
-            motion.twist.copy(),
-            motion.covariance[6:, 6:].copy(),
-            keyframe_id=fix.reference.number,
+        overlapping = overlap(view, fix.estimate.refinement, self._config.refine)
+        features = replace(attempt.features, view=view)
+        self._candidate = KeyframeCandidate(pose, features, overlapping)
+        return replace(
+            pose.estimate(self._map.drift, self.state),
             registration=attempt.registration,
-            stages_ms={**attempt.features.stages_ms, **attempt.registration.stages_ms},
-            covariance_from_keyframe=self._map.covariance_in_odom(from_keyframe),
+            stages_ms={**features.stages_ms, **attempt.registration.stages_ms},
         )
 
     def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:
@@ -290,7 +273,7 @@ class Odometry(Closing):
         return OdometryEstimate(
             keyframe.stamp_ns,
             self.state,
-            *self._map.pose_in_odom(keyframe.T_track_camera, keyframe.covariance),
+            *self._map.drift.pose_in_odom(keyframe.T_track_camera, keyframe.covariance),
             is_keyframe=True,
             keyframe_id=keyframe.number,
             stages_ms=stages_ms,

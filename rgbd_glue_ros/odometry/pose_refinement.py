@@ -10,7 +10,7 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion, PredictedMotion
-from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
+from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
     COARSE_TO_FINE,
     START_BRIGHTNESS,
@@ -117,22 +117,26 @@ class PoseProblem(RefinementProblem):
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
         """The problem with the twist that the motion filter infers from an estimate."""
-        twist = corrected_motion(self.predicted, estimate, self.config).twist
+        count = self.config.residuals_per_independent_one
+        twist = corrected_motion(self.predicted, estimate, count).twist
         return replace(self, view=replace(self.view, twist=twist))
 
 
-def camera_covariance(estimate: PoseEstimate, config: RefineConfig) -> Float64:
+def camera_covariance(estimate: PoseEstimate, residuals_per_independent_one: float) -> Float64:
     """Covariance [6, 6] of a refined pose, perturbation on the right, in the camera's frame."""
-    information = estimate.refinement.information / config.residuals_per_independent_one
+    information = estimate.refinement.information / residuals_per_independent_one
     covariance = np.asarray(np.linalg.inv(information + np.linalg.inv(LOST_SPREAD)), np.float64)
     to_camera = se3.adjoint(se3.inverse(estimate.T_track_camera))
     in_camera: Float64 = to_camera @ covariance @ to_camera.T
     return in_camera
 
 
-def corrected_motion(predicted: Motion, estimate: PoseEstimate, config: RefineConfig) -> Motion:
+def corrected_motion(
+    predicted: Motion, estimate: PoseEstimate, residuals_per_independent_one: float
+) -> Motion:
     """The predicted motion, corrected by a pose and, if it was measured, by the twist."""
-    motion = predicted.corrected(estimate.T_track_camera, camera_covariance(estimate, config))
+    covariance = camera_covariance(estimate, residuals_per_independent_one)
+    motion = predicted.corrected(estimate.T_track_camera, covariance)
     if estimate.twist is None:
         return motion
     return motion.corrected_by_twist(estimate.twist.twist, estimate.twist.covariance)

@@ -8,6 +8,7 @@ from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
 from rgbd_glue_ros.odometry.own_parts import OwnParts
+from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.odometry.tracking import PoseFix
 from rgbd_glue_ros.parameters import Config, RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement
@@ -71,21 +72,26 @@ class SelfCalibration:
             return config
         return replace(config, pixel_weight=min(config.pixel_weight, config.unregistered_weight))
 
-    def learnt_config(self) -> Config:
-        """The parameters estimated for this camera, for covariances.
-
-        The motion filter smooths by values typical of cameras; a covariance is for this one.
+    def pose_errors(self) -> PoseErrors:
+        """The errors of this camera's poses.
 
         How many residuals count as one follows from how well parts of its images agree; the error
         of time, from how long an image takes to be read.
         """
-        odometry = self._config.odometry
+        typical = PoseErrors.of(self._config)
         share = self._time_offsets.current().readout_share
-        return replace(
-            self._config,
-            refine=self._agreement.current().applied_to(self.refine_config()),
-            odometry=replace(odometry, timing_error=share * odometry.timing_error),
+        count = self._agreement.current().residuals_per_independent_one(
+            typical.residuals_per_independent_one
         )
+        return replace(
+            typical,
+            residuals_per_independent_one=count,
+            timing_error=share * typical.timing_error,
+        )
+
+    def learnt_config(self) -> Config:
+        """The configuration with all that was learnt about the camera."""
+        return self.pose_errors().applied_to(replace(self._config, refine=self.refine_config()))
 
     def learn_from(
         self, fix: PoseFix, view: View, T_track_camera: Float64, *, twist_is_certain: bool

@@ -9,12 +9,11 @@ residuals promise, is how many residuals count as one (Cochran's Q of a meta-ana
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import exp, log
 
 import numpy as np
 
-from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import DAMPING, Refinement, damped
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
@@ -52,11 +51,6 @@ class BandAgreement:
         """How many residuals count as one; ``expected`` as long as no frame was looked at."""
         seen = self.frames / (self.frames + _EXPECTATION)
         return exp(seen * (log(_IN_COMMON) + self.log_excess) + (1 - seen) * log(expected))
-
-    def applied_to(self, config: RefineConfig) -> RefineConfig:
-        """The parameters with that number of residuals as one; their own is what is expected."""
-        count = self.residuals_per_independent_one(config.residuals_per_independent_one)
-        return replace(config, residuals_per_independent_one=count)
 
     def after_frame(self, refinement: Refinement, problem: RefinementProblem) -> BandAgreement:
         """What is known after a frame.

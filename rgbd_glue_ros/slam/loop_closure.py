@@ -13,7 +13,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
-from rgbd_glue_ros.odometry.keyframe_edges import refined_covariance
+from rgbd_glue_ros.odometry.pose_covariance import PoseErrors, refined_covariance
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.agreement import BandAgreement
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
@@ -63,8 +63,10 @@ def loop_edge(
         return None
     # two that were taken far apart in time may disagree more than neighbours do
     agreement = BandAgreement().after_frame(refinement, problem)
-    honest = replace(config, refine=agreement.applied_to(config.refine))
-    covariance = refined_covariance(refinement, np.eye(4), problem.view.twist, honest)
+    errors = PoseErrors.of(config)
+    count = agreement.residuals_per_independent_one(errors.residuals_per_independent_one)
+    errors = replace(errors, residuals_per_independent_one=count)
+    covariance = refined_covariance(refinement, np.eye(4), problem.view.twist, errors)
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
 

@@ -13,15 +13,19 @@ from rigs.geometry import transforms
 from rigs.room import room_view, true_pose
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
 from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.registration.glue import FrameFeatures
 from rgbd_glue_ros.types import Float64, View
 
 CONFIG = Config()
+# how a keyframe is compared with anchors
+COMPARISON = (CONFIG.refine, Acceptance.of(CONFIG.odometry), PoseErrors.of(CONFIG))
 STEP = se3.exp(np.array([0.02, 0, 0.01, 0, 0.03, 0]))
 NONE = np.eye(4)
 # of the keyframe since the anchor: some centimetres and degrees
@@ -82,7 +86,7 @@ def test_drift_that_is_taken_out_changes_nothing() -> None:
 def tracked_back(view: View, T: Float64, sigma: float = 0.05) -> DriftCorrection:
     """What a frame of time 0.5 s shows that is believed at T, where two anchors are of before."""
     before = [anchor(room_view(time_s), true_pose(time_s), NONE) for time_s in (0.0, 0.2)]
-    return DriftCorrection.at(NONE).after_revisit(keyframe(view, T, sigma), before, CONFIG)
+    return DriftCorrection.at(NONE).after_revisit(keyframe(view, T, sigma), before, *COMPARISON)
 
 
 def test_a_keyframe_beside_an_anchor_shows_what_has_drifted_since() -> None:
@@ -104,14 +108,14 @@ def test_the_anchors_own_drift_is_taken_out_with_it() -> None:
     drift = DriftCorrection.at(se3.inverse(DRIFT))
     now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
     np.testing.assert_allclose(
-        drift.after_revisit(now, before, CONFIG).target, drift.target, atol=0.005
+        drift.after_revisit(now, before, *COMPARISON).target, drift.target, atol=0.005
     )
 
 
 def test_what_one_anchor_alone_says_is_an_edge_and_no_drift() -> None:
     before = anchor(room_view(0.0), true_pose(0.0), NONE)
     now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
-    drift = DriftCorrection.at(NONE).after_revisit(now, [before], CONFIG)
+    drift = DriftCorrection.at(NONE).after_revisit(now, [before], *COMPARISON)
     np.testing.assert_array_equal(drift.target, NONE)
     assert len(drift.edges) == 1
 
@@ -121,7 +125,7 @@ def test_anchors_that_contradict_each_other_show_no_drift() -> None:
     # drifted itself, twice as far the other way
     wrong = anchor(room_view(0.2), true_pose(0.2), se3.inverse(DRIFT) @ se3.inverse(DRIFT))
     now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
-    drift = DriftCorrection.at(NONE).after_revisit(now, [right, wrong], CONFIG)
+    drift = DriftCorrection.at(NONE).after_revisit(now, [right, wrong], *COMPARISON)
     np.testing.assert_array_equal(drift.target, NONE)
 
 
@@ -144,7 +148,7 @@ def test_drift_is_judged_by_the_covariance_in_the_frame_in_which_it_was_seen(
     covariance = np.eye(6) * 0.005**2
     covariance[uncertain_axis, uncertain_axis] = 0.05**2
     now = replace(keyframe(room_view(0.5), true_pose(0.5)), covariance=covariance)
-    drift = DriftCorrection.at(T_odom_track).after_revisit(now, anchors, CONFIG)
+    drift = DriftCorrection.at(T_odom_track).after_revisit(now, anchors, *COMPARISON)
     expected = drift_along_x @ T_odom_track if is_believed else T_odom_track
     np.testing.assert_allclose(drift.target, expected, atol=0.005)
 
