@@ -15,6 +15,7 @@ from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
+from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import relocalise
@@ -66,12 +67,14 @@ class Odometry(Closing):
         self._glue.reconfigure(config)
         self._map.reconfigure(config)
         self._calibration.reconfigure(config)
+        self._own_parts.reconfigure(config.odometry)
 
     def reset(self) -> None:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
         self._progress = Progress()
         self._map = KeyframeMap(self._glue, self._background, self._config)
         self._calibration = SelfCalibration(self._background, self._config)
+        self._own_parts = OwnPartsTracker(self._background, self._config.odometry)
         self._candidate: KeyframeCandidate | None = None
         self._inertial = Inertial()
 
@@ -133,7 +136,7 @@ class Odometry(Closing):
         self._progress = self._progress.with_frame(frame.stamp_ns)
         self._inertial = self._inertial.at_frame(frame.stamp_ns)
         last, predicted = self._progress.last, self._predict(frame.stamp_ns, T_guess_camera)
-        view, preparation_ms = timed(self._prepare, frame, predicted)
+        (whole, view), preparation_ms = timed(self._prepare, frame, predicted)
         if (repeated := self._progress.repeated(frame.stamp_ns, view)) is not None:
             return replace(repeated, stages_ms={"preparation": preparation_ms})
         if last is None or predicted is None:
@@ -143,7 +146,7 @@ class Odometry(Closing):
             if attempt.fix is None:
                 estimate = self._miss(attempt, last.motion, frame.stamp_ns)
             else:
-                estimate = self._accept(attempt, attempt.fix, last.motion, predicted)
+                estimate = self._accept(attempt, attempt.fix, last.motion, predicted, whole)
         if estimate.T_odom_camera is None:
             estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
         else:
@@ -188,12 +191,13 @@ class Odometry(Closing):
         predicted = self._inertial.predicted(last.motion, stamp_ns, self._config.motion)
         return self._progress.guided(predicted, T_guess_camera)
 
-    def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> View:
-        """The frame prepared for registration, with its expected twist."""
+    def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> tuple[View, View]:
+        """The frame with its expected twist: all of it, and without parts of the robot."""
         if predicted is None:
             self._calibration.start(frame.frame_id)
         twist = np.zeros(6) if predicted is None else predicted.twist
-        return self._calibration.prepare(frame, twist)
+        whole = self._calibration.prepare(frame, twist)
+        return whole, self._own_parts.left_out(whole)
 
     def _find_pose(self, view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
@@ -216,12 +220,26 @@ class Odometry(Closing):
         return tracked if relocalised is None else relocalised
 
     def _accept(
-        self, attempt: Attempt, fix: PoseFix, last: Motion, predicted: PredictedMotion
+        self,
+        attempt: Attempt,
+        fix: PoseFix,
+        last: Motion,
+        predicted: PredictedMotion,
+        whole: View,
     ) -> OdometryEstimate:
-        """Applies a pose to the motion, the drift, the calibration and the map."""
+        """Applies a pose to the motion, the drift, the map, and what is learnt about the camera.
+
+        Args:
+            attempt: that found the pose.
+            fix: the pose.
+            last: the motion at the last pose.
+            predicted: the motion at this frame, predicted without it.
+            whole: the frame with parts of the robot.
+        """
         if fix.T_shift is not None:
             predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
             self._map.shift_track(fix.T_shift)
+            self._own_parts.start_anew()
         count = self._config.refine.residuals_per_independent_one
         motion = corrected_motion(predicted, fix.estimate, count)
         self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, count)
@@ -233,6 +251,7 @@ class Odometry(Closing):
         self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
         is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
         self._calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=is_certain)
+        self._own_parts.compare(replace(whole, twist=motion.twist), motion.T_track_camera)
         overlapping = overlap(view, fix.estimate.refinement, self._config.refine)
         features = replace(attempt.features, view=view)
         self._candidate = KeyframeCandidate(pose, features, overlapping)
@@ -267,7 +286,7 @@ class Odometry(Closing):
 
     def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Restarts at the pose of a keyframe, and reports it."""
-        self._calibration.start_anew()
+        self._own_parts.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
         return OdometryEstimate(

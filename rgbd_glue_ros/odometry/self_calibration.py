@@ -1,4 +1,4 @@
-"""What the images reveal about their camera, and how a frame is prepared accordingly."""
+"""What the images reveal about their camera: when they are taken, and how they err."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
-from rgbd_glue_ros.odometry.own_parts import OwnParts
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.odometry.tracking import PoseFix
 from rgbd_glue_ros.parameters import Config, RefineConfig
@@ -21,7 +20,7 @@ _COMPARED_EVERY = 2
 
 
 class SelfCalibration:
-    """The camera's time offsets, parts of the robot in view, whether depth is registered to colour.
+    """The camera's time offsets, the errors of its poses, whether depth is registered to colour.
 
     The background thread updates them after a frame has its pose. The next frame is the first to
     need them, and waits in ``prepare`` if they are not ready.
@@ -32,28 +31,18 @@ class SelfCalibration:
         self._time_offsets = BackgroundValue(background, TimeOffsets.start(config.time_offsets, ""))
         self._depth_color_check = BackgroundValue(background, DepthColorCheck.start())
         self._agreement = BackgroundValue(background, BandAgreement())
-        self._own_parts = BackgroundValue(background, OwnParts())
-        self._as_given: View | None = None
         self._frames = 0
 
     def reconfigure(self, config: Config) -> None:
-        """Sets other parameters; what was learnt remains, unless it is no longer enabled."""
+        """Sets other parameters; what was learnt remains."""
         self._config = config
-        if not config.odometry.own_parts:
-            self._own_parts.replace(OwnParts())
 
     def start(self, frame_id: str) -> None:
         """Starts with what is known about the camera whose optical frame has this name."""
         self._time_offsets.replace(TimeOffsets.start(self._config.time_offsets, frame_id))
 
-    def start_anew(self) -> None:
-        """Continues with poses that cannot be compared with earlier ones."""
-        self._own_parts.replace(self._own_parts.current().without_views())
-
     def prepare(self, frame: RgbdFrame, twist: Float64) -> View:
-        """The frame prepared for registration, and when each image was taken.
-
-        It has no lens distortion, no depth out of range and no parts of the robot.
+        """The frame without lens distortion and depth out of range; when each image was taken.
 
         Args:
             frame: as the camera gave it.
@@ -61,8 +50,7 @@ class SelfCalibration:
         """
         offsets = self._time_offsets.current()
         delay = frame.depth_delay_ns / NANOSECONDS - offsets.depth_latency
-        self._as_given = view_of(frame, self._config.camera)
-        view = self._own_parts.current().left_out(self._as_given)
+        view = view_of(frame, self._config.camera)
         return replace(view, twist=twist, readout_time=offsets.readout_time, depth_delay=delay)
 
     def refine_config(self) -> RefineConfig:
@@ -115,14 +103,3 @@ class SelfCalibration:
             self._agreement.update_later(BandAgreement.after_frame, pose, problem)
         if self._depth_color_check.current().needs(view, T_track_camera):
             self._depth_color_check.update_later(DepthColorCheck.after_view, view, T_track_camera)
-        if self._config.odometry.own_parts:
-            self._look_for_own_parts(fix, view, T_track_camera)
-
-    def _look_for_own_parts(self, fix: PoseFix, view: View, T_track_camera: Float64) -> None:
-        """Compares the frame, including own parts, with earlier ones."""
-        if fix.T_shift is not None:
-            self.start_anew()
-        if self._as_given is None or not self._own_parts.current().needs(view, T_track_camera):
-            return
-        seen = replace(self._as_given, twist=view.twist, depth_delay=view.depth_delay)
-        self._own_parts.update_later(OwnParts.after_view, seen, T_track_camera)
