@@ -4,30 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from rgbd_glue_ros.closing import Closing, uninterrupted
-from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.background import BackgroundThread
-from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
-from rgbd_glue_ros.odometry.inertial import Inertial
-from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
-from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
-from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
-from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
-from rgbd_glue_ros.odometry.progress import LastPose, Progress
-from rgbd_glue_ros.odometry.relocalisation import relocalise
-from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
-from rgbd_glue_ros.odometry.tracked_pose import TrackedPose
-from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
+from rgbd_glue_ros.odometry.session import Session
 from rgbd_glue_ros.parameters import Config, load_preset
-from rgbd_glue_ros.refinement.model import blend
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
-    NANOSECONDS,
     Float64,
     ImuCalibration,
     ImuSamples,
@@ -35,12 +19,8 @@ from rgbd_glue_ros.types import (
     PoseGraphEdge,
     RgbdFrame,
     TrackingState,
-    View,
 )
 from rgbd_glue_ros.types.checks import check_guess
-
-# Between frames farther apart than this the twist says too little about the moment of one of them.
-_TWIST_IS_CERTAIN_NS = NANOSECONDS // 10
 
 
 class Odometry(Closing):
@@ -65,18 +45,11 @@ class Odometry(Closing):
         """Uses other parameters from the next frame on; fixed ones must be unchanged."""
         self._config = config
         self._glue.reconfigure(config)
-        self._map.reconfigure(config)
-        self._calibration.reconfigure(config)
-        self._own_parts.reconfigure(config.odometry)
+        self._session.reconfigure(config)
 
     def reset(self) -> None:
         """Forgets everything; the next frame starts a new odom frame at the identity."""
-        self._progress = Progress()
-        self._map = KeyframeMap(self._glue, self._background, self._config)
-        self._calibration = SelfCalibration(self._background, self._config)
-        self._own_parts = OwnPartsTracker(self._background, self._config.odometry)
-        self._candidate: KeyframeCandidate | None = None
-        self._inertial = Inertial()
+        self._session = Session(self._glue, self._background, self._config)
 
     def add_imu(self, samples: ImuSamples) -> None:
         """Adds samples of an IMU, in the axes of the camera's optical frame; optional.
@@ -84,21 +57,21 @@ class Odometry(Closing):
         Samples are used if they are added before ``track`` or ``process`` is called with the frame
         that they lead up to. For frames that they do not cover, motion is predicted without them.
         """
-        self._inertial = self._inertial.with_samples(samples)
+        self._session.add_imu(samples)
 
     @property
     def imu_calibration(self) -> ImuCalibration:
         """What was learnt about the IMU so far, and what it is used for."""
-        return self._inertial.calibration
+        return self._session.inertial.calibration
 
     def up(self, stamp_ns: int) -> Float64 | None:
         """The unit vector [3] away from the earth, in the optical frame; None if unknown."""
-        return self._inertial.up(stamp_ns)
+        return self._session.inertial.up(stamp_ns)
 
     @property
     def state(self) -> TrackingState:
         """The state after the last frame."""
-        return self._progress.state
+        return self._session.state
 
     def process(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
         """``track``, completed by ``update_map`` and ``new_edges``."""
@@ -132,26 +105,7 @@ class Odometry(Closing):
         self._background.check_open()
         if T_guess_camera is not None:
             check_guess(T_guess_camera)
-        self.update_map()
-        self._progress = self._progress.with_frame(frame.stamp_ns)
-        self._inertial = self._inertial.at_frame(frame.stamp_ns)
-        last, predicted = self._progress.last, self._predict(frame.stamp_ns, T_guess_camera)
-        (whole, view), preparation_ms = timed(self._prepare, frame, predicted)
-        if (repeated := self._progress.repeated(frame.stamp_ns, view)) is not None:
-            return replace(repeated, stages_ms={"preparation": preparation_ms})
-        if last is None or predicted is None:
-            estimate = self._start(frame.stamp_ns, view)
-        else:
-            attempt = self._find_pose(view, last, predicted)
-            if attempt.fix is None:
-                estimate = self._miss(attempt, last.motion, frame.stamp_ns)
-            else:
-                estimate = self._accept(attempt, attempt.fix, last.motion, predicted, whole)
-        if estimate.T_odom_camera is None:
-            estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
-        else:
-            self._progress = self._progress.with_estimate(estimate, T_guess_camera)
-        return replace(estimate, stages_ms={"preparation": preparation_ms, **estimate.stages_ms})
+        return self._session.track(frame, T_guess_camera)
 
     @uninterrupted()
     def update_map(self) -> bool:
@@ -163,17 +117,16 @@ class Odometry(Closing):
         Returns:
             Whether the frame became a keyframe.
         """
-        candidate, self._candidate = self._candidate, None
-        return candidate is not None and self._map.add_if_due(candidate, self._calibration)
+        return self._session.update_map()
 
     @property
     def newest_keyframe(self) -> Keyframe | None:
         """The keyframe made last; None before the first."""
-        return self._map.newest()
+        return self._session.keyframes.newest()
 
     def learnt_config(self) -> Config:
         """The parameters adapted to this camera: refinement and errors of poses."""
-        return self._calibration.learnt_config()
+        return self._session.calibration.learnt_config()
 
     def new_edges(self) -> tuple[PoseGraphEdge, ...]:
         """The edges measured between keyframes since the last call.
@@ -181,119 +134,4 @@ class Odometry(Closing):
         A keyframe's edge to the one that it was tracked from is available after ``update_map``;
         that to an anchor, after the next ``track``.
         """
-        return self._map.take_edges()
-
-    def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> PredictedMotion | None:
-        """The motion at a stamp, predicted without its images; None at the start."""
-        last = self._progress.last
-        if last is None:
-            return None
-        predicted = self._inertial.predicted(last.motion, stamp_ns, self._config.motion)
-        return self._progress.guided(predicted, T_guess_camera)
-
-    def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> tuple[View, View]:
-        """The frame with its expected twist: all of it, and without parts of the robot."""
-        if predicted is None:
-            self._calibration.start(frame.frame_id)
-        twist = np.zeros(6) if predicted is None else predicted.twist
-        whole = self._calibration.prepare(frame, twist)
-        return whole, self._own_parts.left_out(whole)
-
-    def _find_pose(self, view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
-        """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
-        references = self._map.nearest(predicted.T_track_camera)
-        model = blend([keyframe.model for keyframe in references])
-        config, refine_config = self._config.odometry, self._calibration.refine_config()
-        basin, radius = Basin.of(config), config.prior_radius
-        problem = PoseProblem(model, view, refine_config, predicted=predicted, basin=basin)
-        usual, is_lost = Acceptance.of(config), self.state is TrackingState.LOST
-        asked = usual.sceptical() if is_lost or self._progress.is_after_gap else usual
-        glue, background = self._glue, self._background
-        tracked = track(problem, references[0], last, glue, background, asked, radius)
-        self._map.finish_revisit()
-        if tracked.fix is not None:
-            return tracked
-        keyframes = self._map.in_turn(self._progress.frames_missed)
-        # a jump is announced by a frame without a pose: none between consecutive poses
-        asked = usual if is_lost else usual.without_jumps()
-        relocalised = relocalise(tracked.features, keyframes, problem, glue, asked)
-        return tracked if relocalised is None else relocalised
-
-    def _accept(
-        self,
-        attempt: Attempt,
-        fix: PoseFix,
-        last: Motion,
-        predicted: PredictedMotion,
-        whole: View,
-    ) -> OdometryEstimate:
-        """Applies a pose to the motion, the drift, the map, and what is learnt about the camera.
-
-        Args:
-            attempt: that found the pose.
-            fix: the pose.
-            last: the motion at the last pose.
-            predicted: the motion at this frame, predicted without it.
-            whole: the frame with parts of the robot.
-        """
-        if fix.T_shift is not None:
-            predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
-            self._map.shift_track(fix.T_shift)
-            self._own_parts.start_anew()
-        count = self._config.refine.residuals_per_independent_one
-        motion = corrected_motion(predicted, fix.estimate, count)
-        self._inertial = self._inertial.after_pose(motion.stamp_ns, fix.estimate, count)
-        self._map.advance_correction(fix.reference, last.T_track_camera, motion.T_track_camera)
-        errors, acceptance = self._calibration.pose_errors(), Acceptance.of(self._config.odometry)
-        pose = TrackedPose.of(fix, motion, predicted, errors, acceptance)
-        # with its pose known, the twist of the frame is known better than its prediction
-        view = replace(attempt.features.view, twist=motion.twist)
-        self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
-        is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
-        self._calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=is_certain)
-        self._own_parts.compare(replace(whole, twist=motion.twist), motion.T_track_camera)
-        overlapping = overlap(view, fix.estimate.refinement, self._config.refine)
-        features = replace(attempt.features, view=view)
-        self._candidate = KeyframeCandidate(pose, features, overlapping)
-        return replace(
-            pose.estimate(self._map.drift, self.state),
-            registration=attempt.registration,
-            stages_ms={**features.stages_ms, **attempt.registration.stages_ms},
-        )
-
-    def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:
-        """The first frame that shows enough becomes the origin of the track frame."""
-        features = self._glue.extract(view)
-        model = self._map.model_if_enough(features)
-        if model is None:
-            return OdometryEstimate(stamp_ns, self.state)
-        return self._start_at(self._map.start(stamp_ns, features, model), features.stages_ms)
-
-    def _miss(self, attempt: Attempt, last: Motion, stamp_ns: int) -> OdometryEstimate:
-        """No pose for this frame; after enough such frames, a restart at the last pose."""
-        features = attempt.features
-        model = self._map.model_if_enough(features)
-        self._progress = self._progress.with_miss(shows_enough=model is not None)
-        missed = OdometryEstimate(
-            stamp_ns, self.state, registration=attempt.registration, stages_ms=features.stages_ms
-        )
-        # a covered camera may still return to a known place
-        is_time = self._progress.is_long_without_pose(stamp_ns, self._config.odometry)
-        if model is None or not is_time:
-            return missed
-        anew = self._map.start_anew(stamp_ns, last, features, model)
-        return self._start_at(anew, features.stages_ms)
-
-    def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
-        """Restarts at the pose of a keyframe, and reports it."""
-        self._own_parts.start_anew()
-        motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
-        self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
-        return OdometryEstimate(
-            keyframe.stamp_ns,
-            self.state,
-            *self._map.drift.pose_in_odom(keyframe.T_track_camera, keyframe.covariance),
-            is_keyframe=True,
-            keyframe_id=keyframe.number,
-            stages_ms=stages_ms,
-        )
+        return self._session.keyframes.take_edges()

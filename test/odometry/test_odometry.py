@@ -5,12 +5,14 @@ The recording is real in all that matters here: noise, holes, blur, and the trut
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 from itertools import islice, pairwise
 from pathlib import Path
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -30,12 +32,10 @@ from rgbd_glue_ros.features.visual import (
     orb_detector,
 )
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.odometry.progress import LastPose
-from rgbd_glue_ros.odometry.tracking import Attempt
 from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -227,15 +227,16 @@ def test_an_interrupt_waits_for_the_frame_in_work_and_the_odometry_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     frames = recorded_frames()[:6]
-    odometry = Odometry(PATIENT)
+    glue = Glue(PATIENT)
+    odometry = Odometry(PATIENT, glue)
     track(frames[:3], odometry=odometry)
-    find_pose = odometry._find_pose
+    extract = glue.extract
 
-    def find_interrupted(view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
+    def interrupted(view: View) -> FrameFeatures:
         signal.raise_signal(signal.SIGINT)
-        return find_pose(view, last, predicted)
+        return extract(view)
 
-    monkeypatch.setattr(odometry, "_find_pose", find_interrupted)
+    monkeypatch.setattr(glue, "extract", interrupted)
     with pytest.raises(KeyboardInterrupt):
         odometry.process(frames[3])
     monkeypatch.undo()
@@ -476,10 +477,16 @@ def test_keyframes_are_numbered_and_frames_name_the_one_they_are_registered_agai
 
 def test_old_keyframes_are_forgotten() -> None:
     config = with_values(PATIENT, {"odometry.keyframes": 2, "odometry.keyframe_translation": 0.02})
-    odometry = Odometry(config)
-    estimates = track(recorded_frames()[:40], odometry=odometry)
+    estimates, seen = [], list[ref[FrameFeatures]]()
+    with Odometry(config) as odometry:
+        for frame in recorded_frames()[:40]:
+            estimates.append(odometry.process(frame))
+            assert odometry.newest_keyframe is not None
+            if estimates[-1].is_keyframe:
+                seen.append(ref(odometry.newest_keyframe.features))
+        gc.collect()
+        assert [features() is None for features in seen[-3:]] == [True, False, False]
     assert sum(estimate.is_keyframe for estimate in estimates) > 4
-    assert len(odometry._map) == 2
     metres, _ = errors(estimates, true_poses()[:40])
     assert metres.max() < 0.03
 

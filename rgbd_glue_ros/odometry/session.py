@@ -1,0 +1,219 @@
+"""One session of the odometry: everything between a start, or a reset, and the next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.background import BackgroundThread
+from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
+from rgbd_glue_ros.odometry.inertial import Inertial
+from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
+from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
+from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
+from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
+from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
+from rgbd_glue_ros.odometry.progress import LastPose, Progress
+from rgbd_glue_ros.odometry.relocalisation import relocalise
+from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
+from rgbd_glue_ros.odometry.tracked_pose import TrackedPose
+from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.model import blend
+from rgbd_glue_ros.registration.glue import Glue
+from rgbd_glue_ros.stopwatch import timed
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    Float64,
+    ImuSamples,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+    View,
+)
+
+# Between frames farther apart than this the twist says too little about the moment of one of them.
+_TWIST_IS_CERTAIN_NS = NANOSECONDS // 10
+
+
+class Session:
+    """Gives frames poses in one track frame, and keeps all that is known from one to the next.
+
+    Attributes:
+        inertial: what an IMU adds to the images.
+        keyframes: with the edges between them and their drift.
+        calibration: what was learnt about the camera.
+    """
+
+    def __init__(self, glue: Glue, background: BackgroundThread, config: Config) -> None:
+        self._glue = glue
+        self._background = background
+        self._config = config
+        self._progress = Progress()
+        self._candidate: KeyframeCandidate | None = None
+        self._own_parts = OwnPartsTracker(background, config.odometry)
+        self.inertial = Inertial()
+        self.keyframes = KeyframeMap(glue, background, config)
+        self.calibration = SelfCalibration(background, config)
+
+    def reconfigure(self, config: Config) -> None:
+        """Uses other parameters from the next frame on, with a reconfigured ``Glue``."""
+        self._config = config
+        self._own_parts.reconfigure(config.odometry)
+        self.keyframes.reconfigure(config)
+        self.calibration.reconfigure(config)
+
+    @property
+    def state(self) -> TrackingState:
+        """The state after the last frame."""
+        return self._progress.state
+
+    def add_imu(self, samples: ImuSamples) -> None:
+        """Adds samples of an IMU, in the axes of the camera's optical frame."""
+        self.inertial = self.inertial.with_samples(samples)
+
+    def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
+        """Registers a frame, as ``Odometry.track`` does."""
+        self.update_map()
+        self._progress = self._progress.with_frame(frame.stamp_ns)
+        self.inertial = self.inertial.at_frame(frame.stamp_ns)
+        last, predicted = self._progress.last, self._predict(frame.stamp_ns, T_guess_camera)
+        (whole, view), preparation_ms = timed(self._prepare, frame, predicted)
+        if (repeated := self._progress.repeated(frame.stamp_ns, view)) is not None:
+            return replace(repeated, stages_ms={"preparation": preparation_ms})
+        if last is None or predicted is None:
+            estimate = self._start(frame.stamp_ns, view)
+        else:
+            attempt = self._find_pose(view, last, predicted)
+            if attempt.fix is None:
+                estimate = self._miss(attempt, last.motion, frame.stamp_ns)
+            else:
+                estimate = self._accept(attempt, attempt.fix, last.motion, predicted, whole)
+        if estimate.T_odom_camera is None:
+            estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
+        else:
+            self._progress = self._progress.with_estimate(estimate, T_guess_camera)
+        return replace(estimate, stages_ms={"preparation": preparation_ms, **estimate.stages_ms})
+
+    def update_map(self) -> bool:
+        """Makes a keyframe of the frame tracked last, if it is due; whether it did."""
+        candidate, self._candidate = self._candidate, None
+        return candidate is not None and self.keyframes.add_if_due(candidate, self.calibration)
+
+    def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> PredictedMotion | None:
+        """The motion at a stamp, predicted without its images; None at the start."""
+        last = self._progress.last
+        if last is None:
+            return None
+        predicted = self.inertial.predicted(last.motion, stamp_ns, self._config.motion)
+        return self._progress.guided(predicted, T_guess_camera)
+
+    def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> tuple[View, View]:
+        """The frame with its expected twist: all of it, and without parts of the robot."""
+        if predicted is None:
+            self.calibration.start(frame.frame_id)
+        twist = np.zeros(6) if predicted is None else predicted.twist
+        whole = self.calibration.prepare(frame, twist)
+        return whole, self._own_parts.left_out(whole)
+
+    def _find_pose(self, view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
+        """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
+        references = self.keyframes.nearest(predicted.T_track_camera)
+        model = blend([keyframe.model for keyframe in references])
+        config, refine_config = self._config.odometry, self.calibration.refine_config()
+        basin, radius = Basin.of(config), config.prior_radius
+        problem = PoseProblem(model, view, refine_config, predicted=predicted, basin=basin)
+        usual, is_lost = Acceptance.of(config), self.state is TrackingState.LOST
+        asked = usual.sceptical() if is_lost or self._progress.is_after_gap else usual
+        glue, background = self._glue, self._background
+        tracked = track(problem, references[0], last, glue, background, asked, radius)
+        self.keyframes.finish_revisit()
+        if tracked.fix is not None:
+            return tracked
+        others = self.keyframes.in_turn(self._progress.frames_missed)
+        # a jump is announced by a frame without a pose: none between consecutive poses
+        asked = usual if is_lost else usual.without_jumps()
+        relocalised = relocalise(tracked.features, others, problem, glue, asked)
+        return tracked if relocalised is None else relocalised
+
+    def _accept(
+        self,
+        attempt: Attempt,
+        fix: PoseFix,
+        last: Motion,
+        predicted: PredictedMotion,
+        whole: View,
+    ) -> OdometryEstimate:
+        """Applies a pose to the motion, the drift, the map, and what is learnt about the camera.
+
+        Args:
+            attempt: that found the pose.
+            fix: the pose.
+            last: the motion at the last pose.
+            predicted: the motion at this frame, predicted without it.
+            whole: the frame with parts of the robot.
+        """
+        if fix.T_shift is not None:
+            predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
+            self.keyframes.shift_track(fix.T_shift)
+            self._own_parts.start_anew()
+        count = self._config.refine.residuals_per_independent_one
+        motion = corrected_motion(predicted, fix.estimate, count)
+        self.inertial = self.inertial.after_pose(motion.stamp_ns, fix.estimate, count)
+        self.keyframes.advance_correction(fix.reference, last.T_track_camera, motion.T_track_camera)
+        errors, acceptance = self.calibration.pose_errors(), Acceptance.of(self._config.odometry)
+        pose = TrackedPose.of(fix, motion, predicted, errors, acceptance)
+        # with its pose known, the twist of the frame is known better than its prediction
+        view = replace(attempt.features.view, twist=motion.twist)
+        self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
+        is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
+        self.calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=is_certain)
+        self._own_parts.compare(replace(whole, twist=motion.twist), motion.T_track_camera)
+        overlapping = overlap(view, fix.estimate.refinement, self._config.refine)
+        features = replace(attempt.features, view=view)
+        self._candidate = KeyframeCandidate(pose, features, overlapping)
+        return replace(
+            pose.estimate(self.keyframes.drift, self.state),
+            registration=attempt.registration,
+            stages_ms={**features.stages_ms, **attempt.registration.stages_ms},
+        )
+
+    def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:
+        """The first frame that shows enough becomes the origin of the track frame."""
+        features = self._glue.extract(view)
+        model = self.keyframes.model_if_enough(features)
+        if model is None:
+            return OdometryEstimate(stamp_ns, self.state)
+        return self._start_at(self.keyframes.start(stamp_ns, features, model), features.stages_ms)
+
+    def _miss(self, attempt: Attempt, last: Motion, stamp_ns: int) -> OdometryEstimate:
+        """No pose for this frame; after enough such frames, a restart at the last pose."""
+        features = attempt.features
+        model = self.keyframes.model_if_enough(features)
+        self._progress = self._progress.with_miss(shows_enough=model is not None)
+        missed = OdometryEstimate(
+            stamp_ns, self.state, registration=attempt.registration, stages_ms=features.stages_ms
+        )
+        # a covered camera may still return to a known place
+        is_time = self._progress.is_long_without_pose(stamp_ns, self._config.odometry)
+        if model is None or not is_time:
+            return missed
+        anew = self.keyframes.start_anew(stamp_ns, last, features, model)
+        return self._start_at(anew, features.stages_ms)
+
+    def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
+        """Restarts at the pose of a keyframe, and reports it."""
+        self._own_parts.start_anew()
+        motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
+        self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
+        return OdometryEstimate(
+            keyframe.stamp_ns,
+            self.state,
+            *self.keyframes.drift.pose_in_odom(keyframe.T_track_camera, keyframe.covariance),
+            is_keyframe=True,
+            keyframe_id=keyframe.number,
+            stages_ms=stages_ms,
+        )
