@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +16,10 @@ from rigs.scenes import SCENES
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.experiments.bench.robot_part import pixels_of_part, with_robot_part
 from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.own_parts import OwnParts
+from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
 from rgbd_glue_ros.odometry.surfaces import BLOCK_PX
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.types import Float64, RgbdFrame, View
@@ -115,6 +118,20 @@ def test_another_size_of_images_starts_anew(known: OwnParts) -> None:
 def test_poses_before_a_new_start_are_not_compared_with(known: OwnParts) -> None:
     assert known.without_views().views == ()
     np.testing.assert_array_equal(known.without_views().blocks, known.blocks)
+
+
+def test_what_a_tracker_found_is_left_out_until_it_is_switched_off() -> None:
+    view = view_of(with_part([0.0])[0], CONFIG.camera)
+    with closing(BackgroundThread()) as background:
+        tracker = OwnPartsTracker(background, CONFIG.odometry)
+        for frame, T in zip(with_part(), poses(), strict=True):
+            tracker.compare(view_of(frame, CONFIG.camera), T)
+        tracker.start_anew()
+        assert np.isnan(tracker.left_out(view).depth[PART]).all()
+        tracker.reconfigure(replace(CONFIG.odometry, own_parts=False))
+        for frame, T in zip(with_part(), poses(), strict=True):
+            tracker.compare(view_of(frame, CONFIG.camera), T)
+        assert tracker.left_out(view) is view
 
 
 @pytest.mark.slow

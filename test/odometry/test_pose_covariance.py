@@ -1,0 +1,64 @@
+"""What the covariance of a pose counts: residuals that err alike, late images, a camera's scale."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from rigs.room import room_view
+
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.pose_covariance import (
+    PoseErrors,
+    refined_covariance,
+    timing_covariance,
+)
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
+from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
+from rgbd_glue_ros.types import Float64
+
+CONFIG = Config()
+EXACT = PoseErrors(residuals_per_independent_one=1.0, timing_error=0.0, scale_error=0.0)
+MOVING = np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.5])
+
+
+def refinement() -> Refinement:
+    view = room_view(0.0)
+    model = model_of(view, CONFIG.refine.grid_step)
+    return evaluate_pose(np.eye(4), RefinementProblem(model, view, CONFIG.refine))
+
+
+def covariance(errors: PoseErrors, twist: Float64, distance: float = 0.0) -> Float64:
+    """Of a pose so far from the camera of its model."""
+    T_model_anchor = se3.exp(np.array([distance, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    return refined_covariance(refinement(), T_model_anchor, twist, errors)
+
+
+def test_errors_that_were_learnt_are_all_that_they_change_of_a_configuration() -> None:
+    learnt = PoseErrors(123.0, 0.004, 0.01)
+    applied = learnt.applied_to(CONFIG)
+    assert PoseErrors.of(applied) == learnt
+    assert PoseErrors.of(CONFIG).applied_to(applied) == CONFIG
+
+
+def test_residuals_that_err_alike_count_as_one() -> None:
+    alike = replace(EXACT, residuals_per_independent_one=9.0)
+    at_rest = np.zeros(6)
+    np.testing.assert_allclose(covariance(alike, at_rest), 9 * covariance(EXACT, at_rest))
+
+
+def test_a_late_image_is_off_by_what_the_camera_moved_meanwhile() -> None:
+    late = replace(EXACT, timing_error=0.01)
+    added = covariance(late, MOVING) - covariance(EXACT, MOVING)
+    np.testing.assert_allclose(added, np.diag([0.004**2] * 3 + [0.005**2] * 3), atol=1e-12)
+    motion = replace(Motion.start(0, np.eye(4)), twist=MOVING)
+    np.testing.assert_allclose(timing_covariance(motion, late), added, atol=1e-12)
+
+
+def test_a_wrong_scale_shows_in_proportion_to_the_distance() -> None:
+    scaled = replace(EXACT, scale_error=0.01)
+    added = covariance(scaled, MOVING, 0.5) - covariance(EXACT, MOVING, 0.5)
+    np.testing.assert_allclose(added, np.diag([0.005**2] * 3 + [0.0] * 3), atol=1e-12)
