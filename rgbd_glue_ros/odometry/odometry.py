@@ -19,6 +19,7 @@ from rgbd_glue_ros.types import (
     PoseGraphEdge,
     RgbdFrame,
     TrackingState,
+    stages,
 )
 from rgbd_glue_ros.types.checks import check_guess
 
@@ -81,7 +82,7 @@ class Odometry(Closing):
             estimate,
             is_keyframe=became_keyframe or estimate.is_keyframe,
             edges=self.new_edges(),
-            stages_ms={**estimate.stages_ms, "keyframe": ms},
+            stages_ms={**estimate.stages_ms, stages.KEYFRAME: ms},
         )
 
     @uninterrupted()

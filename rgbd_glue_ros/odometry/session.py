@@ -33,6 +33,7 @@ from rgbd_glue_ros.types import (
     RgbdFrame,
     TrackingState,
     View,
+    stages,
 )
 
 # Between frames farther apart than this the twist says too little about the moment of one of them.
@@ -83,7 +84,7 @@ class Session:
         last, predicted = self._progress.last, self._predict(frame.stamp_ns, T_guess_camera)
         (whole, view), preparation_ms = timed(self._prepare, frame, predicted)
         if (repeated := self._progress.repeated(frame.stamp_ns, view)) is not None:
-            return replace(repeated, stages_ms={"preparation": preparation_ms})
+            return replace(repeated, stages_ms={stages.PREPARATION: preparation_ms})
         if last is None or predicted is None:
             estimate = self._start(frame.stamp_ns, view)
         else:
@@ -96,7 +97,9 @@ class Session:
             estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
         else:
             self._progress = self._progress.with_estimate(estimate, T_guess_camera)
-        return replace(estimate, stages_ms={"preparation": preparation_ms, **estimate.stages_ms})
+        return replace(
+            estimate, stages_ms={stages.PREPARATION: preparation_ms, **estimate.stages_ms}
+        )
 
     def update_map(self) -> bool:
         """Makes a keyframe of the frame tracked last, if it is due; whether it did."""

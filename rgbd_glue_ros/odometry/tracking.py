@@ -34,6 +34,7 @@ from rgbd_glue_ros.types import (
     RegistrationResult,
     RegistrationStatus,
     TransformPrior,
+    stages,
 )
 
 
@@ -109,7 +110,7 @@ def track(
     settled = settle_contradiction(chosen, problem, last, acceptance)
     estimate = problem.reliable(settled.estimate)
     fix = PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)
-    result = registration.result.with_stage("refinement", chosen.milliseconds)
+    result = registration.result.with_stage(stages.REFINEMENT, chosen.milliseconds)
     return Attempt(features, result, fix)
 
 

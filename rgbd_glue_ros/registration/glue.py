@@ -32,6 +32,7 @@ from rgbd_glue_ros.types import (
     RegistrationStatus,
     TransformPrior,
     View,
+    stages,
 )
 
 R = TypeVar("R")
@@ -199,21 +200,21 @@ class Glue:
         clock = Stopwatch()
 
         C_vis = lift(self._visual.match(source.visual, target.visual), source.view, target.view)
-        clock.lap("visual_matching")
+        clock.lap(stages.VISUAL_MATCHING)
         rough = self._rough_transform(C_vis, prior, rng)
-        clock.lap("ransac")
+        clock.lap(stages.RANSAC)
         geometric = self._filtered(source, target, rough.prior)
-        clock.lap("geometric_matching")
+        clock.lap(stages.GEOMETRIC_MATCHING)
         if geometric.credible is None and self._has_fallback:
             rough, geometric = self._fall_back(source, target, C_vis, rough, geometric)
-            clock.lap("fallback")
+            clock.lap(stages.FALLBACK)
 
         C_geo_in = geometric.matches if geometric.credible is None else geometric.credible
         C = rough.inliers + C_geo_in
         can_be_fitted = len(C) >= self._config.glue.min_visual and C.weights.any()
         T = FITS[self._config.fit.method](C, self._config, rng) if can_be_fitted else None
         covariance = None if T is None else fit_covariance(T, C)
-        clock.lap("fit")
+        clock.lap(stages.FIT)
 
         filtered = geometric.credible is not None
         unfitted = RegistrationResult(
@@ -289,5 +290,5 @@ class Glue:
 
 def _features(view: View, visual: tuple[Any, float], geometric: tuple[Any, float]) -> FrameFeatures:
     """Features, and the milliseconds that each took."""
-    times = {"visual_features": visual[1], "geometric_features": geometric[1]}
+    times = {stages.VISUAL_FEATURES: visual[1], stages.GEOMETRIC_FEATURES: geometric[1]}
     return FrameFeatures(view, visual[0], geometric[0], times)

@@ -81,7 +81,7 @@ class OdometryEstimate:
         registration: against that keyframe, or the failed one when LOST; None for a frame at
             which the odometry starts or restarts.
         edges: measured between keyframes since the previous estimate, including this frame's.
-        stages_ms: wall time of each stage, milliseconds, including registration.
+        stages_ms: wall time of each of ``types.stages``, milliseconds, with registration's.
         depth: contents of the depth image of a frame without a pose; None if there is a pose.
         covariance_from_keyframe: float64 [6, 6] of the pose given that of the keyframe it was
             registered against; perturbation on the left, in the odom frame. None for a frame at

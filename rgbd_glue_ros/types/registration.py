@@ -87,7 +87,7 @@ class RegistrationResult:
         epsilon_m: epsilon of equation 7, metres; NaN if the filter was skipped.
         covariance: float64 [6, 6] of T_target_source (x y z rx ry rz, perturbation on the left,
             in the target frame; m, rad), or None unless ``status`` is OK.
-        stages_ms: wall time of each stage, milliseconds.
+        stages_ms: wall time of each of ``types.stages``, milliseconds.
     """
 
     T_target_source: Float64 | None

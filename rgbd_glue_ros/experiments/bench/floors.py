@@ -23,7 +23,7 @@ from rgbd_glue_ros.geometry.normals import grid_points_and_normals
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import LEVELS
 from rgbd_glue_ros.stopwatch import timed
-from rgbd_glue_ros.types import RgbdFrame
+from rgbd_glue_ros.types import RgbdFrame, stages
 
 _EVERY = 50
 # One of several consecutive runs finds warm caches and no other process on the core.
@@ -37,7 +37,7 @@ class Floor:
     """The core of a stage.
 
     Attributes:
-        stage: its name in ``stages_ms``.
+        stage: one of ``types.stages``.
         what: the operation run in its place.
         work: runs it on a frame and the previous one.
         needs_open3d: whether Open3D runs it.
@@ -181,30 +181,30 @@ def _keyframe(now: Inputs, _: Inputs) -> object:
 
 
 FLOORS = (
-    Floor("preparation", "grey image by OpenCV, one copy of the depth image", _preparation),
-    Floor("visual_features", "cv2.ORB with the same settings", _visual_features),
+    Floor(stages.PREPARATION, "grey image by OpenCV, one copy of the depth image", _preparation),
+    Floor(stages.VISUAL_FEATURES, "cv2.ORB with the same settings", _visual_features),
     Floor(
-        "geometric_features",
+        stages.GEOMETRIC_FEATURES,
         "Open3D's FPFH of the same points, normals given",
         _geometric_features,
         needs_open3d=True,
     ),
-    Floor("visual_matching", "cv2.BFMatcher, two nearest of all", _visual_matching),
-    Floor("ransac", "cv2.solvePnPRansac by three points; it stops once it is sure", _ransac),
+    Floor(stages.VISUAL_MATCHING, "cv2.BFMatcher, two nearest of all", _visual_matching),
+    Floor(stages.RANSAC, "cv2.solvePnPRansac by three points; it stops once it is sure", _ransac),
     Floor(
-        "geometric_matching",
+        stages.GEOMETRIC_MATCHING,
         "Open3D's nearest neighbours within 10 cm in space alone",
         _geometric_matching,
         needs_open3d=True,
     ),
     Floor(
-        "refinement",
+        stages.REFINEMENT,
         "Open3D's point-to-plane ICP, as many points and iterations",
         _refinement,
         needs_open3d=True,
     ),
     Floor(
-        "keyframe",
+        stages.KEYFRAME,
         "Open3D's normals of the same points, gradients by cv2.Sobel",
         _keyframe,
         needs_open3d=True,

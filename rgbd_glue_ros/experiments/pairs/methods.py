@@ -11,7 +11,13 @@ from rgbd_glue_ros.experiments.peers import PEERS, NoTransformError
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
-from rgbd_glue_ros.types import Correspondences, RegistrationResult, RegistrationStatus, View
+from rgbd_glue_ros.types import (
+    Correspondences,
+    RegistrationResult,
+    RegistrationStatus,
+    View,
+    stages,
+)
 
 Estimator = Config | str
 """The name of a method: a configuration of the paper's, or one of ``PEERS``."""
@@ -107,7 +113,7 @@ class PeerMethod:
     def describe(self, view: View) -> Described:
         """The peer's prepared data."""
         features, milliseconds = timed(self._peer.prepare, view)
-        return Described(features, milliseconds / 1e3, {"features": milliseconds})
+        return Described(features, milliseconds / 1e3, {stages.FEATURES: milliseconds})
 
     def register(self, source: Described, target: Described) -> RegistrationResult:
         """The peer's transform, without a covariance."""
@@ -122,5 +128,5 @@ class PeerMethod:
             visual_inliers=_NO_MATCHES,
             geometric=_NO_MATCHES,
             credible=_NO_MATCHES,
-            stages_ms={"registration": milliseconds},
+            stages_ms={stages.REGISTRATION: milliseconds},
         )
