@@ -17,7 +17,7 @@ from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
 def edge_from(
     parent: Keyframe,
-    child: int,
+    child_number: int,
     T_track_camera: Float64,
     covariance: Float64,
     origin: EdgeOrigin = EdgeOrigin.TRACKING,
@@ -26,7 +26,7 @@ def edge_from(
 
     Args:
         parent: keyframe that the pose was found from.
-        child: number of the frame's keyframe.
+        child_number: of the keyframe that the frame becomes.
         T_track_camera: pose of the frame, in the frame of the parent's pose, float64 [4, 4].
         covariance: float64 [6, 6] of the frame's pose given the parent's; perturbation on the
             left, in the same frame.
@@ -35,7 +35,7 @@ def edge_from(
     T_parent_track = se3.inverse(parent.T_track_camera)
     T_parent_child = T_parent_track @ T_track_camera
     in_parent = se3.transported_covariance(T_parent_track, covariance)
-    return PoseGraphEdge(parent.number, child, T_parent_child, in_parent, origin)
+    return PoseGraphEdge(parent.number, child_number, T_parent_child, in_parent, origin)
 
 
 def revisit_edge(
