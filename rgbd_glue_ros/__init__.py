@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
     from rgbd_glue_ros.evaluation.trajectory_errors import Ape, Evaluation, Rpe, evaluate
     from rgbd_glue_ros.features import add_visual_feature
-    from rgbd_glue_ros.features.visual import VisualFeature, VisualMatches
+    from rgbd_glue_ros.features.visual import KeypointFeature, VisualFeature, VisualMatches
     from rgbd_glue_ros.odometry.odometry import Odometry
     from rgbd_glue_ros.parameters import (
         Config,
@@ -55,7 +55,7 @@ _PLACES = {
     "evaluation.trajectory": ("read_tum", "write_tum"),
     "evaluation.trajectory_errors": ("Ape", "Evaluation", "Rpe", "evaluate"),
     "features": ("add_visual_feature",),
-    "features.visual": ("VisualFeature", "VisualMatches"),
+    "features.visual": ("KeypointFeature", "VisualFeature", "VisualMatches"),
     "odometry.odometry": ("Odometry",),
     "parameters": (
         "Config",
@@ -75,6 +75,7 @@ _PLACES = {
         "ImuCalibration",
         "ImuSamples",
         "ImuUse",
+        "KeypointFeature",
         "LensModel",
         "OdometryEstimate",
         "PoseGraphEdge",
@@ -103,6 +104,7 @@ __all__ = [
     "ImuUse",
     "InputConfig",
     "InputError",
+    "KeypointFeature",
     "LensModel",
     "MissingExtraError",
     "Odometry",

@@ -17,7 +17,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import is_conclusive
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
-from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
+from rgbd_glue_ros.odometry.keyframes import Anchor, RecentKeyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
 from rgbd_glue_ros.refinement.problem import RefinementProblem
@@ -78,7 +78,7 @@ class DriftCorrection:
         return DriftCorrection(moved @ se3.inverse(T_now), self.target)
 
     def after_revisit(
-        self, keyframe: Keyframe, anchors: Sequence[Anchor], config: Config
+        self, keyframe: RecentKeyframe, anchors: Sequence[Anchor], config: Config
     ) -> DriftCorrection:
         """The drift after a keyframe was compared with much earlier ones.
 
@@ -104,7 +104,7 @@ class DriftCorrection:
         return DriftCorrection(self.T_odom_track, target, edges)
 
     def _compared(
-        self, keyframe: Keyframe, anchor: Anchor, problem: RefinementProblem, config: Config
+        self, keyframe: RecentKeyframe, anchor: Anchor, problem: RefinementProblem, config: Config
     ) -> _Comparison | None:
         """The comparison with one anchor; None if it is not accepted."""
         expected = self.target @ keyframe.T_track_camera

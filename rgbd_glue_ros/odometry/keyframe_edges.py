@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.keyframes import Keyframe, RecentKeyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.parameters import Config, OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
@@ -42,7 +42,7 @@ def edge_from(
 
 
 def revisit_edge(
-    anchor: Keyframe, keyframe: Keyframe, refinement: Refinement, config: Config
+    anchor: Keyframe, keyframe: RecentKeyframe, refinement: Refinement, config: Config
 ) -> PoseGraphEdge:
     """The edge from an anchor to a keyframe that was refined on the anchor's model."""
     twist = keyframe.features.view.twist

@@ -15,7 +15,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_edges import timing_covariance, tracked_covariance
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeCandidate, KeyframeMap, overlap
-from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
@@ -165,7 +165,7 @@ class Odometry(Closing):
         return candidate is not None and self._map.add_if_due(candidate, self._calibration)
 
     @property
-    def newest_keyframe(self) -> Keyframe | None:
+    def newest_keyframe(self) -> RecentKeyframe | None:
         """The keyframe made last; None before the first."""
         return self._map.newest()
 
@@ -282,7 +282,7 @@ class Odometry(Closing):
         anew = self._map.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, features.stages_ms)
 
-    def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
+    def _start_at(self, keyframe: RecentKeyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Restarts at the pose of a keyframe, and reports it."""
         self._calibration.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)

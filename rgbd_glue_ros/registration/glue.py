@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.visual import lift
+from rgbd_glue_ros.features.lifting import KeypointPoints, lift
+from rgbd_glue_ros.features.visual import KeypointFeature
 from rgbd_glue_ros.geometry.fitting import (
     chi_squared,
     distances,
@@ -23,6 +24,7 @@ from rgbd_glue_ros.geometry.fitting import (
     ransac,
 )
 from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures, KeypointFeatures
 from rgbd_glue_ros.registration.sc2_pcr import sc2_pcr
 from rgbd_glue_ros.stopwatch import Stopwatch, timed
 from rgbd_glue_ros.types import (
@@ -106,23 +108,6 @@ FITS: dict[str, Callable[[Correspondences, Config, np.random.Generator], Float64
 
 
 @dataclass(frozen=True)
-class FrameFeatures:
-    """A frame and what was extracted from it.
-
-    Attributes:
-        view: the frame as the features saw it.
-        visual: features of the configured visual kind.
-        geometric: features of the configured geometric kind.
-        stages_ms: wall time of each extraction, milliseconds.
-    """
-
-    view: View
-    visual: Any
-    geometric: Any
-    stages_ms: dict[str, float]
-
-
-@dataclass(frozen=True)
 class _RoughTransform:
     """The result of visual matches, before geometric ones are considered.
 
@@ -181,8 +166,18 @@ class Glue:
         """The features of a view with the same colours but other depth."""
         return replace(features, view=view, geometric=self._geometric.extract(view))
 
+    def without_images(self, features: FrameFeatures) -> Described:
+        """What registration needs of a frame, with depth at its keypoints alone.
+
+        Visual features that may match any pixel need the images too: theirs are unchanged.
+        """
+        if not isinstance(self._visual, KeypointFeature):
+            return features
+        points = KeypointPoints.of(self._visual.keypoints(features.visual), features.view)
+        return KeypointFeatures(features.visual, features.geometric, points)
+
     def register(
-        self, source: FrameFeatures, target: FrameFeatures, prior: TransformPrior | None = None
+        self, source: Described, target: Described, prior: TransformPrior | None = None
     ) -> RegistrationResult:
         """The transform T_target_source of two frames (sections 3.1 to 3.3).
 
@@ -198,7 +193,8 @@ class Glue:
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
 
-        C_vis = lift(self._visual.match(source.visual, target.visual), source.view, target.view)
+        matches = self._visual.match(source.visual, target.visual)
+        C_vis = lift(matches, source.points_at, target.points_at)
         clock.lap("visual_matching")
         rough = self._rough_transform(C_vis, prior, rng)
         clock.lap("ransac")
@@ -254,7 +250,7 @@ class Glue:
         return _RoughTransform(C_vis_in, float(np.sqrt(variance)), TransformPrior(T, epsilon))
 
     def _filtered(
-        self, source: FrameFeatures, target: FrameFeatures, prior: TransformPrior | None
+        self, source: Described, target: Described, prior: TransformPrior | None
     ) -> _GeometricMatches:
         """C_geo, and what equation 8 leaves of it if the filter is on and has a transform."""
         guide = prior if self._config.glue.filter else None
@@ -264,8 +260,8 @@ class Glue:
 
     def _fall_back(
         self,
-        source: FrameFeatures,
-        target: FrameFeatures,
+        source: Described,
+        target: Described,
         C_vis: Correspondences,
         rough: _RoughTransform,
         geometric: _GeometricMatches,

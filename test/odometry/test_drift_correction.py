@@ -14,11 +14,11 @@ from rigs.room import room_view, true_pose
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
-from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
+from rgbd_glue_ros.odometry.keyframes import Anchor, RecentKeyframe
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.types import Float64, View
 
 CONFIG = Config()
@@ -28,10 +28,10 @@ NONE = np.eye(4)
 DRIFT = se3.exp(np.array([0.04, -0.03, 0.02, 0.01, 0.02, -0.01]))
 
 
-def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> Keyframe:
+def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> RecentKeyframe:
     model = model_of(view, CONFIG.refine.grid_step).moved(T_track_camera)
     features = FrameFeatures(view, None, None, {})
-    return Keyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model)
+    return RecentKeyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model)
 
 
 def anchor(view: View, T_track_camera: Float64, T_odom_track: Float64) -> Anchor:

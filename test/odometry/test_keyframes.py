@@ -9,15 +9,17 @@ from hypothesis import strategies as st
 from rigs.geometry import random_transform, transforms
 from rigs.room import CAMERA
 
+from rgbd_glue_ros.features.lifting import KeypointPoints
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import LEVELS, Model, Pixels, Planes
-from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.registration.frame_features import FrameFeatures, KeypointFeatures
 from rgbd_glue_ros.types import Float64, View
 
 VIEW = View(np.zeros((2, 2), np.uint8), np.ones((2, 2), np.float32), CAMERA)
 FEATURES = FrameFeatures(VIEW, None, None, {})
+NO_POINTS = KeypointPoints.of(np.empty((0, 2), np.float32), VIEW)
 POINTS = np.array([[0.0, 0, 2], [1, 0, 3]])
 NORMALS = np.array([[0.0, 0, -1], [-0.6, 0, -0.8]])
 STILL, MIDDLE_ROW = np.zeros((2, 3)), np.zeros(2)
@@ -29,7 +31,8 @@ MODEL = Model(
 
 
 def kept(capacity: int, window: int = 5, spacing: float = 0.0) -> Keyframes:
-    return Keyframes(OdometryConfig(keyframes=capacity, window=window, keyframe_spacing=spacing))
+    config = OdometryConfig(keyframes=capacity, window=window, keyframe_spacing=spacing)
+    return Keyframes(config, lambda features: KeypointFeatures(features.visual, None, NO_POINTS))
 
 
 def add(
@@ -50,6 +53,15 @@ def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int
         assert add(keyframes, np.eye(4), stamp_ns=i).number == i
     assert len(keyframes) == min(n, capacity)
     assert [k.stamp_ns for k in keyframes] == list(range(n))[-capacity:]
+
+
+def test_only_keyframes_of_the_window_keep_their_images() -> None:
+    keyframes = kept(capacity=10, window=2)
+    for metres in range(5):
+        add(keyframes, moved(metres))
+    with_images = [k.number for k in keyframes if isinstance(k.features, FrameFeatures)]
+    assert with_images == [3, 4]
+    assert len(keyframes) == 5
 
 
 def test_keyframes_that_are_left_serve_to_relocalise_but_not_to_track() -> None:
