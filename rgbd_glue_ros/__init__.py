@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.errors import InputError, MissingExtraError
-    from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
     from rgbd_glue_ros.evaluation.trajectory_errors import Ape, Evaluation, Rpe, evaluate
     from rgbd_glue_ros.features import add_visual_feature
     from rgbd_glue_ros.features.visual import KeypointFeature, VisualFeature, VisualMatches
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
         read_calibration,
     )
     from rgbd_glue_ros.registration.frames import register
+    from rgbd_glue_ros.trajectories.tum import read_tum, write_tum
     from rgbd_glue_ros.types import (
         CameraIntrinsics,
         Correspondences,
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "errors": ("InputError", "MissingExtraError"),
-    "evaluation.trajectory": ("read_tum", "write_tum"),
     "evaluation.trajectory_errors": ("Ape", "Evaluation", "Rpe", "evaluate"),
     "features": ("add_visual_feature",),
     "features.visual": ("KeypointFeature", "VisualFeature", "VisualMatches"),
@@ -67,6 +66,7 @@ _PLACES = {
     ),
     "recordings": ("Calibration", "Recording", "Topics", "read_calibration", "open_recording"),
     "registration.frames": ("register",),
+    "trajectories.tum": ("read_tum", "write_tum"),
     "types": (
         "CameraIntrinsics",
         "Correspondences",

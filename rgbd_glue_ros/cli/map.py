@@ -40,10 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> str:
     """Builds the map and returns the figures."""
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, MAP_RESULTS, map_recording
     from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
     from rgbd_glue_ros.slam.map_file import read_map
+    from rgbd_glue_ros.trajectories.tum import read_tum
 
     config = given_parameters.config(args)
     before = read_map(args.map) if args.map else None

@@ -78,8 +78,8 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, replay
+    from rgbd_glue_ros.trajectories.tum import read_tum
 
     config = given_parameters.config(args)
     truth = read_tum(args.ground_truth) if args.ground_truth else None

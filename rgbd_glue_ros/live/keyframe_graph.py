@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, PoseGraph, write_graph
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, Trajectory
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, write_graph
+from rgbd_glue_ros.types import Float64, PoseGraph, PoseGraphEdge, Trajectory
 
 
 def moved_edge(edge: PoseGraphEdge, T_camera_child: Float64) -> PoseGraphEdge:

@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config
@@ -19,7 +18,7 @@ from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame, Trajectory
+from rgbd_glue_ros.types import Float64, PoseGraph, PoseGraphEdge, RgbdFrame, Trajectory
 
 
 @dataclass(frozen=True)

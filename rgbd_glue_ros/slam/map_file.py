@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.messages.image_codecs import decode, encode_png
@@ -25,6 +24,7 @@ from rgbd_glue_ros.types import (
     EdgeOrigin,
     Float32,
     Float64,
+    PoseGraph,
     PoseGraphEdge,
     Trajectory,
     UInt8,

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.features.visual import orb
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config
@@ -18,7 +17,7 @@ from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import Optimum, optimise
-from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory, UInt8
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, PoseGraphEdge, Trajectory, UInt8
 
 # Candidates that a keyframe is compared with, by appearance and by proximity: each costs as much as
 # tracking a frame.

@@ -11,11 +11,11 @@ import pytest
 from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import read_graph
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.mapping.mapping import map_recording
 from rgbd_glue_ros.parameters import Config, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.trajectories.pose_graph import read_graph
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import EdgeOrigin, OdometryEstimate
 
 pytest.importorskip("gtsam", reason="GTSAM is not installed")

@@ -11,8 +11,6 @@ import pytest
 from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import read_graph
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.replay.replay import (
     KEYFRAMES,
     KEYFRAMES_GTSAM,
@@ -23,6 +21,8 @@ from rgbd_glue_ros.experiments.replay.replay import (
     replay,
 )
 from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
+from rgbd_glue_ros.trajectories.pose_graph import read_graph
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import (
     OdometryEstimate,
     RgbdFrame,

@@ -13,9 +13,9 @@ from rigs.pan import Pan
 from rosbags.highlevel import AnyReader
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
 from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.messages.images import color_from_message

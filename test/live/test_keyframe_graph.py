@@ -9,9 +9,10 @@ import pytest
 from rigs.pose_graphs import random_graph
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, read_graph
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
+from rgbd_glue_ros.trajectories.pose_graph import read_graph
+from rgbd_glue_ros.types import PoseGraph
 
 T_CAMERA_BASE = se3.exp(np.array([0.1, 0.2, -0.3, 0.4, -0.5, 0.6]))
 

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
 
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, PoseGraph, read_graph
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, SAVE_GRAPH_SERVICE
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.types import EdgeOrigin, Float64
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, read_graph
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")

@@ -16,8 +16,6 @@ from rigs.pan import Pan
 from rigs.pose_graphs import random_graph
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import HammingVotes
@@ -25,7 +23,8 @@ from rgbd_glue_ros.slam.edge_composition import assumed_edge
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.types import EdgeOrigin, Float64, Trajectory, View
+from rgbd_glue_ros.trajectories.tum import read_tum
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, Trajectory, View
 
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 pytest.importorskip("pyhbst", reason="pyHBST is not installed")

@@ -14,14 +14,20 @@ from rigs.pan import CAMERA, HEIGHT, WALL_M, WIDTH, Pan
 from rigs.rerun_reader import Rows, column, rows_of
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
-from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL
 from rgbd_glue_ros.parameters import load_preset
-from rgbd_glue_ros.types import EdgeOrigin, Float64, OdometryEstimate, PoseGraphEdge, Trajectory
+from rgbd_glue_ros.types import (
+    EdgeOrigin,
+    Float64,
+    OdometryEstimate,
+    PoseGraph,
+    PoseGraphEdge,
+    Trajectory,
+)
 from rgbd_glue_ros.viz import layout
 from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 

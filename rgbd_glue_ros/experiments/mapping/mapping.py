@@ -13,8 +13,6 @@ import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.run_record import Run
-from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import (
@@ -24,6 +22,7 @@ from rgbd_glue_ros.experiments.replay.replay import (
     results_of,
     write_results,
 )
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, InputConfig
@@ -37,6 +36,7 @@ from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.optimiser import Optimum, load_gtsam
 from rgbd_glue_ros.slam.picture import map_jpeg
+from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import (
     EdgeOrigin,
     OdometryEstimate,

@@ -13,14 +13,12 @@ from typing import Any
 
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, write_graph
-from rgbd_glue_ros.evaluation.run_record import Run, metrics
-from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.frame_loop import FrameLoop
 from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.report import render
+from rgbd_glue_ros.experiments.replay.run_record import Run, metrics
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
@@ -35,6 +33,8 @@ from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
 from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.slam.cloud import write_ply
 from rgbd_glue_ros.slam.picture import map_jpeg
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, write_graph
+from rgbd_glue_ros.trajectories.tum import TumWriter
 from rgbd_glue_ros.types import (
     ImuSamples,
     OdometryEstimate,

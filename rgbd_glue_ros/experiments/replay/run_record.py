@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, path_length
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.types import (
@@ -20,6 +19,7 @@ from rgbd_glue_ros.types import (
     Float64,
     ImuCalibration,
     OdometryEstimate,
+    PoseGraph,
     PoseGraphEdge,
     TrackingState,
     Trajectory,
