@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import associate
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.compare.finished_run import FinishedRun
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, number, table
+from rgbd_glue_ros.trajectories.association import associate
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.replay.batch import FIGURES, named
 from rgbd_glue_ros.experiments.replay.replay import METRICS, PARAMETERS, TRAJECTORY
 from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.parameters import parameter_values
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import Trajectory
 
 _GIVE_A_RUN = "give the output folder (-o) of rgbd-glue replay"
