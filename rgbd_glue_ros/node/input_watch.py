@@ -56,7 +56,7 @@ class NodeWatch:
 
     Attributes:
         silence: why no complete frame arrived since the last check; "" if one did.
-        drops: why more than a tenth of the frames since the last check has no pose; "" otherwise.
+        drops: why more than a tenth of frames since the last check have no pose; "" otherwise.
     """
 
     def __init__(

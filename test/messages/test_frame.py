@@ -86,5 +86,5 @@ def test_sizes_with_another_aspect_ratio_are_refused() -> None:
     with pytest.raises(InputError, match=r"^/depth: has 64x36 pixels, but /color has 64x48"):
         frame_from_messages(color, depth_image(DEPTH[:36], HEAD), info, TOPICS)
     wide = camera_info(replace(CAMERA, width=128), HEAD)
-    with pytest.raises(InputError, match=r"^/info: is of 128x48 pixels, but /color of 64x48"):
+    with pytest.raises(InputError, match=r"^/info: has 128x48 pixels, but /color has 64x48"):
         frame_from_messages(color, depth, wide, TOPICS)
