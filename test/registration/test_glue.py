@@ -34,9 +34,9 @@ from rgbd_glue_ros.parameters import (
     FitConfig,
     GlueConfig,
 )
+from rgbd_glue_ros.registration.fits import FITS
 from rgbd_glue_ros.registration.glue import (
     FALLBACKS,
-    FITS,
     Glue,
     adaptive_threshold,
     assumed_inliers,
