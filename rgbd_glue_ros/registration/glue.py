@@ -19,11 +19,10 @@ from rgbd_glue_ros.geometry.fitting import (
     chi_squared,
     distances,
     fit_covariance,
-    procrustes,
-    randomised_procrustes,
     ransac,
 )
 from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.registration.fits import FITS
 from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures, KeypointFeatures
 from rgbd_glue_ros.registration.sc2_pcr import sc2_pcr
 from rgbd_glue_ros.stopwatch import Stopwatch, timed
@@ -94,17 +93,6 @@ FALLBACKS: dict[str, Callable[[Correspondences, Config], TransformPrior | None]]
     "sc2_pcr": geometric_rough
 }
 """The choices of ``glue.fallback`` other than none."""
-
-FITS: dict[str, Callable[[Correspondences, Config, np.random.Generator], Float64 | None]] = {
-    "randomised": lambda C, config, rng: randomised_procrustes(
-        C, config.fit.subsets, config.fit.fraction, rng
-    ),
-    "procrustes": lambda C, _config, _rng: procrustes(C.source, C.target, C.weights),
-    "ransac": lambda C, config, rng: ransac(
-        C, config.glue.inlier_threshold, config.ransac.iterations, rng
-    )[0],
-}
-"""The choices of ``fit.method`` (section 3.3)."""
 
 
 @dataclass(frozen=True)
@@ -242,12 +230,16 @@ class Glue:
         T, agreeing = ransac(C_vis, glue.inlier_threshold, ransac_config.iterations, rng)
         if T is None or agreeing < ransac_config.min_inliers:
             return _RoughTransform(Correspondences.empty(), float("nan"), prior)
-        C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, self._config.k)
+        C_vis_in = self._assumed_inliers(C_vis, T)
         if len(C_vis_in) < glue.min_visual:
             return _RoughTransform(C_vis_in, float("nan"), prior)
         variance = error_variance(C_vis_in, T)
         epsilon = adaptive_threshold(variance, glue.confidence)
         return _RoughTransform(C_vis_in, float(np.sqrt(variance)), TransformPrior(T, epsilon))
+
+    def _assumed_inliers(self, C_vis: Correspondences, T: Float64) -> Correspondences:
+        """Equation 4 with t_in and K of the configuration."""
+        return assumed_inliers(C_vis, T, self.inlier_threshold, self._config.k)
 
     def _filtered(
         self, source: Described, target: Described, prior: TransformPrior | None
@@ -267,16 +259,13 @@ class Glue:
         geometric: _GeometricMatches,
     ) -> tuple[_RoughTransform, _GeometricMatches]:
         """Filters by a transform from geometric matches alone; unchanged if there is none."""
-        glue = self._config.glue
         unguided = geometric.matches
         if rough.prior is not None:
             unguided = self._geometric.match(source.geometric, target.geometric, None)
-        prior = FALLBACKS[glue.fallback](unguided, self._config)
+        prior = FALLBACKS[self._config.glue.fallback](unguided, self._config)
         if prior is None:
             return rough, geometric
-        C_vis_in = assumed_inliers(
-            C_vis, prior.T_target_source, glue.inlier_threshold, self._config.k
-        )
+        C_vis_in = self._assumed_inliers(C_vis, prior.T_target_source)
         return (
             _RoughTransform(C_vis_in, float("nan"), prior),
             self._filtered(source, target, prior),

@@ -31,8 +31,6 @@ from rgbd_glue_ros.types import (
     View,
 )
 
-ENDING = ".rgbdmap"
-
 _FORMAT_NAME = "rgbd_glue_ros map "
 _FORMAT = f"{_FORMAT_NAME}1"
 # Earlier maps have the description of an origin in place of its name.

@@ -37,10 +37,10 @@ from rgbd_glue_ros.parameters import (
     FitConfig,
     GlueConfig,
 )
+from rgbd_glue_ros.registration.fits import FITS
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import (
     FALLBACKS,
-    FITS,
     Glue,
     adaptive_threshold,
     assumed_inliers,

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
 from rigs.drifted import CHANGED, config, drifted
+from rigs.hamming_votes import HammingVotes
 from rigs.pan import Pan
 from rigs.pose_graphs import random_graph
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam.appearance import HammingVotes
 from rgbd_glue_ros.slam.edge_composition import assumed_edge
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
