@@ -9,6 +9,12 @@ from rgbd_glue_ros.types import NANOSECONDS
 # Streams of one clock are never so far apart: that is two clocks.
 OTHER_CLOCK_NS = NANOSECONDS
 
+PAIR_BY_RECEIPT = (
+    "set stamps to receipt (--set stamps=receipt, of the node -p stamps:=receipt) to pair images "
+    "by when they were received"
+)
+"""What to do about images of two clocks."""
+
 
 class StampSource:
     """Gives messages their stamps; keeps in mind which streams bear some.
@@ -50,19 +56,21 @@ class StampSource:
         return stamp_ns
 
 
-def explain_miss(closest_miss_ns: int, max_interval_ns: int) -> str:
+def explain_miss(
+    closest_miss_ns: int, max_interval_ns: int, with_two_clocks: str = PAIR_BY_RECEIPT
+) -> str:
     """Why no images pair, and what to do.
 
     Args:
         closest_miss_ns: least distance of colour and depth stamps that did not pair, nanoseconds.
         max_interval_ns: distance up to which they pair, nanoseconds.
+        with_two_clocks: what to do where the driver cannot stamp both by one clock.
     """
     if closest_miss_ns > OTHER_CLOCK_NS:
         return (
             f"the stamps of colour and depth are {closest_miss_ns / NANOSECONDS:.1f} s apart at "
-            "best, so they are of two clocks: have the driver stamp both by one, or set stamps to "
-            "receipt (--set stamps=receipt, of the node -p stamps:=receipt) to pair images by when "
-            "they were received"
+            "best, so they are of two clocks: have the driver stamp both by one, or "
+            f"{with_two_clocks}"
         )
     enough = closest_miss_ns / NANOSECONDS + 0.005
     return (
