@@ -34,6 +34,7 @@ from rgbd_glue_ros.live.camera_presets import load_camera
 from rgbd_glue_ros.parameters import Config, NodeConfig, load_yaml, share_directory, to_yaml
 from rgbd_glue_ros.recordings.fetch.archive import unpack
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
+from rgbd_glue_ros.slam.packed_view import packed
 from rgbd_glue_ros.types import Trajectory, UInt8, View
 from rigs.bags import make_frames, recorded, write_rosbag1, write_rosbag2
 from rigs.data_sets import CALIBRATION, write_data_set
@@ -141,8 +142,8 @@ def _texts(place: Callable[[str, str], Path]) -> dict[str, Kind]:
     graph = place("graph", "keyframes.g2o")
     write_graph(graph, random_graph(1, 5))
     saved = place("map", "room.rgbdmap")
-    views = tuple(View(f.color[..., 0].copy(), f.depth, f.intrinsics) for f in make_frames(5))
-    write_map(saved, SavedMap(random_graph(1, 5), views))
+    views = [View(f.color[..., 0].copy(), f.depth, f.intrinsics) for f in make_frames(5)]
+    write_map(saved, SavedMap(random_graph(1, 5), tuple(map(packed, views))))
     parameters = place("parameters", "params.yaml")
     parameters.write_text(to_yaml(Config()))
     camera = place("camera preset", "camera.yaml")
