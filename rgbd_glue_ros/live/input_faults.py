@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rgbd_glue_ros.messages.stamps import explain_miss
+from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS
 
@@ -49,6 +49,7 @@ def explain_silence(
     max_interval_ns: int,
     queue_needed: int = 0,
     backward: Sequence[Channel] = (),
+    with_two_clocks: str = PAIR_BY_RECEIPT,
 ) -> str:
     """Why no frame was complete, as far as is known, and what to do.
 
@@ -59,6 +60,7 @@ def explain_silence(
         max_interval_ns: interval up to which they pair, nanoseconds.
         queue_needed: queue size with which images would pair; 0 if the present one is enough.
         backward: channels whose stamps go backward from message to message.
+        with_two_clocks: what to do if colour and depth use different clocks.
     """
     seen = "; ".join(map(str, inputs))
     unpublished = _names([i.channel for i in inputs if not i.publishers])
@@ -80,7 +82,7 @@ def explain_silence(
     elif queue_needed:
         remedy = explain_queue(queue_needed)
     elif closest_miss_ns is not None:
-        remedy = explain_miss(closest_miss_ns, max_interval_ns)
+        remedy = explain_miss(closest_miss_ns, max_interval_ns, with_two_clocks)
     else:
         remedy = "the stamps of colour, depth and camera info do not match"
     return f"{seen}; {remedy}"

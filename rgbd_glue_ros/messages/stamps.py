@@ -9,6 +9,12 @@ from rgbd_glue_ros.types import NANOSECONDS
 # A larger interval between streams means that they use different clocks.
 OTHER_CLOCK_NS = NANOSECONDS
 
+PAIR_BY_RECEIPT = (
+    "set stamps to receipt (--set stamps=receipt, for the node -p stamps:=receipt) to pair "
+    "images by the time of receipt"
+)
+"""What to do if images use different clocks."""
+
 
 class StampSource:
     """Selects the stamps of messages, and remembers which channels have none.
@@ -51,20 +57,22 @@ class StampSource:
         return stamp_ns
 
 
-def explain_miss(closest_miss_ns: int, max_interval_ns: int) -> str:
+def explain_miss(
+    closest_miss_ns: int, max_interval_ns: int, with_two_clocks: str = PAIR_BY_RECEIPT
+) -> str:
     """Why no images pair, and what to do.
 
     Args:
         closest_miss_ns: smallest interval between colour and depth stamps that did not pair,
             nanoseconds.
         max_interval_ns: interval up to which they pair, nanoseconds.
+        with_two_clocks: what to do if the driver cannot stamp both with one clock.
     """
     if closest_miss_ns > OTHER_CLOCK_NS:
         return (
             f"the stamps of colour and depth are {closest_miss_ns / NANOSECONDS:.1f} s apart at "
-            "best, so they come from two clocks: make the driver stamp both with one clock, or set "
-            "stamps to receipt (--set stamps=receipt, for the node -p stamps:=receipt) to pair "
-            "images by the time of receipt"
+            "best, so they come from two clocks: make the driver stamp both with one clock, or "
+            f"{with_two_clocks}"
         )
     enough = closest_miss_ns / NANOSECONDS + 0.005
     return (

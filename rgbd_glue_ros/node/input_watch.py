@@ -66,6 +66,7 @@ class NodeWatch:
         monitor: Monitor,
         stamps: StampSource,
         learned: Sequence[str],
+        with_two_clocks: str,
     ) -> None:
         """Prepares the checks; ``start`` starts them.
 
@@ -75,10 +76,12 @@ class NodeWatch:
             monitor: counts frames.
             stamps: knows which messages use the time of receipt.
             learned: parameters that select a learned feature.
+            with_two_clocks: what to do if colour and depth use different clocks.
         """
         self.silence = self.drops = ""
         self._stamps = stamps
         self._learned = learned
+        self._with_two_clocks = with_two_clocks
         self._monitor = monitor
         self._node = node
         self._synchronizer = synchronizer
@@ -163,6 +166,7 @@ class NodeWatch:
             synchronizer.max_interval_ns,
             synchronizer.queue_needed,
             backward,
+            self._with_two_clocks,
         )
 
     def _warn_if_new(self, what: str, line: str | None) -> None:

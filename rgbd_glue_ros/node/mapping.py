@@ -39,6 +39,7 @@ from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import Broadcaster, listen
+from rgbd_glue_ros.parameters.inputs import MAP_BY_RECEIPT
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
@@ -86,7 +87,9 @@ class MappingNode(BaseNode):
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
         self._matches: OrderedDict[int, Match[Any]] = OrderedDict()
-        self._input = RgbdInput(self, self._config, transforms, self._receive)
+        self._input = RgbdInput(
+            self, self._config, transforms, self._receive, with_two_clocks=MAP_BY_RECEIPT
+        )
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
         self._worker: QueueWorker[_NewGraph | _Keyframe | PoseGraphEdge] = QueueWorker(

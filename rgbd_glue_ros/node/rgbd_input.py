@@ -11,7 +11,7 @@ from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.messages.stamps import StampSource
+from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
@@ -40,6 +40,7 @@ class RgbdInput(Closing):
         transforms: Transforms | None,
         receive: ReceiveMatch,
         learned: Sequence[str] = (),
+        with_two_clocks: str = PAIR_BY_RECEIPT,
     ) -> None:
         """Prepares the input; ``subscribe`` subscribes to the images.
 
@@ -49,6 +50,7 @@ class RgbdInput(Closing):
             transforms: where to look up the depth camera's pose; None without TF.
             receive: called from the executor's thread with matching messages.
             learned: parameters that select a learned feature, which may be why frames are slow.
+            with_two_clocks: what to do if colour and depth use different clocks.
 
         Raises:
             InputError: ``depth_camera_pose`` cannot be read.
@@ -63,7 +65,9 @@ class RgbdInput(Closing):
         self._depth_camera = DepthCameraInput(node, config, transforms)
         self._background = ThreadPoolExecutor(1, thread_name_prefix="depth")
         self._inputs: tuple[NodeInput, ...] = ()
-        self.watch = NodeWatch(node, self.synchronizer, node.monitor, self._stamps, learned)
+        self.watch = NodeWatch(
+            node, self.synchronizer, node.monitor, self._stamps, learned, with_two_clocks
+        )
 
     def subscribe(self) -> None:
         """Subscribes to the images, and starts to check what arrives."""

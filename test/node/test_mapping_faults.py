@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -205,3 +205,51 @@ def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: i
             rig.wait(lambda: publish_until(at_rest), "a look at keyframes")
         for line in (missing, "no message on /pose", at_rest):
             assert len([said for said in node.lines if line in said]) == 1
+
+
+@pytest.mark.slow
+def test_images_of_two_clocks_are_told_with_what_the_mapping_node_can_do(ros_domain: int) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        node.wait_for_line("Subscribed", START_S)
+        with Rig(ros_domain) as rig:
+            publishers = (rig.color, rig.depth, rig.info)
+            rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+
+            def publish_until(line: str) -> bool:
+                now = rig.node.get_clock().now().nanoseconds
+                rig.publish(replace(corner_frame(now), depth_delay_ns=3600 * 10**9))
+                rig.spin_for(0.05)
+                return any(line in said for said in node.lines)
+
+            rig.wait(lambda: publish_until("they are of two clocks"), "the diagnosis")
+        (line,) = [said for said in node.lines if "they are of two clocks" in said]
+        assert "have the driver stamp both by one, or record them and map the recording" in line
+        assert "(rgbd-glue map RECORDING --set stamps=receipt)" in line
+        # which it refuses
+        assert "stamps:=receipt" not in line
+
+
+@pytest.mark.slow
+def test_keyframes_whose_edges_are_lost_are_told_in_a_line(ros_domain: int) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        node.wait_for_line("Subscribed", START_S)
+        with Rig(ros_domain) as rig:
+            poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
+            rig.wait(lambda: poses.get_subscription_count() > 1, "the subscription")
+            lost = "keyframe/edges: the edge of the keyframe at 1.000000000 s did not come"
+
+            def publish_until(line: str) -> bool:
+                pose = PoseStamped()
+                numbers.append(len(numbers) + 1)
+                pose.header.stamp.sec = numbers[-1]
+                pose.pose.orientation.w = 1.0
+                poses.publish(pose)
+                rig.spin_for(0.02)
+                return any(line in said for said in node.lines)
+
+            numbers: list[int] = []
+            rig.wait(lambda: publish_until(lost), "the line")
+            for _ in range(20):
+                publish_until("")
+        assert len([said for said in node.lines if "did not come" in said]) == 1
+        assert node.is_running

@@ -265,7 +265,7 @@ def test_images_of_keyframes_have_the_size_of_those_in_the_odometry(
             session.publish(keyframe, keyframe.keyframe.T_odom_camera)
         session.wait_for_path_of(len(keyframes))
         session.save()
-    assert [view.intrinsics.width for view in read_map(room).views] == [width, width]
+    assert [view.rest.intrinsics.width for view in read_map(room).views] == [width, width]
 
 
 @pytest.mark.slow

@@ -32,6 +32,7 @@ from rgbd_glue_ros.live.camera_presets import load_camera
 from rgbd_glue_ros.parameters import Config, NodeConfig, load_yaml, share_directory, to_yaml
 from rgbd_glue_ros.recordings.fetch.archive import unpack
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
+from rgbd_glue_ros.slam.packed_view import packed
 from rgbd_glue_ros.trajectories.pose_graph import read_graph, write_graph
 from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import Trajectory, UInt8, View
@@ -139,8 +140,8 @@ def _texts(place: Callable[[str, str], Path]) -> dict[str, Kind]:
     graph = place("graph", "keyframes.g2o")
     write_graph(graph, random_graph(1, 5))
     saved = place("map", "room.rgbdmap")
-    views = tuple(View(f.color[..., 0].copy(), f.depth, f.intrinsics) for f in make_frames(5))
-    write_map(saved, SavedMap(random_graph(1, 5), views))
+    views = [View(f.color[..., 0].copy(), f.depth, f.intrinsics) for f in make_frames(5)]
+    write_map(saved, SavedMap(random_graph(1, 5), tuple(map(packed, views))))
     parameters = place("parameters", "params.yaml")
     parameters.write_text(to_yaml(Config()))
     camera = place("camera preset", "camera.yaml")
