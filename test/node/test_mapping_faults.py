@@ -133,7 +133,7 @@ def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: in
     with shown(NodeProcess({}, environment, module="rigs.mapping_without_tf")) as node:
         line = node.wait_for_line("Subscribed", START_S)
         assert "TF: not available" in node.lines[0]
-        assert line.endswith("; publishing /map/path alone, since map -> odom needs tf2_msgs")
+        assert line.endswith("; publishing /map/path only, since map -> odom needs tf2_msgs")
         assert node.stop() == 0
 
 
