@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.errors import InputError, MissingExtraError
-    from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
     from rgbd_glue_ros.evaluation.trajectory_errors import Ape, Evaluation, Rpe, evaluate
     from rgbd_glue_ros.features import add_visual_feature
-    from rgbd_glue_ros.features.visual import VisualFeature, VisualMatches
+    from rgbd_glue_ros.features.visual import KeypointFeature, VisualFeature, VisualMatches
     from rgbd_glue_ros.odometry.odometry import Odometry
     from rgbd_glue_ros.parameters import (
         Config,
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
         read_calibration,
     )
     from rgbd_glue_ros.registration.frames import register
+    from rgbd_glue_ros.trajectories.tum import read_tum, write_tum
     from rgbd_glue_ros.types import (
         CameraIntrinsics,
         Correspondences,
@@ -52,10 +52,9 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "errors": ("InputError", "MissingExtraError"),
-    "evaluation.trajectory": ("read_tum", "write_tum"),
     "evaluation.trajectory_errors": ("Ape", "Evaluation", "Rpe", "evaluate"),
     "features": ("add_visual_feature",),
-    "features.visual": ("VisualFeature", "VisualMatches"),
+    "features.visual": ("KeypointFeature", "VisualFeature", "VisualMatches"),
     "odometry.odometry": ("Odometry",),
     "parameters": (
         "Config",
@@ -67,6 +66,7 @@ _PLACES = {
     ),
     "recordings": ("Calibration", "Recording", "Topics", "read_calibration", "open_recording"),
     "registration.frames": ("register",),
+    "trajectories.tum": ("read_tum", "write_tum"),
     "types": (
         "CameraIntrinsics",
         "Correspondences",
@@ -75,6 +75,7 @@ _PLACES = {
         "ImuCalibration",
         "ImuSamples",
         "ImuUse",
+        "KeypointFeature",
         "LensModel",
         "OdometryEstimate",
         "PoseGraphEdge",
@@ -103,6 +104,7 @@ __all__ = [
     "ImuUse",
     "InputConfig",
     "InputError",
+    "KeypointFeature",
     "LensModel",
     "MissingExtraError",
     "Odometry",

@@ -15,6 +15,7 @@ from rgbd_glue_ros.files.user_paths import expanded
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
+    from rgbd_glue_ros.experiments.replay.run_record import Provenance
     from rgbd_glue_ros.parameters import InputConfig, Parameter
     from rgbd_glue_ros.recordings import Recording
 
@@ -259,6 +260,28 @@ def opener(
             read_calibration(args.depth_calibration) if args.depth_calibration else None
         ),
     )
+
+
+def opened(args: argparse.Namespace, source: Path) -> Recording:
+    """A recording with the truth and the number of frames that the arguments ask for.
+
+    Raises:
+        InputError: the recording, its truth or its calibration cannot be read, or a parameter is
+            unknown or not allowed.
+    """
+    from rgbd_glue_ros.recordings.first_frames import first_frames
+    from rgbd_glue_ros.recordings.other_truth import with_ground_truth
+    from rgbd_glue_ros.trajectories.tum import read_tum
+
+    truth = read_tum(args.ground_truth) if args.ground_truth else None
+    return first_frames(with_ground_truth(opener(args)(source), truth), args.limit)
+
+
+def provenance(args: argparse.Namespace) -> Provenance:
+    """How the run of a command came about."""
+    from rgbd_glue_ros.experiments.replay.run_record import Provenance
+
+    return Provenance(given_parameters.inputs_of(args), command(args))
 
 
 def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:

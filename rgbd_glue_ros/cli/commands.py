@@ -51,6 +51,7 @@ COMMANDS = (
     Command("replay", "run the odometry over a recording"),
     Command("map", "close the loops of a recording and build a map"),
     Command("evaluate", "compare a trajectory with ground truth"),
+    Command("compare", "say what differs between replays of a recording"),
     Command("convert", "convert a data set to a rosbag2, or a bag to a TUM RGB-D folder"),
     Command("pairs", "register pairs of frames as in the paper's experiments"),
     Command("fetch", "download public data sets"),

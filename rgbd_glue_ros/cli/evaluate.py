@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Evaluates and returns a table or JSON."""
-    from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+    from rgbd_glue_ros.trajectories.tum import read_tum
 
     evaluation = evaluate(read_tum(args.estimate), read_tum(args.reference))
     return _json(evaluation) if args.json else _table(evaluation)

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Collection
     from pathlib import Path
 
+    from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
     from rgbd_glue_ros.experiments.replay.sinks import FrameSink
     from rgbd_glue_ros.recordings import Recording
-    from rgbd_glue_ros.types import Trajectory
     from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 
@@ -28,9 +28,7 @@ def add_rerun(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def rerun_recording(
-    args: argparse.Namespace, recording: Recording, truth: Trajectory | None
-) -> RerunRecording | None:
+def rerun_recording(args: argparse.Namespace, recording: Recording) -> RerunRecording | None:
     """The recording requested by ``--rerun``.
 
     Raises:
@@ -39,7 +37,7 @@ def rerun_recording(
     """
     from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
-    return RerunRecording(args.rerun, truth or recording.ground_truth) if args.rerun else None
+    return RerunRecording(args.rerun, recording.ground_truth) if args.rerun else None
 
 
 def add_exports(parser: argparse.ArgumentParser) -> None:
@@ -86,24 +84,24 @@ def check(args: argparse.Namespace, folder: Path, results: Collection[str]) -> N
     )
 
 
-def sinks(
-    args: argparse.Namespace, recording: Recording, truth: Trajectory | None
-) -> list[FrameSink]:
+def further_outputs(args: argparse.Namespace, recording: Recording) -> FurtherOutputs:
     """The outputs requested by the arguments of ``add_exports``.
 
     Args:
         args: as parsed.
         recording: the replayed recording.
-        truth: its true trajectory; None uses the recording's own.
 
     Raises:
         InputError: it cannot be written.
         MissingExtraError: a library is not installed.
     """
     from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
+    from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 
     asked: list[FrameSink] = []
     if args.mcap:
         asked.append(BagSink(args.mcap))
-    shown = rerun_recording(args, recording, truth)
-    return asked if shown is None else [*asked, shown]
+    shown = rerun_recording(args, recording)
+    if shown is not None:
+        asked.append(shown)
+    return FurtherOutputs(asked, args.cloud)

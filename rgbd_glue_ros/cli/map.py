@@ -40,34 +40,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> str:
     """Builds the map and returns the figures."""
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.evaluation.trajectory import read_tum
-    from rgbd_glue_ros.experiments.mapping.mapping import CLOUD, MAP_RESULTS, map_recording
+    from rgbd_glue_ros.experiments.mapping.mapping import (
+        CLOUD,
+        MAP_RESULTS,
+        MapOutputs,
+        map_recording,
+    )
     from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
     from rgbd_glue_ros.slam.map_file import read_map
 
     config = given_parameters.config(args)
     before = read_map(args.map) if args.map else None
-    truth = read_tum(args.ground_truth) if args.ground_truth else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
-    with ExitStack() as left, arguments.opener(args)(args.recording) as recording:
-        total = min(recording.frame_count, args.limit or recording.frame_count)
+    with ExitStack() as left, arguments.opened(args, args.recording) as recording:
         exports.check(args, folder, MAP_RESULTS)
-        shown = exports.rerun_recording(args, recording, truth)
+        shown = exports.rerun_recording(args, recording)
         if shown is not None:
             left.enter_context(shown)
-        with tracking_bar(total) as show:
+        with tracking_bar(recording.frame_count) as show:
             mapped = map_recording(
                 recording,
                 config,
                 folder,
-                ground_truth=truth,
-                limit=args.limit,
-                on_frame=show,
-                command=arguments.command(args),
                 before=before,
-                save_map=args.save_map,
-                inputs=given_parameters.inputs_of(args),
-                shown=shown,
+                on_frame=show,
+                outputs=MapOutputs(args.save_map, shown),
+                provenance=arguments.provenance(args),
             )
     figures = mapped.figures
     loops = "{found} found, {refused} of them refused by the optimiser".format(**figures["loops"])

@@ -78,27 +78,20 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.evaluation.trajectory import read_tum
     from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, replay
 
     config = given_parameters.config(args)
-    truth = read_tum(args.ground_truth) if args.ground_truth else None
-    with arguments.opener(args)(source) as recording:
-        total = min(recording.frame_count, args.limit or recording.frame_count)
+    with arguments.opened(args, source) as recording:
         exports.check(args, folder, RESULTS)
         try:
-            with tracking_bar(total) as show:
+            with tracking_bar(recording.frame_count) as show:
                 replay(
                     recording,
                     config,
                     folder,
-                    ground_truth=truth,
-                    limit=args.limit,
                     on_frame=show,
-                    sinks=exports.sinks(args, recording, truth),
-                    cloud=args.cloud,
-                    command=arguments.command(args),
-                    inputs=given_parameters.inputs_of(args),
+                    outputs=exports.further_outputs(args, recording),
+                    provenance=arguments.provenance(args),
                 )
         except KeyboardInterrupt:
             logger.warning("interrupted; the results so far are in %s", folder)

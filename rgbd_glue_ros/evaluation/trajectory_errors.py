@@ -13,9 +13,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S, associate, format_stamp
+from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import mahalanobis_squared, procrustes
+from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S, associate
 from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, OdometryEstimate, Trajectory
 
 RPE_DELTA_S = 1.0

@@ -19,7 +19,7 @@ from rgbd_glue_ros.features.visual import DescribedKeypoints, VisualMatches
 from rgbd_glue_ros.features.weights import load
 from rgbd_glue_ros.geometry.contrast import well_lit
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import View
+from rgbd_glue_ros.types import Float32, View
 
 _RADIUS = 2
 """Pixels to each side in which a keypoint is unique, and over which its position is averaged."""
@@ -51,6 +51,10 @@ class Alike:
             scores, descriptors = alike(image.expand(1, 3, *image.shape), self._weights)
             uv, descriptors_at = keypoints(scores.float()[0, 0], descriptors.float()[0], self._most)
         return DescribedKeypoints(uv.cpu().numpy(), descriptors_at.cpu().numpy())
+
+    def keypoints(self, features: DescribedKeypoints) -> Float32:
+        """Pixels, float32 [N, 2]."""
+        return features.uv
 
     def match(self, source: DescribedKeypoints, target: DescribedKeypoints) -> VisualMatches:
         """Mutual nearest neighbours, weighted by 1 - r of equation 1."""

@@ -12,7 +12,7 @@ from rgbd_glue_ros.features.torch_library import inference, torch
 from rgbd_glue_ros.features.visual import VisualMatches
 from rgbd_glue_ros.geometry.contrast import well_lit
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import View
+from rgbd_glue_ros.types import Float32, View
 
 _SMALLEST_IMAGE_PX = 32
 """The networks halve an image up to five times; nothing would remain of a smaller one."""
@@ -97,6 +97,10 @@ class LearnedFeature:
             uv, descriptors, scores = self.extractor(grey, self.weights, self.most)
         return LearnedKeypoints(uv, descriptors, scores, width, height)
 
+    def keypoints(self, features: LearnedKeypoints) -> Float32:
+        """Pixels, float32 [N, 2]."""
+        return _pixels(features.uv)
+
     def match(self, source: LearnedKeypoints, target: LearnedKeypoints) -> VisualMatches:
         """Matches one to one, weighted by the matcher's confidence."""
         if len(source.uv) == 0 or len(target.uv) == 0:
@@ -105,10 +109,14 @@ class LearnedFeature:
             log_probability = self.matcher(source, target)
             rows, columns, confidence = mutual(log_probability, self.confidence)
         return VisualMatches(
-            source.uv[rows].cpu().numpy(),
-            target.uv[columns].cpu().numpy(),
+            _pixels(source.uv[rows]),
+            _pixels(target.uv[columns]),
             confidence.cpu().numpy().astype(np.float64).clip(0.0, 1.0),
         )
+
+
+def _pixels(uv: Tensor) -> Float32:
+    return np.asarray(uv.cpu().numpy(), np.float32)
 
 
 def mutual(log_probability: Tensor, least: float) -> tuple[Tensor, Tensor, Tensor]:

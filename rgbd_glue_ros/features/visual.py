@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -12,10 +12,8 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.matching import distance_ratio, nearest_two, one_to_one
 from rgbd_glue_ros.geometry.contrast import well_lit
-from rgbd_glue_ros.geometry.motion_compensation import keypoints_to_points
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import (
-    Correspondences,
     Float32,
     Float64,
     UInt8,
@@ -64,15 +62,15 @@ class VisualFeature(Protocol):
         """C_vis in pixels."""
 
 
-def lift(matches: VisualMatches, source: View, target: View) -> Correspondences:
-    """Maps visual matches to 3D with the camera intrinsics (section 3.2), where depth is known."""
-    source_points, source_known = keypoints_to_points(matches.source_uv, source)
-    target_points, target_known = keypoints_to_points(matches.target_uv, target)
-    return Correspondences(
-        source_points[target_known[source_known]],
-        target_points[source_known[target_known]],
-        matches.weights[source_known & target_known],
-    )
+@runtime_checkable
+class KeypointFeature(VisualFeature, Protocol):
+    """A visual feature that finds keypoints in each image and matches nothing but these.
+
+    Of frames that are kept for long, the odometry then keeps depth at the keypoints alone.
+    """
+
+    def keypoints(self, features: Any) -> Float32:
+        """The pixels, float32 [N, 2], of a frame's features: those that ``match`` can return."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +105,10 @@ class OpenCvFeature:
         response = np.array([k.response for k in keypoints])
         strongest = np.argsort(-response, kind="stable")[: self._config.keypoints]
         return DescribedKeypoints(uv[strongest], descriptors[strongest])
+
+    def keypoints(self, features: DescribedKeypoints) -> Float32:
+        """Pixels, float32 [N, 2]."""
+        return features.uv
 
     def match(self, source: DescribedKeypoints, target: DescribedKeypoints) -> VisualMatches:
         """Equation 1: nearest neighbours whose ratio is below the threshold, one to one."""

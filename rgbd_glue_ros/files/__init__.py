@@ -1,1 +1,1 @@
-"""Reading of input files, and atomic writing of results."""
+"""Reading of input files, numbers and stamps in their lines, and atomic writing of results."""

@@ -11,6 +11,8 @@ from rgbd_glue_ros.types import Float32, Float64
 
 # The result of an overflow of 16 bits: as a depth it would be a wall that does not exist.
 OVERFLOW = np.iinfo(np.uint16).max
+# Depth noise of structured light, metres: least at a distance, and growing with its square.
+_LEAST_SIGMA_M, _SIGMA_GROWTH, _LEAST_AT_M = 0.0012, 0.0019, 0.4
 # A bilinear depth across a step larger than this many sigma would lie on neither surface.
 DEPTH_EDGE_SIGMAS = 6.0
 # Two depths farther apart than this many sigma are not the same surface.
@@ -25,7 +27,13 @@ def depth_sigma(z: float) -> float:
 
     The form 0.0012 + 0.0019 (z - 0.4)^2 is that of Nguyen, Izadi and Lovell (3DIMPVT 2012).
     """
-    return 0.0012 + 0.0019 * (z - 0.4) ** 2
+    return _LEAST_SIGMA_M + _SIGMA_GROWTH * (z - _LEAST_AT_M) ** 2
+
+
+def depth_sigmas(depth: Float32) -> Float32:
+    """``depth_sigma`` of every pixel of a depth image [H, W]; NaN where it is unknown."""
+    beyond = depth.astype(np.float64) - _LEAST_AT_M
+    return (_LEAST_SIGMA_M + _SIGMA_GROWTH * beyond**2).astype(np.float32)
 
 
 def metres_of_16_bits(depth: NDArray[np.uint16], units_per_metre: float) -> Float32:

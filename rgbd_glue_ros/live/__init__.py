@@ -1,1 +1,1 @@
-"""What the nodes need and no ROS: monitor, worker, extrinsics, and faults in words."""
+"""The parts of the nodes that do not need ROS: monitor, worker, extrinsics, fault messages."""

@@ -1,4 +1,4 @@
-"""Presets for cameras (``config/cameras/``): the topics of their drivers, and what they can see."""
+"""Camera presets (``config/cameras/``): the topics of their drivers, and parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TOPIC_ARGUMENTS = {
     "depth_camera_info": topics.DEPTH_INFO,
     "imu": topics.IMU,
 }
-"""What a preset and the launch file call the topics, and the names that the node has for them."""
+"""Names of the topics in presets and the launch file -> their names in the node."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Camera:
 
     Attributes:
         topics: the driver's topics by the names in TOPIC_ARGUMENTS, without the transport.
-        parameters: values of the node's parameters, by their dotted names.
+        parameters: values of node parameters, by their dotted names.
     """
 
     topics: Mapping[str, str]
@@ -47,10 +47,10 @@ def camera_names() -> list[str]:
 
 
 def load_camera(name: str) -> Camera:
-    """The preset of that name, or in the file of that name (``.yaml``).
+    """Loads a preset by its name, or from a file (``.yaml``).
 
     Raises:
-        InputError: there is none, or its file holds what no preset has.
+        InputError: there is no such preset, or the file is not a valid one.
     """
     path = Path(name)
     if path.suffix != ".yaml":
@@ -59,13 +59,13 @@ def load_camera(name: str) -> Camera:
             raise InputError(
                 f"camera {name!r}",
                 "is not known",
-                f"{_suggestion(name, names)}take one of {', '.join(names)}, or a file",
+                f"{_suggestion(name, names)}use one of {', '.join(names)}, or a file",
             )
         path = cfg.share_directory() / "config" / "cameras" / f"{name}.yaml"
     content = _content(path)
     unknown = set(content["topics"]) - set(TOPIC_ARGUMENTS)
     if unknown:
-        raise InputError(path, f"no such topics: {unknown}", f"take {', '.join(TOPIC_ARGUMENTS)}")
+        raise InputError(path, f"no such topics: {unknown}", f"use {', '.join(TOPIC_ARGUMENTS)}")
     declared = {p.name: p for part in (cfg.NodeConfig, cfg.Config) for p in cfg.parameters(part())}
     parameters = {}
     for parameter, value in cfg.by_current_names(content["parameters"]).items():
@@ -76,9 +76,9 @@ def load_camera(name: str) -> Camera:
 
 
 def _suggestion(name: str, names: list[str]) -> str:
-    """Asks after the presets with a name like this one; "" if there is none."""
+    """Suggests presets with a similar name; "" if there is none."""
     near = [n for n in names if name and name.lower() in n] or get_close_matches(name, names)
-    return f"did you mean {' or '.join(near)}? Else " if near else ""
+    return f"did you mean {' or '.join(near)}? Otherwise " if near else ""
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -88,17 +88,17 @@ def _content(path: Path) -> dict[str, Any]:
     except (yaml.YAMLError, AttributeError, TypeError) as error:
         raise InputError(
             path,
-            f"is no preset of a camera ({str(error).splitlines()[0]})",
+            f"is not a camera preset ({str(error).splitlines()[0]})",
             "give a file with topics and parameters, like those in config/cameras",
         ) from error
 
 
 def remappings(camera: Camera | None, given: Mapping[str, str]) -> list[tuple[str, str]]:
-    """The node's topics and what they are remapped to.
+    """The node's topics, and the names that they are remapped to.
 
     Args:
-        camera: gives its topics; None for the node's own names.
-        given: topics that win over the camera's, by the names in TOPIC_ARGUMENTS; "" for none.
+        camera: the preset whose topics are used; None for the node's own names.
+        given: topics that override the preset's, by the names in TOPIC_ARGUMENTS; "" for none.
     """
     known = {**(camera.topics if camera else {}), **{k: v for k, v in given.items() if v}}
     return [(own, known[name]) for name, own in TOPIC_ARGUMENTS.items() if name in known]

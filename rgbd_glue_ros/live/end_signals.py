@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP, however many come and however fast."""
+"""Handling of SIGINT, SIGTERM and SIGHUP, however many arrive and however fast."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from rgbd_glue_ros.closing import END_SIGNALS, SAME_REQUEST_S
 
 
 class EndSignals:
-    """Keeps ``END_SIGNALS``, from its creation on, for the thread that waits for them.
+    """Catches ``END_SIGNALS`` from its creation on, for a thread that waits for them.
 
-    A handler that sets an event would not do: a second signal interrupts it while it holds the
-    event's lock, and waits for that lock for ever. Here the interpreter writes the signal's number
-    to a pipe, whichever thread receives the signal.
+    A handler that sets an event could deadlock: a second signal may interrupt it while it holds
+    the event's lock, and then wait for that lock forever. Instead, the interpreter writes the
+    signal's number to a pipe, whichever thread receives the signal.
     """
 
     def __init__(self) -> None:
-        """Takes the signals over. To be called from the main thread."""
+        """Installs the handlers; must be called from the main thread."""
         self._read_end, self._write_end = os.pipe()
-        os.set_blocking(self._write_end, False)  # a full pipe is request enough
+        os.set_blocking(self._write_end, False)  # a full pipe already holds enough requests
         signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
         _handle_by(_leave_to_the_pipe)
 
     def end(self) -> None:
-        """Does as if a signal had come; any thread may call it."""
+        """Acts as if a signal had arrived; any thread may call it."""
         os.write(self._write_end, bytes([signal.SIGTERM]))
 
     def wait(self) -> None:
-        """Returns as soon as a signal has come, be it before the call."""
+        """Returns as soon as a signal has arrived, also if that was before the call."""
         while not set(os.read(self._read_end, 1)) & set(END_SIGNALS):
             pass  # another signal's number
 
 
 class InterruptOnce:
-    """A handler that interrupts the main thread, but not what that does in order to end.
+    """A handler that interrupts the main thread, but not its cleanup.
 
-    Otherwise a second signal would interrupt the writing of the results, or the end of the
-    processes that were started. A signal that comes ``SAME_REQUEST_S`` later is a new request.
-    Computations postpone it (``uninterrupted``); what waits, loads or reads ends at once.
+    Otherwise a second signal would interrupt the writing of results, or the shutdown of child
+    processes. A signal that arrives ``SAME_REQUEST_S`` later is a new request. Computations
+    postpone the interrupt (``uninterrupted``); waiting, loading and reading end immediately.
     """
 
     def __init__(self) -> None:
-        """Takes ``END_SIGNALS`` over. To be called from the main thread."""
+        """Installs the handler for ``END_SIGNALS``; must be called from the main thread."""
         self._last_s = -float("inf")
         _handle_by(self)
 
@@ -59,9 +59,9 @@ class InterruptOnce:
 
 
 def _handle_by(handler: Callable[[int, FrameType | None], None]) -> None:
-    """Gives the signals a handler, until the interpreter ends: then they change nothing more.
+    """Installs a handler; when the interpreter ends, the signals are ignored.
 
-    A process that is to outlive its terminal goes on ignoring its end, as under nohup.
+    A process that ignores SIGHUP, as under nohup, continues to ignore it.
     """
     atexit.register(_ignore)
     for number in END_SIGNALS:
@@ -76,7 +76,7 @@ def _ignore() -> None:
 
 
 def _without_lost_signals(unraisable: sys.UnraisableHookArgs) -> None:
-    """Prints what the interpreter can't raise, but not that a signal met an exchanged handler."""
+    """Prints unraisable exceptions, except for a signal that arrived as its handler changed."""
     if "ignored due to race condition" not in str(unraisable.exc_value):
         sys.__unraisablehook__(unraisable)
 

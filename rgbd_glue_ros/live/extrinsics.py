@@ -1,8 +1,8 @@
-"""From the camera's pose to the robot's: frames, covariances and twists as REP-103/105 want them.
+"""From the camera's pose to the robot's: frames, covariances and twists as in REP-103/105.
 
-The odometry follows the camera's optical frame c from its first frame c0. What is published is
-the pose of a child frame in ``odom``, both fixed to the camera or the robot that carries it:
-``T_fixed_child = T_fixed_odom T_odom_camera T_camera_child``.
+The odometry estimates the pose of the camera's optical frame in its first optical frame. The node
+publishes the pose of a child frame, fixed to the camera or to its robot, in the fixed frame
+``odom``: ``T_fixed_child = T_fixed_odom T_odom_camera T_camera_child``.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from rgbd_glue_ros.types import Float64
 T_BODY_OPTICAL = se3.from_rotation_translation(
     np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3)
 )
-"""A camera's optical frame (x right, y down, z forward) in its body frame (x forward, y left,
-z up), which drivers call ``camera_link``."""
+"""Pose of a camera's optical frame (x right, y down, z forward) in its body frame (x forward,
+y left, z up), which drivers call ``camera_link``."""
 
 AXES = {"body": T_BODY_OPTICAL, "optical": np.eye(4)}
-"""Pose of the optical frame in a frame at the same place with axes of that kind."""
+"""Pose of the optical frame in a frame with the same origin and these axes."""
 
 
 @dataclass(frozen=True)
@@ -57,17 +57,17 @@ class Extrinsics:
         return Extrinsics(T_robot_camera, se3.inverse(T_robot_camera))
 
     def starting_at(self, T_odom_start: Float64) -> Extrinsics:
-        """These extrinsics for a start at ``T_odom_start`` [4, 4] in place of odom's origin."""
+        """These extrinsics for a start at ``T_odom_start`` [4, 4] instead of odom's origin."""
         return Extrinsics(T_odom_start @ self.T_fixed_odom, self.T_camera_child)
 
     def levelled(self, up: Float64) -> Extrinsics:
-        """These extrinsics with odom levelled: turned about its origin by the least angle for it.
+        """These extrinsics with odom levelled by the smallest rotation about its origin.
 
         Args:
-            up: which way is up in the first optical frame, a unit vector [3].
+            up: the upward direction in the first optical frame, a unit vector [3].
         """
         x, y, z = self.T_fixed_odom[:3, :3] @ up
-        # about the horizontal axis that is square to both; upside down, any is
+        # about the horizontal axis perpendicular to up and z; if upside down, any horizontal axis
         axis = np.array([y, -x, 0.0]) if np.hypot(x, y) > 0 else np.array([1.0, 0.0, 0.0])
         turn = axis / np.linalg.norm(axis) * np.arctan2(np.hypot(x, y), z)
         T_level_fixed = se3.exp(np.concatenate([np.zeros(3), turn]))
@@ -81,14 +81,14 @@ class Extrinsics:
     def pose_covariance(self, T_odom_camera: Float64, covariance: Float64) -> Float64:
         """The covariance [6, 6] of T_fixed_child.
 
-        Both covariances are as in ``nav_msgs/Odometry``: of the errors of the position and of the
-        rotation vector along the axes of the fixed frame, x y z rx ry rz, in m and rad.
+        Both covariances are as in ``nav_msgs/Odometry``: errors of position and rotation vector
+        along the axes of the fixed frame, x y z rx ry rz, in m and rad.
 
         Args:
             T_odom_camera: float64 [4, 4], the camera's pose.
-            covariance: float64 [6, 6] of that pose.
+            covariance: float64 [6, 6], covariance of that pose.
         """
-        # a rotation error of the camera swings the child around it
+        # a rotation error of the camera also moves the child, by the lever arm
         lever = T_odom_camera[:3, :3] @ self.T_camera_child[:3, 3]
         J = np.eye(6)
         J[:3, 3:] = -se3.skew(lever)
@@ -97,7 +97,7 @@ class Extrinsics:
         return mapped
 
     def twist(self, twist: Float64) -> Float64:
-        """The child frame's velocity [6] (v, omega; m/s, rad/s) in its axes, from the camera's."""
+        """The child frame's velocity [6] (v, omega; m/s, rad/s) in its axes; from the camera's."""
         in_child: Float64 = se3.adjoint(se3.inverse(self.T_camera_child)) @ twist
         return in_child
 
@@ -110,17 +110,17 @@ class Extrinsics:
 
 @dataclass(frozen=True)
 class PlanarExtrinsics(Extrinsics):
-    """Extrinsics of a robot on wheels, whose child frame keeps to the plane that it starts on.
+    """Extrinsics of a wheeled robot, whose child frame stays in the plane that it starts in.
 
-    Height, roll and pitch that the camera's odometry gathers are drift, and are left out. What is
-    published has x and y of the child frame, and as its yaw that of the x axis seen from above the
-    plane. The odometry itself is free: held to the plane it would take a bump, or an extrinsic that
-    is a degree off, for motion along the plane.
+    Height, roll and pitch of the odometry are drift, and are removed. The published pose has x and
+    y of the child frame, and the yaw of its x axis seen from above the plane. The odometry itself
+    is not constrained: it would mistake a bump, or an extrinsic that is a degree off, for motion
+    along the plane.
     """
 
     @staticmethod
     def of_robot(T_robot_camera: Float64) -> PlanarExtrinsics:
-        """As ``Extrinsics.of_robot``, for a robot that keeps to its plane."""
+        """As ``Extrinsics.of_robot``, for a robot that stays in its plane."""
         return PlanarExtrinsics(T_robot_camera, se3.inverse(T_robot_camera))
 
     def starting_at(self, T_odom_start: Float64) -> PlanarExtrinsics:
@@ -134,35 +134,35 @@ class PlanarExtrinsics(Extrinsics):
         return T
 
     def pose(self, T_odom_camera: Float64) -> Float64:
-        """T_fixed_child [4, 4], as moved along the plane."""
+        """T_fixed_child [4, 4], restricted to motion in the plane."""
         start = self._T_fixed_start
         return np.asarray(start @ in_plane(se3.inverse(start) @ super().pose(T_odom_camera)))
 
     def pose_covariance(self, T_odom_camera: Float64, covariance: Float64) -> Float64:
-        """The covariance [6, 6], with next to no doubt across the plane."""
+        """The covariance [6, 6], with almost no variance of height, roll and pitch."""
         R = np.kron(np.eye(2), self._T_fixed_start[:3, :3])
         free = super().pose_covariance(T_odom_camera, covariance)
         return np.asarray(R @ _kept_in_plane(R.T @ free @ R) @ R.T)
 
     def twist(self, twist: Float64) -> Float64:
-        """The child frame's velocity [6]: ahead, to the side, and about its z axis."""
+        """The child frame's velocity [6]: forward, sideways, and about its z axis."""
         return np.where(_IN_PLANE, super().twist(twist), 0.0)
 
     def twist_covariance(self, covariance: Float64) -> Float64:
-        """The covariance [6, 6] of ``twist``, with next to no doubt across the plane."""
+        """The covariance [6, 6] of ``twist``, with almost no variance outside the plane."""
         return _kept_in_plane(super().twist_covariance(covariance))
 
 
 # x, y and yaw among x y z rx ry rz
 _IN_PLANE = np.array([True, True, False, False, False, True])
-# Variance of height, roll and pitch, m² and rad²: next to none, yet filters can invert it.
+# Variance of height, roll and pitch, m² and rad²: almost none, yet filters can invert it.
 _CERTAIN = 1e-6
 
 
 def in_plane(T: Float64) -> Float64:
-    """The motion [4, 4] without height, roll and pitch: z 0, and the x axis turned into the plane.
+    """The motion [4, 4] without height, roll and pitch: z is 0, the x axis lies in the plane.
 
-    Where the x axis stands on the plane, the yaw is 0 for want of any.
+    If the x axis is perpendicular to the plane, yaw is undefined and set to 0.
     """
     yaw = np.arctan2(T[1, 0], T[0, 0])
     moved = np.eye(4)
@@ -172,13 +172,13 @@ def in_plane(T: Float64) -> Float64:
 
 
 def _kept_in_plane(covariance: Float64) -> Float64:
-    """The part of a covariance [6, 6] that is in the plane, and certainty of the rest."""
+    """The part of a covariance [6, 6] within the plane, and almost no variance of the rest."""
     kept = np.where(np.outer(_IN_PLANE, _IN_PLANE), covariance, 0.0)
     return np.asarray(kept + _CERTAIN * np.diag(~_IN_PLANE))
 
 
 def robot_extrinsics(T_robot_camera: Float64, *, planar: bool) -> Extrinsics:
-    """The extrinsics of a robot by its camera's pose [4, 4]; ``planar`` for one on wheels."""
+    """The extrinsics of a robot from its camera's pose [4, 4]; ``planar`` for a wheeled one."""
     kind = PlanarExtrinsics if planar else Extrinsics
     return kind.of_robot(T_robot_camera)
 
@@ -186,41 +186,41 @@ def robot_extrinsics(T_robot_camera: Float64, *, planar: bool) -> Extrinsics:
 def parse_extrinsics(
     frame_id: str, camera_pose: str, camera_axes: str, *, planar: bool = False
 ) -> Extrinsics:
-    """The extrinsics that the parameters of these names ask for.
+    """The extrinsics from the parameters of the same names.
 
     Args:
-        frame_id: robot frame to publish the pose of; "" for the camera's optical frame.
-        camera_pose: pose of the camera in ``frame_id`` as ``parse_pose`` reads it; "" if not given.
-        camera_axes: a name in AXES: which axes of the camera ``camera_pose`` speaks of, and, where
-            there is no robot frame, which axes odom starts with.
-        planar: whether the robot keeps to a plane.
+        frame_id: robot frame whose pose is published; "" for the camera's optical frame.
+        camera_pose: pose of the camera in ``frame_id``, read by ``parse_pose``; "" if not given.
+        camera_axes: a name in AXES: the camera axes that ``camera_pose`` refers to and, without a
+            robot frame, the axes that odom starts with.
+        planar: whether the robot stays in a plane.
 
     Raises:
         InputError: one of ``frame_id`` and ``camera_pose`` is given without the other, ``planar``
-            without ``frame_id``, or ``camera_pose`` cannot be read. An extrinsic is never assumed
+            without ``frame_id``, or ``camera_pose`` cannot be read. Extrinsics are never assumed
             to be the identity.
     """
     if planar and not frame_id:
         raise InputError(
             "planar",
-            "keeps the robot on its plane, and frame_id, which says what the robot is, is not set",
-            "set frame_id, as base_footprint, or leave planar out",
+            "keeps the robot's frame in its plane, but frame_id, which names it, is not set",
+            "set frame_id, for example base_footprint, or leave planar out",
         )
     if not frame_id:
         if camera_pose:
             raise InputError(
                 "camera_pose",
                 "is the camera's pose in frame_id, which is not set",
-                "set frame_id, as base_link, or leave camera_pose out",
+                "set frame_id, for example base_link, or leave camera_pose out",
             )
         return Extrinsics.of_camera(camera_axes)
     if not camera_pose:
         raise InputError(
             "camera_pose",
-            f"not set, so where the camera sits in {frame_id!r} is not known",
-            f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), have "
-            "it from TF (tf2_msgs, which scripts/tf2-msgs of a clone brings where ROS is not from "
-            "apt), or leave frame_id empty to publish the camera's own pose",
+            f"is not set, so the camera's pose in {frame_id!r} is unknown",
+            f"give the camera's pose in {frame_id!r} as 'x y z roll pitch yaw' (m, rad), get "
+            "it from TF (needs tf2_msgs, which scripts/tf2-msgs of a clone builds if ROS is not "
+            "from apt), or leave frame_id empty to publish the camera's own pose",
         )
     T_robot_camera = parse_pose("camera_pose", camera_pose) @ AXES[camera_axes]
     return robot_extrinsics(T_robot_camera, planar=planar)

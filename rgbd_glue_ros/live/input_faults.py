@@ -1,15 +1,15 @@
-"""What is wrong with what arrives, in one line that says what to do about it."""
+"""Messages that say in one line what is wrong with the input and what to do."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rgbd_glue_ros.messages.stamps import explain_miss
+from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS
 
-# Part of all frames from which on drops are worth a warning; fewer are told in the counts alone.
+# Fraction of all frames from which drops cause a warning; fewer appear only in the counts.
 WORTH_A_WARNING = 0.1
 # Images of this width are processed at 30 Hz on two cores.
 SMALL_WIDTH = 640
@@ -17,14 +17,14 @@ SMALL_WIDTH = 640
 
 @dataclass(frozen=True)
 class Input:
-    """A subscribed topic over the last while.
+    """A subscribed topic since the last check.
 
     Attributes:
         channel: what it carries.
         topic: its full name.
-        publishers: who publishes it, in words; none if there is no publisher.
-        received: messages that came.
-        rate_hz: messages a second.
+        publishers: descriptions of its publishers; empty if there are none.
+        received: number of received messages.
+        rate_hz: messages per second.
     """
 
     channel: Channel
@@ -38,7 +38,7 @@ class Input:
             return f"{self.topic} ({self.channel.value}) has no publisher"
         by = ", ".join(self.publishers)
         return (
-            f"{self.topic} ({self.channel.value}) by {by}: {self.received} messages "
+            f"{self.topic} ({self.channel.value}) from {by}: {self.received} messages "
             f"({self.rate_hz:.1f} Hz)"
         )
 
@@ -49,16 +49,18 @@ def explain_silence(
     max_interval_ns: int,
     queue_needed: int = 0,
     backward: Sequence[Channel] = (),
+    with_two_clocks: str = PAIR_BY_RECEIPT,
 ) -> str:
-    """Why no frame was complete, as far as can be told, and what to do.
+    """Why no frame was complete, as far as is known, and what to do.
 
     Args:
         inputs: the topics.
-        closest_miss_ns: least distance of colour and depth stamps that did not pair, nanoseconds;
-            None if there was none.
-        max_interval_ns: distance up to which they pair, nanoseconds.
-        queue_needed: messages that would have to wait for images to meet; 0 where enough do.
-        backward: channels whose stamps go back from message to message.
+        closest_miss_ns: smallest interval between colour and depth stamps that did not pair,
+            nanoseconds; None if there was none.
+        max_interval_ns: interval up to which they pair, nanoseconds.
+        queue_needed: queue size with which images would pair; 0 if the present one is enough.
+        backward: channels whose stamps go backward from message to message.
+        with_two_clocks: what to do if colour and depth use different clocks.
     """
     seen = "; ".join(map(str, inputs))
     unpublished = _names([i.channel for i in inputs if not i.publishers])
@@ -69,65 +71,66 @@ def explain_silence(
         )
     elif missing:
         remedy = (
-            f"{missing} missing: see whether the camera runs, and whether type and QoS of its "
-            "topics fit"
+            f"{missing} missing: check whether the camera runs, and whether type and QoS of its "
+            "topics match"
         )
     elif backward:
         remedy = (
-            f"the stamps of {' and '.join(c.value for c in backward)} go back from message to "
-            "message: play recordings forward, and let one publisher with one clock fill a topic"
+            f"the stamps of {' and '.join(c.value for c in backward)} go backward from message to "
+            "message: play recordings forward, with one publisher and one clock for each topic"
         )
     elif queue_needed:
         remedy = explain_queue(queue_needed)
     elif closest_miss_ns is not None:
-        remedy = explain_miss(closest_miss_ns, max_interval_ns)
+        remedy = explain_miss(closest_miss_ns, max_interval_ns, with_two_clocks)
     else:
-        remedy = "the stamps of colour, depth and camera info do not meet"
+        remedy = "the stamps of colour, depth and camera info do not match"
     return f"{seen}; {remedy}"
 
 
 def explain_queue(queue_needed: int) -> str:
-    """Why images of one time miss each other though their stamps are equal, and what to do.
+    """Why images with matching stamps do not pair, and what to do.
 
     Args:
-        queue_needed: messages that would have to wait.
+        queue_needed: the queue size that would be enough.
     """
     return (
-        "Images of colour and depth with the same stamps come so long after one another that the "
-        f"first gives way before: set sync_queue_size:={queue_needed}, or have the driver send "
-        "both at once"
+        "Colour and depth images with the same stamp arrive so far apart that the first is dropped "
+        f"before the second comes: set sync_queue_size:={queue_needed}, or make the driver send "
+        "both together"
     )
 
 
 def explain_interval(interval_ns: int, period_ns: int) -> str | None:
-    """What a great distance of colour and depth stamps does; None if it is not great.
+    """A warning if the stamps of colour and depth are far apart; None if they are not.
 
     Args:
-        interval_ns: usual distance of the stamps of a pair, nanoseconds.
-        period_ns: of the colour images, nanoseconds.
+        interval_ns: usual interval between the stamps of a pair, nanoseconds.
+        period_ns: period of the colour images, nanoseconds.
     """
     if 2 * interval_ns <= period_ns:
         return None
     return (
         f"The stamps of colour and depth are {interval_ns / 1e6:.1f} ms apart, more than half of "
-        f"the {period_ns / 1e6:.1f} ms between frames: what moves is not at one place in both. "
-        "Synchronise the camera's streams"
+        f"the {period_ns / 1e6:.1f} ms between frames: in motion, the two images do not show the "
+        "same view. Synchronise the camera's streams"
     )
 
 
 def explain_losses(
     received: Mapping[Channel, int], missing: Mapping[Channel, int], profiles: object
 ) -> str | None:
-    """What images were lost between camera and node; None while it is less than a tenth.
+    """How many images were lost between camera and node; None if fewer than a tenth.
 
-    Camera infos are small and arrive where images are lost: what one channel has received, all were
-    sent, and what the stamps of all of them leave out never was. Stamps that jitter leave small
-    gaps and lose nothing. Infos that are missing do no harm: some are sent only once.
+    Camera infos are small and arrive even when images are lost. So what one channel has received
+    was sent on all channels, and what is missing from the stamps of all channels was never sent.
+    Jitter of stamps leaves small gaps without any loss. Missing infos do no harm: some are sent
+    only once.
 
     Args:
-        received: messages of each channel, lately.
-        missing: messages that never came, by gaps in the stamps of each channel, lately.
-        profiles: the DDS profile that loses no image.
+        received: received messages of each channel since the last check.
+        missing: missing messages of each channel since the last check, from gaps in the stamps.
+        profiles: path of the DDS profile that avoids such losses.
     """
     most, unsent = max(received.values()), min(missing.values())
     lost = {c: max(missing[c] - unsent, most - received[c]) for c in received}
@@ -139,18 +142,18 @@ def explain_losses(
     if not words:
         return None
     return (
-        f"{' and '.join(words)} messages never came: lost on the way, or left out by the driver. "
-        "Let the driver publish reliably, and set for it and for the node: "
+        f"{' and '.join(words)} messages never arrived: lost on the way, or skipped by the driver. "
+        "Make the driver publish reliably, and set for it and for the node: "
         f"export FASTRTPS_DEFAULT_PROFILES_FILE={profiles}"
     )
 
 
 def explain_gaps(received: Mapping[Channel, int], missing: Mapping[Channel, int]) -> str | None:
-    """What the source left out; None while it is less than a tenth.
+    """How many frames the source did not send; None if fewer than a tenth.
 
     Args:
-        received: messages of each channel, lately.
-        missing: messages that never came, by gaps in the stamps of each channel, lately.
+        received: received messages of each channel since the last check.
+        missing: missing messages of each channel since the last check, from gaps in the stamps.
     """
     unsent = min(missing.values())
     frames = unsent + min(received.values())
@@ -158,49 +161,49 @@ def explain_gaps(received: Mapping[Channel, int], missing: Mapping[Channel, int]
         return None
     return (
         f"{unsent} of {frames} frames were never sent: colour, depth and camera info have the same "
-        "gaps between their stamps. A recording may have them; a driver leaves frames out for want "
-        "of light, USB bandwidth or processor time"
+        "gaps between their stamps. A recording may contain such gaps; a driver skips frames if it "
+        "lacks light, USB bandwidth or processor time"
     )
 
 
 def explain_slowness(
     processed: int, left_out: int, period_ns: int, width: int, learned: Sequence[str] = ()
 ) -> str | None:
-    """That frames come faster than they are processed; None while it is less than a tenth.
+    """A warning that frames come faster than they are processed; None if few were dropped.
 
     Args:
-        processed: frames with an estimate, lately.
-        left_out: frames that gave way to a newer one, lately.
-        period_ns: between colour images, nanoseconds.
-        width: of the colour images as they are processed, pixels; 0 if none came yet.
-        learned: parameters that choose a learned feature, as ``features.visual:=xfeat``.
+        processed: frames with an estimate since the last check.
+        left_out: frames that a newer one replaced since the last check; the limit is a tenth.
+        period_ns: period of the colour images, nanoseconds.
+        width: width of the processed colour images, pixels; 0 before the first.
+        learned: parameters that select a learned feature, such as ``features.visual:=xfeat``.
     """
     frames = processed + left_out
     if left_out <= 1 or left_out < WORTH_A_WARNING * frames:
         return None
     hertz = NANOSECONDS / period_ns if period_ns else 0.0
     rate = f" at {hertz:.0f} Hz" if hertz else ""
-    # while the first frame is in work, it is only known that less than one is processed in the time
+    # while the first frame is being processed, only an upper bound of the rate is known
     bound = "" if processed else "below "
     kept = f" ({bound}{hertz * max(processed, 1) / frames:.1f} Hz)" if hertz else ""
     return (
-        f"{left_out} of {frames} frames were left out, since they come faster{rate} than this "
-        f"machine processes them{kept} at {width} pixels of width: {_faster(width, learned)}"
+        f"{left_out} of {frames} frames were dropped, since they come faster{rate} than this "
+        f"machine processes them{kept} at a width of {width} pixels: {_faster(width, learned)}"
     )
 
 
 def _faster(width: int, learned: Sequence[str]) -> str:
-    """What makes frames take less time."""
+    """What to do so that frames take less time."""
     if learned:
         takes = "takes" if len(learned) == 1 else "take"
         return (
-            f"{' and '.join(learned)} {takes} most of it unless there is a GPU; start the node "
+            f"{' and '.join(learned)} {takes} most of the time without a GPU; start the node "
             "with the features of the live preset, or with lower features.matcher_keypoints, "
             f"features.keypoints and features.geometric_keypoints, or max_width:={SMALL_WIDTH // 2}"
         )
     if width > SMALL_WIDTH:
-        return f"set max_width:={SMALL_WIDTH}, or have the driver send smaller images"
-    return "give the node more of the processor, or have the driver send fewer frames"
+        return f"set max_width:={SMALL_WIDTH}, or make the driver send smaller images"
+    return "give the node more processor time, or make the driver send fewer frames"
 
 
 def _names(channels: Sequence[Channel]) -> str:

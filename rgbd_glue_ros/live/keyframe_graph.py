@@ -1,6 +1,6 @@
-"""The pose graph of a running node: keyframes of the published frame, and what lies between them.
+"""The pose graph of a running node: keyframe poses of the published frame, and edges.
 
-A keyframe costs some hundred bytes, so a day of them is a few megabytes.
+A keyframe takes a few hundred bytes, so a day of them takes a few megabytes.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, PoseGraph, write_graph
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, Trajectory
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, write_graph
+from rgbd_glue_ros.types import Float64, PoseGraph, PoseGraphEdge, Trajectory
 
 
 def moved_edge(edge: PoseGraphEdge, T_camera_child: Float64) -> PoseGraphEdge:
-    """An edge between cameras as one between frames that are fixed to them.
+    """Converts an edge between camera poses to one between frames fixed to the camera.
 
     Args:
-        edge: between the optical frames.
+        edge: edge between the optical frames.
         T_camera_child: pose of the other frame in the optical frame, float64 [4, 4].
     """
     T_child_camera = se3.inverse(T_camera_child)
@@ -31,36 +31,36 @@ def moved_edge(edge: PoseGraphEdge, T_camera_child: Float64) -> PoseGraphEdge:
 
 
 class KeyframeGraph:
-    """Grows on the thread that tracks, and is written by another."""
+    """The pose graph; one thread adds to it, and another may save it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self.clear()
 
     def clear(self) -> None:
-        """Begins anew, as after a reset."""
+        """Removes everything, as after a reset."""
         with self._lock:
             self._poses: dict[int, tuple[int, Float64]] = {}
             self._edges: list[PoseGraphEdge] = []
 
     def add(self, number: int, stamp_ns: int, T_odom_child: Float64) -> None:
-        """Adds a keyframe with the pose [4, 4] that was published."""
+        """Adds a keyframe with its published pose [4, 4]."""
         with self._lock:
             self._poses[number] = stamp_ns, T_odom_child
 
     def add_edge(self, edge: PoseGraphEdge) -> None:
-        """Adds an edge between keyframes, by their numbers."""
+        """Adds an edge between keyframes, which it identifies by their numbers."""
         with self._lock:
             self._edges.append(edge)
 
     def stamp_ns(self, number: int) -> int | None:
-        """The stamp of a keyframe; None if it is not known."""
+        """The stamp of a keyframe, nanoseconds; None if the keyframe is unknown."""
         with self._lock:
             return self._poses[number][0] if number in self._poses else None
 
     @property
     def graph(self) -> PoseGraph:
-        """The graph so far; edges whose keyframes are not known are left out."""
+        """The graph so far, without edges to unknown keyframes."""
         with self._lock:
             poses, edges = dict(sorted(self._poses.items())), tuple(self._edges)
         rows = {number: row for row, number in enumerate(poses)}
@@ -76,13 +76,14 @@ class KeyframeGraph:
         return PoseGraph(keyframes, tuple(renumbered))
 
     def save(self, file: Path) -> str:
-        """Writes the graph for g2o, and beside it for GTSAM.
+        """Writes one file for g2o, and another for GTSAM beside it.
 
         Args:
-            file: for g2o; that for GTSAM has ``_gtsam`` in its name. Folders are made.
+            file: the file for g2o; the one for GTSAM has ``_gtsam`` in its name. Missing folders
+                are created.
 
         Returns:
-            What was written, for a person.
+            What was written, as text for the user.
 
         Raises:
             InputError: there is no keyframe yet, or the files cannot be written.

@@ -1,4 +1,4 @@
-"""A picture of the matches that a pose came from, for people to look at."""
+"""An image of the matches that a pose was computed from, for people to look at."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from rgbd_glue_ros.types import (
     UInt8,
 )
 
-# Colours (RGB) that people who cannot tell red from green tell apart, too.
+# Colours (RGB) that are distinct for people with red-green colour blindness too.
 VISUAL = (255, 210, 0)
 CREDIBLE = (70, 160, 255)
 REJECTED = (230, 50, 40)
 _TEXT = (255, 255, 255)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-# Binary digits after the point in coordinates that OpenCV draws at.
+# Fractional bits of the coordinates that OpenCV draws at.
 _SHIFT = 4
 # Brightness of the image, so that lines stand out.
 _DIMMED = 0.6
-# Matches of a kind that are drawn, at most: more would hide the image and take time.
+# Drawn matches of each kind, at most: more would hide the image and take time.
 _MOST_DRAWN = 200
 
 
 def match_image(frame: RgbdFrame, estimate: OdometryEstimate) -> UInt8:
     """The frame's colour image [H, W, 3] RGB with its matches, state and epsilon.
 
-    Each match is a line from where the keyframe's camera saw the point to where this frame's camera
-    sees it, and ends in a dot there. Of many matches a part is drawn; the numbers are of all.
+    Each match is a line from the point's pixel in the keyframe's image to its pixel in this one,
+    where it ends in a dot. If there are many matches, only some are drawn; the numbers count all.
 
     Args:
         frame: the frame.
-        estimate: of the frame.
+        estimate: the estimate of the frame.
     """
     frame = rectified(frame)
     color = frame.color if frame.color.ndim == 3 else np.dstack([frame.color] * 3)
@@ -57,14 +57,14 @@ def match_image(frame: RgbdFrame, estimate: OdometryEstimate) -> UInt8:
 
 
 def rejected(result: RegistrationResult) -> Correspondences:
-    """The geometric matches that are not credible, which equation 8 takes away."""
+    """The geometric matches that are not credible, which equation 8 removes."""
     credible = {row.tobytes() for row in _rows(result.credible)}
     rows = [row.tobytes() not in credible for row in _rows(result.geometric)]
     return result.geometric.select(np.array(rows, bool))
 
 
 def drawn(matches: Correspondences) -> Correspondences:
-    """The matches that are drawn: every n-th of those in front of both cameras."""
+    """The matches to draw: every n-th of those in front of both cameras."""
     visible = matches.select((matches.source[:, 2] > 0) & (matches.target[:, 2] > 0))
     return visible.select(np.arange(0, len(visible), max(1, -(-len(visible) // _MOST_DRAWN))))
 

@@ -1,4 +1,4 @@
-"""What a live odometry tells of itself: counts and latency."""
+"""State of a live odometry: counts, rate, latency and faults."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from rgbd_glue_ros.types import (
     TrackingState,
 )
 
-# Frames that the latency is taken over: the last half minute.
+# Frames that latency percentiles are computed from: the last half minute.
 LATENCY_WINDOW = 1000
 RATE_WINDOW_NS = 5 * NANOSECONDS
-# Seconds without a pose after which a dropped last frame is told as what is wrong with the node.
+# Seconds without a pose after which the last drop is reported as the node's fault.
 NO_POSE_S = 2.0
 
 
 class Drop(Enum):
-    """Why a frame, complete with colour, depth and camera info, got no estimate."""
+    """Why a complete frame (colour, depth and camera info) got no estimate."""
 
     SUPERSEDED = "a newer frame came while the odometry was busy"
     TOO_SOON = "it came sooner than max_update_rate allows"
     PAUSED = "the odometry was paused"
-    UNPLACED = "where the camera is on the robot was not known yet"
+    UNPLACED = "the camera's pose on the robot was not known yet"
     UNUSABLE = "a message could not be used"
-    FAILED = "an error inside"
+    FAILED = "of an internal error"
 
 
 WISHED = {Drop.PAUSED, Drop.TOO_SOON}
-"""Reasons that somebody asked for."""
+"""Reasons that the user has asked for."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class Summary:
     Attributes:
         state: tracking state after the last frame.
         frames: frames with an estimate.
-        tracked: frames with an estimate that holds a pose.
+        tracked: frames whose estimate has a pose.
         drops: frames without an estimate, by reason.
-        rate_hz: estimates per second, lately.
+        rate_hz: estimates per second, over the last ``RATE_WINDOW_NS``.
         latency_p50_ms: median time from the arrival of a frame's last message to the publication
             of its pose, milliseconds; NaN before the first frame.
         latency_p95_ms: 95th percentile of these times, milliseconds.
@@ -67,7 +67,7 @@ class Summary:
     latency_p95_ms: float
 
     def values(self) -> dict[str, str]:
-        """Name and value of every count, as diagnostics want them; ``parse`` reads them back."""
+        """Name and value of every count, for diagnostics; ``parse`` reads them back."""
         return {
             "state": self.state.value,
             "frames": str(self.frames),
@@ -80,7 +80,7 @@ class Summary:
 
     @staticmethod
     def parse(values: Mapping[str, str]) -> Summary:
-        """The summary that has these ``values``, which may hold others as well."""
+        """Reads a summary from its ``values``; others are ignored."""
         return Summary(
             TrackingState(values["state"]),
             int(values["frames"]),
@@ -102,18 +102,18 @@ class Summary:
 
 
 class Monitor:
-    """Counts what becomes of frames. Any thread may call it.
+    """Counts processed and dropped frames; thread-safe.
 
     Attributes:
-        is_paused: whether frames are left out until somebody says otherwise.
-        width: of the last frame's colour image, pixels; 0 before the first.
+        is_paused: whether frames are skipped until the user resumes.
+        width: width of the last frame's colour image, pixels; 0 before the first.
     """
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
-        """Begins to count.
+        """Starts to count.
 
         Args:
-            clock: tells the time in nanoseconds and never goes back; all times given are by it.
+            clock: a monotonic clock, nanoseconds; all times passed to the methods are of it.
         """
         self.is_paused = False
         self.width = 0
@@ -133,13 +133,13 @@ class Monitor:
     def processed(
         self, estimate: OdometryEstimate, arrived_ns: int, published_ns: int, why_no_pose: str = ""
     ) -> None:
-        """A frame got an estimate, which was published if it holds a pose.
+        """Records an estimate, which was published if it has a pose.
 
         Args:
-            estimate: of the frame.
-            arrived_ns: when its last message came.
+            estimate: the estimate of a frame.
+            arrived_ns: when the frame's last message arrived.
             published_ns: when its pose was published.
-            why_no_pose: in words; "" if it has one.
+            why_no_pose: why it has no pose, as text; "" if it has one.
         """
         with self._lock:
             self._why_no_pose = why_no_pose
@@ -161,23 +161,23 @@ class Monitor:
                 self._evidence |= _evidence(estimate.registration)
 
     def learnt(self, imu: ImuCalibration) -> None:
-        """Takes in what is known of the IMU now."""
+        """Records the current calibration of the IMU."""
         with self._lock:
             self._imu = imu
 
     def dropped(self, reason: Drop) -> None:
-        """A frame got no estimate."""
+        """Records a frame without an estimate."""
         with self._lock:
             self._drops[reason] += 1
             if reason not in WISHED:
                 self._refused = reason
 
     def is_news(self, where: str, cause: str) -> bool:
-        """As of ``FaultNews``."""
+        """As ``FaultNews.is_news``."""
         return self._faults.is_news(where, cause)
 
     def values(self, now_ns: int) -> dict[str, str]:
-        """Name and value of all there is to tell, as diagnostics want them."""
+        """Name and value of everything, for diagnostics."""
         summary = self.summary(now_ns).values()
         with self._lock:
             return {
@@ -190,20 +190,20 @@ class Monitor:
             }
 
     def why_refused(self, now_ns: int) -> str:
-        """Why the frames that come are not processed; "" while they are."""
+        """Why arriving frames are not processed; "" while they are."""
         with self._lock:
             refused, seconds = self._refused, self._without_pose_ns(now_ns) / NANOSECONDS
             if refused is None or seconds < NO_POSE_S:
                 return ""
             error = f": {self._faults.last}" if refused in {Drop.UNUSABLE, Drop.FAILED} else ""
-            return f"no pose for {seconds:.0f} s, since {refused.value}{error}"
+            return f"no pose for {seconds:.0f} s, because {refused.value}{error}"
 
     def is_overdue(self, now_ns: int) -> bool:
-        """Whether the last pose is older than that of a camera that is tracked."""
+        """Whether the last pose is more than ``NO_POSE_S`` old."""
         return self._without_pose_ns(now_ns) > NO_POSE_S * NANOSECONDS
 
     def _without_pose_ns(self, now_ns: int) -> int:
-        """Time since the last pose; before the first, since counting began."""
+        """Time since the last pose; before the first one, since counting began."""
         return max(now_ns - self._last_pose_ns, 0)
 
     @property
@@ -242,14 +242,14 @@ def _imu_values(imu: ImuCalibration | None) -> dict[str, str]:
 
 
 def _rounded(value: str | float | list[float]) -> str:
-    """Numbers to a part in a million of their unit, several with blanks between."""
+    """Numbers with six decimals, separated by blanks."""
     if isinstance(value, str):
         return value
     return " ".join(f"{number:.6f}" for number in np.atleast_1d(value))
 
 
 def _evidence(result: RegistrationResult) -> dict[str, str]:
-    """What the last pose rests on, or why there was none."""
+    """The matches behind the last pose, and the status of its registration."""
     return {
         "registration": result.status.value,
         "visual_matches": str(len(result.visual)),

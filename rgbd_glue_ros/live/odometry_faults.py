@@ -1,4 +1,4 @@
-"""Why a map does not grow, where the odometry of another process is what is missing."""
+"""Why the mapping node gets no keyframes from the odometry node."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ class OdometryTopic:
 
     Attributes:
         topic: its full name.
-        publishers: who publishes it, in words; none if there is no publisher.
-        received: messages that came: since the last look for poses, in all for the others.
+        publishers: descriptions of its publishers; empty if there are none.
+        received: received messages: of poses since the last check, of the others in total.
     """
 
     topic: str
@@ -23,14 +23,14 @@ class OdometryTopic:
 def explain_no_keyframes(
     pose: OdometryTopic, keyframe: OdometryTopic, edge: OdometryTopic
 ) -> str | None:
-    """Why no keyframe comes, and what to do; None where nothing is amiss.
+    """Why no keyframe arrives, and what to do; None if nothing is wrong.
 
-    Keyframes come as the camera moves, so that none for a while tells nothing.
+    Keyframes are created as the camera moves, so none for a while is not a fault.
 
     Args:
-        pose: of every frame.
-        keyframe: poses of keyframes.
-        edge: between keyframes; none for the first.
+        pose: the topic of every frame's pose.
+        keyframe: the topic of keyframe poses.
+        edge: the topic of edges between keyframes; the first keyframe has none.
     """
     unpublished = [each.topic for each in (pose, keyframe, edge) if not each.publishers]
     if unpublished:
@@ -40,16 +40,16 @@ def explain_no_keyframes(
             "or give this one its namespace and remappings"
         )
     if not pose.received:
-        return f"No keyframes: {_silent(pose)}: the odometry has no pose, and its log says why"
+        return f"No keyframes: {_silent(pose)}: the odometry has no pose; its log says why"
     if not keyframe.received:
-        return f"No keyframes: {_silent(keyframe)}: they come as the camera moves"
+        return f"No keyframes: {_silent(keyframe)}: they are created as the camera moves"
     if keyframe.received > 1 and not edge.received:
-        return f"No keyframes: {_silent(edge)}: see whether type and QoS of the topic fit"
+        return f"No keyframes: {_silent(edge)}: check whether type and QoS of the topic match"
     return None
 
 
 def _silent(silent: OdometryTopic) -> str:
-    return f"no message of {silent.topic} came from {', '.join(silent.publishers)}"
+    return f"no message on {silent.topic} arrived from {', '.join(silent.publishers)}"
 
 
 def _listed(words: list[str]) -> str:

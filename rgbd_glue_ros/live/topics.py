@@ -1,4 +1,4 @@
-"""Names of the node's topics and services, as they are before remapping."""
+"""Names of the node's topics and services, before remapping."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ SAVE_MAP_SERVICE = "~/save_map"
 MAP_PATH = "map/path"
 
 KEYFRAME_FRAME = "keyframe_{}"
-"""The frame of a keyframe in ``KEYFRAME_EDGES``, by its number."""
+"""The name of a keyframe's frame in ``KEYFRAME_EDGES``, from its number."""
 
-# Digits of a keyframe's number, at most: no odometry makes more keyframes.
+# Digits of a keyframe's number, at most: no odometry creates more keyframes.
 _DIGITS = 9
 
 RAW = "raw"
@@ -43,23 +43,23 @@ RAW = "raw"
 
 
 def transported(topic: str, transport: str) -> str:
-    """The topic of an image in some transport; ``topic`` is that of the raw image."""
+    """The topic of an image in a transport; ``topic`` is the base topic, of the raw image."""
     return topic if transport == RAW else f"{topic}/{transport}"
 
 
 def full_name(namespace: str, name: str) -> str:
-    """The name of a node with its namespace, as ``/robot/camera``."""
+    """The name of a node with its namespace, such as ``/robot/camera``."""
     return f"{namespace.rstrip('/')}/{name}"
 
 
 def keyframe_number(frame_id: str) -> int:
-    """The number of the keyframe whose frame is ``KEYFRAME_FRAME``.
+    """The number of a keyframe from the name of its frame, as in ``KEYFRAME_FRAME``.
 
     Raises:
-        InputError: it is the frame of none.
+        InputError: it is not the frame of a keyframe.
     """
     digits = frame_id.removeprefix(KEYFRAME_FRAME.format(""))
     is_number = digits.isdecimal() and len(digits) <= _DIGITS
     if not is_number or digits == frame_id:
-        raise InputError(KEYFRAME_EDGES, f"{frame_id!r} is no keyframe", "take the odometry node's")
+        raise InputError(KEYFRAME_EDGES, f"{frame_id!r} is no keyframe", "use the odometry node's")
     return int(digits)

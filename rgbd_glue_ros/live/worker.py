@@ -1,4 +1,4 @@
-"""One thread that works on items of a live stream, and two ways to let them wait for it."""
+"""A thread that processes items of a live stream, with two kinds of queue."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ logger = logging.getLogger(__name__)
 
 
 class Worker(ABC, Generic[T]):
-    """Hands items to a function on its own thread, one at a time, in the order of submission.
+    """Calls a function with items on its own thread, one at a time, in order of submission.
 
-    An exception of the function is logged and the thread goes on.
+    An exception of the function is logged, and the thread continues.
     """
 
     def __init__(self, work: Callable[[T], None]) -> None:
@@ -30,19 +30,19 @@ class Worker(ABC, Generic[T]):
         self._changed = threading.Condition()
         self._closed = False
         self._is_idle = True
-        # a daemon, so that work that never ends cannot keep the process alive
+        # a daemon, so that endless work cannot keep the process alive
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self._thread.start()
 
     @abstractmethod
     def submit(self, item: T) -> None:
-        """Leaves ``item`` for the thread."""
+        """Submits ``item`` to the thread."""
 
     def close(self, timeout_s: float) -> bool:
-        """Lets the item in work be finished, drops those that wait, and ends the thread.
+        """Waits for the current item, drops the queued ones, and ends the thread.
 
         Args:
-            timeout_s: how long to wait for the item in work, seconds.
+            timeout_s: how long to wait for the current item, seconds.
 
         Returns:
             Whether the thread has ended.
@@ -66,26 +66,26 @@ class Worker(ABC, Generic[T]):
             try:
                 self._work(item)
             except Exception:
-                logger.exception("A frame could not be processed; going on with the next")
+                logger.exception("A frame could not be processed; continuing with the next")
 
 
 class NewestWorker(Worker[T]):
-    """Of the items that wait, the newest alone is kept: a slow consumer never falls behind."""
+    """Keeps only the newest waiting item, so that a slow consumer never falls behind."""
 
     def __init__(self, work: Callable[[T], None], dropped: Callable[[T], None]) -> None:
         """Starts the thread.
 
         Args:
             work: called with each item, on the thread.
-            dropped: called with an item that a newer one replaced, where that was submitted.
+            dropped: called with an item that a newer one replaced, on the submitting thread.
         """
         self._dropped = dropped
         super().__init__(work)
 
     def submit(self, item: T) -> None:
-        """Leaves ``item`` for the thread; returns at once."""
+        """Submits ``item`` to the thread; returns immediately."""
         with self._changed:
-            # what an idle thread is about to take does not wait for anything
+            # an item that the idle thread is about to take is not replaced
             taken = [self._waiting.popleft()] if self._is_idle and self._waiting else []
             replaced = list(self._waiting)
             self._waiting = deque([*taken, item])
@@ -95,20 +95,20 @@ class NewestWorker(Worker[T]):
 
 
 class QueueWorker(Worker[T]):
-    """No item is dropped: who submits waits while the queue is full."""
+    """Drops no item: ``submit`` blocks while the queue is full."""
 
     def __init__(self, work: Callable[[T], None], size: int) -> None:
         """Starts the thread.
 
         Args:
             work: called with each item, on the thread.
-            size: items that wait, at most.
+            size: queued items, at most.
         """
         self._size = size
         super().__init__(work)
 
     def submit(self, item: T) -> None:
-        """Leaves ``item`` for the thread; returns when there is room for it, or after ``close``."""
+        """Submits ``item``; returns when there is room for it, or after ``close``."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or len(self._waiting) < self._size)
             self._waiting.append(item)

@@ -1,1 +1,1 @@
-"""ROS messages as NumPy sees them: images, camera infos, stamps and transforms, without ROS."""
+"""ROS messages -> NumPy: images, camera infos, stamps and transforms, without ROS."""

@@ -1,7 +1,7 @@
-"""camera_info -> intrinsics: which camera took an image, by the fields of its info.
+"""camera_info -> intrinsics.
 
-Drivers name one lens model in many ways and pad its coefficients to many lengths. Names are taken
-by family, and zeros behind the last coefficient say nothing.
+Drivers use many names for the same lens model, and pad its coefficients to various lengths. So all
+names of a model are accepted, and zeros after the last coefficient are ignored.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from rgbd_glue_ros.messages.images import is_rectified
 from rgbd_glue_ros.messages.reading import reader_of
 from rgbd_glue_ros.types import CameraIntrinsics, Float64, LensModel
 
-# Focal length and centre of a camera are within so many times, and above this part of, its image.
+# Plausible focal lengths and principal points are below this many times the longer image side;
+# focal lengths are also above the side divided by this.
 MAX_SIDES = 100.0
-# A calibration that tells no size, or another than the image has, is taken for one of the image if
-# its principal point is no farther from the centre, as a part of the size.
+# A calibration without a size, or of another size than the image, is assumed to be for the image if
+# its principal point is at most this far from the centre, as a fraction of the size.
 _MAX_OFF_CENTRE = 0.2
 
-# Where a camera matrix has its skew
+# The position of the skew in a camera matrix
 _SKEW = np.array([[0.0, 1, 0], [0, 0, 0], [0, 0, 0]])
 
 _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
@@ -66,17 +67,17 @@ _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
 
 
 def intrinsics_of(info: CameraInfo, image_topic: str, where: str) -> CameraIntrinsics:
-    """The camera of an image: rectified or not, as the name of its topic tells.
+    """The camera of an image, rectified or not.
 
-    A camera info describes both.
+    A camera info describes both; the name of the image's topic tells which of them applies.
 
     Args:
-        info: of the image.
-        image_topic: the image's.
-        where: the info's topic.
+        info: camera info of the image.
+        image_topic: topic of the image.
+        where: topic of the info, for errors.
 
     Raises:
-        InputError: as of the two functions below.
+        InputError: as for the two functions below.
     """
     if is_rectified(image_topic):
         return rectified_intrinsics_from_message(info, where)
@@ -84,19 +85,19 @@ def intrinsics_of(info: CameraInfo, image_topic: str, where: str) -> CameraIntri
 
 
 def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
-    """The camera that took the image as it was published, by K and D: not rectified.
+    """The camera of an image that is not rectified, from K and D.
 
-    Where K is not filled, it is the camera of P, which rectification alone leaves as K is.
+    If K is not filled, P is used, since plain rectification keeps K.
 
     Args:
         msg: sensor_msgs/msg/CameraInfo.
-        where: its topic.
+        where: its topic, for errors.
 
     Returns:
-        The camera after cropping and binning; without size where width and height are both 0.
+        The camera after cropping and binning; without size if width and height are both 0.
 
     Raises:
-        InputError: it is of another type, not calibrated, or of an unknown distortion model.
+        InputError: it has another type, is not calibrated, or has an unknown distortion model.
     """
     _check_info(msg, where)
     P, K = np.reshape(msg.p, (3, 4))[:, :3], np.reshape(msg.k, (3, 3))
@@ -110,21 +111,21 @@ def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
 
 
 def rectified_intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
-    """The camera that would have taken the rectified image, by P, or by K where P is not filled.
+    """The camera of a rectified image, from P, or from K if P is not filled.
 
     Args:
         msg: sensor_msgs/msg/CameraInfo.
-        where: its topic.
+        where: its topic, for errors.
 
     Returns:
-        The camera after cropping and binning; without size where width and height are both 0.
+        The camera after cropping and binning; without size if width and height are both 0.
 
     Raises:
-        InputError: it is of another type, or not calibrated.
+        InputError: it has another type, or is not calibrated.
     """
     _check_info(msg, where)
     P, K = np.reshape(msg.p, (3, 4))[:, :3], np.reshape(msg.k, (3, 3))
-    # rectification alone leaves K as it is
+    # plain rectification keeps K
     return _pinhole(P, msg, "P", where) if np.any(P) else _pinhole(K, msg, "K", where)
 
 
@@ -134,13 +135,13 @@ def of_image_size(
     """The camera at the resolution of its image.
 
     Args:
-        camera: at another resolution, or of a size that is not told.
-        shape: of the image, [height, width].
-        where: what says so of the camera, for errors.
-        image_topic: where the image is from, for errors.
+        camera: the camera, possibly at another resolution or without a size.
+        shape: shape of the image, [height, width].
+        where: source of the camera, for errors.
+        image_topic: source of the image, for errors.
 
     Raises:
-        InputError: its image has another aspect, or cannot be this one.
+        InputError: the aspect ratios differ, or the image cannot be of this camera.
     """
     height, width = shape
     if (camera.width, camera.height) == (width, height):
@@ -152,28 +153,28 @@ def of_image_size(
     if _is_off_centre(camera):
         raise InputError(
             where,
-            f"is of {camera.width}x{camera.height} pixels, {image_topic} of {width}x{height}, and "
-            f"its centre ({camera.cx:g}, {camera.cy:g}) is not that of its own size",
-            "give width and height of the images that the calibration is of",
+            f"is for {camera.width}x{camera.height} pixels, {image_topic} has {width}x{height}, "
+            f"and its centre ({camera.cx:g}, {camera.cy:g}) does not fit its own size",
+            "give width and height of the images that the calibration was made with",
         )
     return camera.scaled(width, height)
 
 
 def _believed(camera: CameraIntrinsics, where: str, image_topic: str) -> CameraIntrinsics:
-    """The camera, whose size is that of its image alone, if the centre of both agrees."""
+    """The camera, whose size was taken from the image, if its centre fits that size."""
     width, height = camera.width, camera.height
     if _is_off_centre(camera) or not is_plausible(camera):
         raise InputError(
             where,
-            f"tells no size, and its centre ({camera.cx:g}, {camera.cy:g}) is not that of the "
+            f"has no size, and its centre ({camera.cx:g}, {camera.cy:g}) does not fit the "
             f"{width}x{height} pixels of {image_topic}",
-            "give width and height of the images that the calibration is of",
+            "give width and height of the images that the calibration was made with",
         )
     return camera
 
 
 def _is_off_centre(camera: CameraIntrinsics) -> bool:
-    """Whether the principal point is far from the middle of the camera's image."""
+    """Whether the principal point is far from the centre of the camera's image."""
     off_centre = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
     return off_centre > _MAX_OFF_CENTRE
 
@@ -181,17 +182,17 @@ def _is_off_centre(camera: CameraIntrinsics) -> bool:
 def check_aspect(
     shape: tuple[int, ...], image_shape: tuple[int, ...], where: str, image_topic: str, remedy: str
 ) -> None:
-    """Refuses what is of another aspect than the image, to within a pixel.
+    """Checks that two images have the same aspect ratio, to within a pixel.
 
     Args:
         shape: [height, width].
-        image_shape: of the image.
-        where: what has that shape, for errors.
-        image_topic: where the image is from, for errors.
-        remedy: what to do about it.
+        image_shape: [height, width] of the image to compare with.
+        where: source of ``shape``, for errors.
+        image_topic: source of the image, for errors.
+        remedy: what to do if the ratios differ.
 
     Raises:
-        InputError: it is.
+        InputError: the aspect ratios differ.
     """
     (height, width), (image_height, image_width) = shape, image_shape
     if round(width * image_height / image_width) != height and (
@@ -199,7 +200,7 @@ def check_aspect(
     ):
         raise InputError(
             where,
-            f"is of {width}x{height} pixels, but {image_topic} of {image_width}x{image_height}",
+            f"has {width}x{height} pixels, but {image_topic} has {image_width}x{image_height}",
             remedy,
         )
 
@@ -211,7 +212,7 @@ def _check_info(msg: CameraInfo, where: str) -> None:
 
 
 def _is_without_size(msg: CameraInfo) -> bool:
-    """Whether the info leaves it to the image how large that is."""
+    """Whether the info gives no image size."""
     return not any((msg.width, msg.height, msg.roi.width, msg.roi.height)) and (
         max(msg.binning_x, msg.binning_y) < 2
     )
@@ -222,13 +223,13 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
 
     Args:
         matrix: fx 0 cx, 0 fy cy, 0 0 1; pixels.
-        width: of its images, pixels; 0 with ``height`` where that is not known.
-        height: the same.
-        name: of the matrix, for errors.
-        where: it is from, for errors.
+        width: width of its images, pixels; width and height are 0 if unknown.
+        height: height of its images, pixels.
+        name: name of the matrix, for errors.
+        where: source of the matrix, for errors.
 
     Raises:
-        InputError: it is another matrix, askew, or that of no camera with such images.
+        InputError: it is not such a matrix, has skew, or is implausible for images of that size.
     """
     if not matrix.any():
         raise InputError(
@@ -243,9 +244,9 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
     if skew and np.isfinite(skew) and np.array_equal(matrix - expected, skew * _SKEW):
         raise InputError(
             where,
-            f"{name} has a skew of {skew:g} pixels, and images are only read without",
+            f"{name} has a skew of {skew:g} pixels, which is not supported",
             "calibrate the camera without skew, as camera_calibration and OpenCV do, and give "
-            "that (--calibration FILE)",
+            "that calibration (--calibration FILE)",
         )
     if not np.isfinite(matrix).all() or not np.array_equal(matrix, expected):
         raise _no_camera(f"{name} is {matrix.tolist()}, not fx 0 cx, 0 fy cy, 0 0 1", where)
@@ -256,15 +257,15 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
         raise _no_camera(f"{number} of {name} {fault.cause}", where) from fault
     if (width or height) and not is_plausible(camera):
         raise _no_camera(
-            f"fx = {fx:g}, fy = {fy:g}, cx = {cx:g}, cy = {cy:g} of {name} are no camera's whose "
-            f"images have {width}x{height} pixels",
+            f"fx = {fx:g}, fy = {fy:g}, cx = {cx:g}, cy = {cy:g} of {name} are implausible for "
+            f"images of {width}x{height} pixels",
             where,
         )
     return camera
 
 
 def _no_camera(cause: str, where: str) -> InputError:
-    remedy = "give numbers in pixels of the images, or another calibration (--calibration FILE)"
+    remedy = "give values in pixels of the images, or another calibration (--calibration FILE)"
     return InputError(where, cause, remedy)
 
 
@@ -277,7 +278,7 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
 
 
 def is_plausible(camera: CameraIntrinsics) -> bool:
-    """Whether a camera with these numbers can have taken images of this size."""
+    """Whether focal lengths and principal point are plausible for images of the camera's size."""
     side = max(camera.width, camera.height)
     return side / MAX_SIDES < min(camera.fx, camera.fy) and (
         max(camera.fx, camera.fy, abs(camera.cx), abs(camera.cy)) < side * MAX_SIDES
@@ -285,10 +286,10 @@ def is_plausible(camera: CameraIntrinsics) -> bool:
 
 
 def _distortion(msg: CameraInfo, where: str) -> tuple[LensModel, tuple[float, ...]]:
-    """The lens and its coefficients; none where they are all zero."""
+    """The lens model and its coefficients; no coefficients if all are zero."""
     d: Float64 = np.asarray(msg.d, np.float64)
     if not np.isfinite(d).all():
-        raise InputError(where, f"D holds {d.tolist()}", "calibrate the camera again")
+        raise InputError(where, f"D is {d.tolist()}", "calibrate the camera again")
     if not d.any():
         return LensModel.BROWN_CONRADY, ()
     lens = _lens_named(msg.distortion_model)
@@ -299,7 +300,7 @@ def _distortion(msg: CameraInfo, where: str) -> tuple[LensModel, tuple[float, ..
         raise InputError(
             where,
             f"{len(d)} coefficients of distortion model {msg.distortion_model!r} are not supported",
-            f"rectify the images, or calibrate by one of {known}",
+            f"rectify the images, or calibrate with one of {known}",
         )
     length = len(d) if len(d) in lengths else lengths[0]
     padded = np.zeros(max(length, len(d)))
@@ -308,7 +309,7 @@ def _distortion(msg: CameraInfo, where: str) -> tuple[LensModel, tuple[float, ..
 
 
 def _lens_named(model: str) -> LensModel | None:
-    """The lens model of a name, written in whatever way."""
+    """The lens model of a name, whatever its case and punctuation; None if unknown."""
     plain = _plain(model)
     return next((lens for lens, names in _FAMILIES.items() if plain in map(_plain, names)), None)
 
@@ -322,7 +323,7 @@ _INFO_READERS: Mapping[str, Callable[[Any, str], CameraIntrinsics]] = {
 }
 
 INFO_TYPES = tuple(_INFO_READERS)
-"""Names of the types of messages read here, without their package."""
+"""Names of the message types that can be read, without their package."""
 
 
 def _cropped(camera: CameraIntrinsics, msg: CameraInfo, where: str) -> CameraIntrinsics:

@@ -1,8 +1,8 @@
 """Whether depth is registered to colour, and if not, which camera took it and from where.
 
-A driver that registers depth gives it the colour camera's frame; other frame, other camera. Depth
-of another camera needs that camera's info and its place, and is refused without: registered or
-not, depth images look alike, and poses from the wrong kind are wrong without a sign of it.
+A driver that registers depth gives it the colour camera's frame; another frame means another
+camera. Depth of another camera needs that camera's info and pose, and is refused without them:
+registered or not, depth images look alike, and nothing would show that poses are wrong.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from rgbd_glue_ros.messages.reading import frame_of
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 FindTransform = Callable[[str, str], Float64 | None]
-"""Gives T_target_source [4, 4] of two frames (target, source); None where it is not known."""
+"""Returns T_target_source [4, 4] of two frames (target, source); None if it is unknown."""
 
 REGISTER_IN_DRIVER = (
-    "switch registration on in the driver (realsense2_camera: align_depth.enable, and its topic "
+    "enable registration in the driver (realsense2_camera: align_depth.enable, and its topic "
     "aligned_depth_to_color/image_raw; orbbec_camera, astra_camera, openni2_camera: "
     "depth_registration; depthai_ros_driver: stereo.i_align_depth; azure_kinect_ros_driver: topic "
     "depth_to_rgb/image_raw), or run depth_image_proc's register node"
 )
-_IF_REGISTERED = "if it is registered all the same, set depth_is_registered"
+_IF_REGISTERED = "if it is registered nevertheless, set depth_is_registered"
 
 
 @dataclass(frozen=True)
 class GivenDepthCamera:
-    """What the user told of the depth camera.
+    """What the user has specified about the depth camera.
 
     Attributes:
-        T_color_depth: its place, float64 [4, 4]; None leaves it open.
-        is_info_chosen: whether its info is the one that the user named, and counts in any case.
+        T_color_depth: its pose in the colour camera, float64 [4, 4]; None if not specified.
+        is_info_chosen: whether the user named the topic of its info; then that info always counts.
     """
 
     T_color_depth: Float64 | None = None
@@ -54,8 +54,8 @@ class FoundDepthCamera:
     """The camera that took a depth image.
 
     Attributes:
-        camera: None if the image is registered to colour.
-        note: what is to be told of how it was found; None where all agrees.
+        camera: the camera; None if the image is registered to colour.
+        note: a warning about how it was determined; None if everything agrees.
     """
 
     camera: DepthCamera | None
@@ -71,24 +71,23 @@ def find_depth_camera(
     topics: FrameTopics,
     given: GivenDepthCamera = NOTHING_GIVEN,
 ) -> FoundDepthCamera:
-    """The camera that took a depth image, as frames, infos and the user tell.
+    """Determines the camera that took a depth image from frames, infos and the user's input.
 
     Args:
         color: the colour image.
         depth: the depth image.
-        color_info: of the colour camera.
-        depth_info: of the depth camera; None if there is none.
-        find_transform: gives the place of the depth camera.
-        topics: where the messages are from.
-        given: what the user told.
+        color_info: info of the colour camera.
+        depth_info: info of the depth camera; None if there is none.
+        find_transform: looks up the pose of the depth camera.
+        topics: topics of the messages, for errors.
+        given: what the user has specified.
 
     Raises:
-        InputError: the depth image is not registered, and the depth camera or its place is not
-            known.
+        InputError: the depth image is not registered, and the depth camera or its pose is unknown.
     """
     color_frame, depth_frame = frame_of(color.header), frame_of(depth.header)
     if depth_info is not None and frame_of(depth_info.header) not in {"", depth_frame}:
-        depth_info = None  # of another image, as where one of two topics was remapped
+        depth_info = None  # of another image, for example if only one of two topics was remapped
     if color_frame == depth_frame or not (color_frame and depth_frame):
         return _in_one_frame(color_info, depth_info, topics, given)
     if depth_info is None:
@@ -106,9 +105,9 @@ def find_depth_camera(
     if T_color_depth is None:
         raise InputError(
             topics.depth,
-            f"is not registered to colour, and where {depth_frame} is in {color_frame} is not "
-            "known",
-            f"see that the driver publishes it to /tf_static, or set depth_camera_pose; or "
+            f"is not registered to colour, and the pose of {depth_frame} in {color_frame} is "
+            "unknown",
+            f"make the driver publish it on /tf_static, or set depth_camera_pose; or "
             f"{REGISTER_IN_DRIVER}; {_IF_REGISTERED}",
         )
     return FoundDepthCamera(DepthCamera(intrinsics, T_color_depth))
@@ -120,7 +119,7 @@ def _in_one_frame(
     topics: FrameTopics,
     given: GivenDepthCamera,
 ) -> FoundDepthCamera:
-    """Of depth in the frame of colour: by its info, where that counts."""
+    """The camera of depth in the frame of colour, from its info if that is to be believed."""
     if depth_info is None:
         return FoundDepthCamera(None)
     try:
@@ -128,33 +127,33 @@ def _in_one_frame(
     except InputError as error:
         if given.is_info_chosen:
             raise
-        note = f"{error.where}: {error.cause}; {topics.depth} is taken as registered to colour"
+        note = f"{error.where}: {error.cause}; {topics.depth} is assumed registered to colour"
         return FoundDepthCamera(None, note)
     color = intrinsics_of(color_info, topics.color, topics.info)
     is_alike = _is_alike(intrinsics, color)
     if is_alike and _is_same_view(intrinsics, color):
         return FoundDepthCamera(None)
-    # drivers have sent the depth camera's info beside depth that they had registered
+    # some drivers send the depth camera's info beside registered depth
     if is_named_registered(topics.depth) and not given.is_info_chosen:
         note = (
-            f"{topics.depth}: registered to colour by its name, but of another camera by "
-            f"{topics.depth_info}; it is taken as registered. If it is not, name its info "
-            "(depth_info_topic, on the command line --depth-info-topic)"
+            f"{topics.depth}: registered to colour according to its name, but of another camera "
+            f"according to {topics.depth_info}; it is assumed to be registered. If it is not, name "
+            "its info (depth_info_topic, on the command line --depth-info-topic)"
         )
         return FoundDepthCamera(None, note)
     if given.T_color_depth is not None or is_alike:
         T = np.eye(4) if given.T_color_depth is None else given.T_color_depth
         return FoundDepthCamera(DepthCamera(intrinsics, T))
     note = (
-        f"{topics.depth}: its frame is that of {topics.color}, but its camera another one by "
-        f"{topics.depth_info}: depth is registered here, as from the same place; set "
-        "depth_camera_pose if it is from another, or depth_is_registered if it is registered"
+        f"{topics.depth}: its frame is that of {topics.color}, but its camera is another one "
+        f"according to {topics.depth_info}: depth is registered here, for cameras in the same "
+        "place; set depth_camera_pose if they are not, or depth_is_registered if it is registered"
     )
     return FoundDepthCamera(DepthCamera(intrinsics, np.eye(4)), note)
 
 
 def is_same_camera(color_info: CameraInfo, depth_info: CameraInfo, topics: FrameTopics) -> bool:
-    """Whether both infos tell of one camera, at one resolution or two.
+    """Whether both infos describe the same camera, possibly at different resolutions.
 
     Raises:
         InputError: one of them cannot be used.
@@ -164,10 +163,10 @@ def is_same_camera(color_info: CameraInfo, depth_info: CameraInfo, topics: Frame
 
 
 def _is_alike(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:
-    """Whether both are one camera, at one resolution or two.
+    """Whether both are the same camera, possibly at different resolutions.
 
-    Drivers leave out the coefficients of the lens beside registered depth; no two cameras have the
-    same matrix.
+    The matrix decides, since no two cameras have the same one: drivers omit the distortion
+    coefficients for registered depth.
     """
     if depth.width and color.width:
         depth = depth.scaled(color.width, color.height)
@@ -179,7 +178,7 @@ def _is_alike(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:
 
 
 def _is_same_view(depth: CameraIntrinsics, color: CameraIntrinsics) -> bool:
-    """Whether images of both have one aspect: not where one of them was squeezed."""
+    """Whether images of both have the same aspect ratio, which they do unless one was squeezed."""
     if not (depth.width and color.width):
         return True
     return abs(depth.width * color.height - color.width * depth.height) <= max(

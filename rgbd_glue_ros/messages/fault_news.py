@@ -1,4 +1,4 @@
-"""Which faults deserve a line in the log: each kind once, and not hundreds in a minute."""
+"""Which faults to log: each kind once, and not hundreds per minute."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from collections.abc import Callable
 from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.types import NANOSECONDS
 
-# A camera gone mad must not fill the memory or the log, nor keep what comes later out of it.
+# A faulty camera must not fill the memory or the log, nor suppress later faults.
 MAX_FAULTS = 100
-"""Faults that are remembered, and that are told in ``FAULTS_WINDOW_NS``, at most."""
+"""Maximum number of remembered faults, and of faults reported within ``FAULTS_WINDOW_NS``."""
 
 FAULTS_WINDOW_NS = 600 * NANOSECONDS
 
 
 class FaultNews:
-    """Remembers the faults told lately. Any thread may call it.
+    """Remembers recently reported faults; thread-safe.
 
     Attributes:
-        last: the last fault, news or not; "" before the first.
+        last: the last fault, new or not; "" before the first.
     """
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
-        """Remembers none.
+        """Starts without faults.
 
         Args:
-            clock: the time in nanoseconds, which never goes back.
+            clock: a monotonic clock, nanoseconds.
         """
         self.last = ""
         self._clock = clock
@@ -37,9 +37,9 @@ class FaultNews:
         self._told_ns: deque[int] = deque(maxlen=MAX_FAULTS)
 
     def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault was not seen before, as far as is remembered, and deserves a line.
+        """Whether a fault is new and should be logged.
 
-        Faults that differ in numbers alone are the same.
+        Faults that differ only in numbers count as the same.
         """
         kind = without_numbers(where), without_numbers(cause)
         now_ns = self._clock()
@@ -60,6 +60,6 @@ class FaultNews:
             return True
 
     def forget(self) -> None:
-        """Takes what comes again for news, as where all was well in between."""
+        """Forgets all faults, so that they are new again, as after a time without faults."""
         with self._lock:
             self._faults.clear()

@@ -1,6 +1,6 @@
-"""Plain ROS messages, to be written to a bag or copied into a message of rclpy.
+"""Plain ROS messages, to be written to a bag or copied into rclpy messages.
 
-Classes and fields are named as in ROS 2, so that ``messages`` reads these like any other.
+Classes and fields have the names of ROS 2, so that this package reads them like any others.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Message = TypeVar("Message")
 # REP-118: 16UC1 depth is in millimetres
 DEPTH_UNITS_PER_METRE = 1000
 
-# what sensor_msgs/Imu has for the covariance of an element that the sensor does not measure
+# the covariance of a quantity that the sensor does not measure, as in sensor_msgs/Imu
 _NOT_MEASURED = np.array([-1.0] + [0.0] * 8)
 
 
@@ -148,7 +148,7 @@ class Vector3:
 
 @dataclass(frozen=True)
 class Imu:
-    """sensor_msgs/msg/Imu; covariances float64 [9], whose first is -1 of what is not measured."""
+    """sensor_msgs/msg/Imu; covariances float64 [9], with -1 first if it is not measured."""
 
     header: Header
     orientation: Quaternion
@@ -160,16 +160,16 @@ class Imu:
 
 
 def check_recordable(stamp_ns: int) -> None:
-    """Refuses a time that a bag has no place for: builtin_interfaces/Time ends in 2038.
+    """Refuses a time that a bag cannot store: builtin_interfaces/Time ends in 2038.
 
     Raises:
-        InputError: the stamp is before 1970, or after that.
+        InputError: the stamp is before 1970 or after 2038.
     """
     if not 0 <= stamp_ns < 2**31 * NANOSECONDS:
         raise InputError(
             "the recording",
-            f"has a stamp of {stamp_ns / NANOSECONDS:.9g} s, and bags hold those from 0 to 2^31 s",
-            "shift its stamps, or correct the line that has it",
+            f"has a stamp of {stamp_ns / NANOSECONDS:.9g} s, but bags store only 0 to 2^31 s",
+            "shift its stamps, or correct the line with this one",
         )
 
 
@@ -184,14 +184,14 @@ def color_image(color: UInt8, head: Header) -> Image:
 
 
 def depth_image(depth: Float32, head: Header) -> Image:
-    """Depth [H, W] in metres, NaN unknown, as 32FC1, which loses nothing."""
+    """Depth [H, W] in metres, NaN where unknown, as 32FC1, without loss."""
     return _image(depth.astype("<f4"), "32FC1", head)
 
 
 def millimetre_image(depth: Float32, head: Header) -> Image:
-    """Depth [H, W] in metres, NaN unknown, as 16UC1, as most drivers give it.
+    """Depth [H, W] in metres, NaN where unknown, as 16UC1, as most drivers publish it.
 
-    Depth beyond 65.535 m is given as unknown.
+    Depth beyond 65.535 m becomes unknown.
     """
     return _image(quantised(depth, DEPTH_UNITS_PER_METRE).astype("<u2"), "16UC1", head)
 
@@ -205,18 +205,18 @@ def compressed_color_image(color: UInt8, head: Header, quality: int = 95) -> Com
 
 
 def compressed_depth_image(depth: Float32, head: Header) -> CompressedImage:
-    """Depth [H, W] in metres, NaN unknown, as compressedDepth: a PNG of whole millimetres.
+    """Depth [H, W] in metres, NaN where unknown, as compressedDepth: a PNG of whole millimetres.
 
-    Depth beyond 65.535 m is given as unknown.
+    Depth beyond 65.535 m becomes unknown.
     """
-    # the three numbers before the PNG are for 32FC1 only
+    # the three numbers before the PNG are used for 32FC1 only
     head_of_data = struct.pack("<iff", 0, 0.0, 0.0)
     data = head_of_data + encode_png(quantised(depth, DEPTH_UNITS_PER_METRE))
     return CompressedImage(head, "16UC1; compressedDepth png", _flat(data))
 
 
 def camera_info(intrinsics: CameraIntrinsics, head: Header) -> CameraInfo:
-    """The camera info of an image that is used as it is: P repeats K, R is the identity."""
+    """The camera info of an image without rectification: P repeats K, R is the identity."""
     p = np.zeros((3, 4))
     p[:, :3] = intrinsics.matrix
     return CameraInfo(
@@ -232,21 +232,21 @@ def camera_info(intrinsics: CameraIntrinsics, head: Header) -> CameraInfo:
 
 
 def distortion_model(intrinsics: CameraIntrinsics) -> str:
-    """What ROS calls the lens model, of that many coefficients."""
+    """The name of the lens model in ROS, for its number of coefficients."""
     if intrinsics.lens is LensModel.BROWN_CONRADY and len(intrinsics.distortion) > 5:
         return "rational_polynomial"
     return intrinsics.lens.value
 
 
 def pose_stamped(T: Float64, head: Header) -> PoseStamped:
-    """The pose T [4, 4] of a body in the frame that the header names."""
+    """The pose T [4, 4] of a body in the header's frame."""
     x, y, z = (float(value) for value in T[:3, 3])
     qx, qy, qz, qw = (float(value) for value in se3.quaternion(T))
     return PoseStamped(head, Pose(Point(x, y, z), Quaternion(qx, qy, qz, qw)))
 
 
 def imu(samples: ImuSamples, index: int, frame_id: str) -> Imu:
-    """One of the samples, in the axes of the frame; NaN is what is not measured."""
+    """The message of one sample, in the axes of the frame; NaN means not measured."""
     measured, covariances = [], []
     for vectors in (samples.angular_velocity, samples.linear_acceleration):
         is_known = bool(np.isfinite(vectors[index]).all())
@@ -265,13 +265,13 @@ def imu(samples: ImuSamples, index: int, frame_id: str) -> Imu:
 
 
 def copy_fields(source: object, target: Message) -> Message:
-    """Copies a plain message into one of rclpy's of the same type, which it returns."""
+    """Copies a plain message into an rclpy message of the same type, and returns that."""
     for item in fields(source):  # type: ignore[arg-type]
         value = getattr(source, item.name)
         if is_dataclass(value):
             copy_fields(value, getattr(target, item.name))
         elif isinstance(value, np.ndarray):
-            # of all that rclpy takes, only an array.array is filled without a loop in Python
+            # of the types that rclpy accepts, only array.array needs no loop in Python
             values = array(value.dtype.char)
             values.frombytes(value.data.cast("B"))
             setattr(target, item.name, values)

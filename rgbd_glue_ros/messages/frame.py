@@ -1,4 +1,4 @@
-"""Three messages -> a frame: both images at one size, with the camera that took them."""
+"""Three messages -> a frame: both images at the same size, with their camera."""
 
 from __future__ import annotations
 
@@ -47,27 +47,24 @@ def frame_from_messages(
     depth_scale: float | None = None,
     background: Executor | None = None,
 ) -> RgbdFrame:
-    """The frame made of three messages.
+    """Converts three messages to a frame.
 
-    A registered depth image of another size than the colour image is brought to the colour
-    image's, by nearest neighbours, and a camera info of another size is scaled, if the aspect is
-    the same.
-    Whether the images are rectified is told by the name of the colour topic: a camera info
-    describes both.
+    A registered depth image of another size is resampled to that of the colour image, by nearest
+    neighbours, and a camera info of another size is scaled, if the aspect ratio is the same.
+    The name of the colour topic tells whether images are rectified: a camera info describes both.
 
     Args:
         color: sensor_msgs/msg/Image or CompressedImage.
         depth: the same.
-        info: of the colour image.
-        topics: where they are from.
-        depth_camera: that took the depth image; None if it is registered to the colour image.
-        depth_scale: as of ``depth_from_message``.
-        background: decodes depth while this thread decodes colour: compressed, each takes
-            milliseconds, and neither holds the interpreter's lock. None decodes one after the
-            other.
+        info: camera info of the colour image.
+        topics: their topics, for errors.
+        depth_camera: the camera that took the depth image; None if depth is registered to colour.
+        depth_scale: as for ``depth_from_message``.
+        background: decodes depth while this thread decodes colour. Decoding a compressed image
+            takes milliseconds and releases the interpreter lock. None decodes one after the other.
 
     Raises:
-        InputError: one of them cannot be used, or the sizes have different aspects.
+        InputError: a message cannot be used, or the aspect ratios differ.
     """
     decode_depth = partial(depth_from_message, depth, topics.depth, depth_scale)
     decoded = None if background is None else background.submit(decode_depth)
@@ -108,21 +105,21 @@ def registered_images(
     depth_camera: DepthCamera,
     topics: FrameTopics,
 ) -> tuple[UInt8, Float32, CameraIntrinsics]:
-    """Brings depth into the view of the colour camera.
+    """Registers depth to the colour camera.
 
     Args:
         color: [H, W(, 3)].
         depth: [h, w], metres, NaN where unknown.
-        camera: that took ``color``, of its size.
-        depth_camera: that took ``depth``, at any resolution.
-        topics: where the images are from, for errors.
+        camera: the camera of ``color``, at its size.
+        depth_camera: the camera of ``depth``, at any resolution.
+        topics: topics of the images, for errors.
 
     Returns:
-        Colour, depth [H, W] and the camera of both; colour is undistorted where its lens is one
-        that depth cannot be brought into.
+        Colour, depth [H, W] and the camera of both; colour is undistorted if depth cannot be
+        projected with its lens model.
 
     Raises:
-        InputError: ``depth`` is of another aspect than its camera.
+        InputError: ``depth`` has another aspect ratio than its camera.
     """
     taken_by = of_image_size(depth_camera.intrinsics, depth.shape, topics.depth_info, topics.depth)
     if not can_project(camera):
@@ -137,7 +134,7 @@ def frame_of_match(
     depth_scale: float | None,
     background: Executor | None = None,
 ) -> RgbdFrame:
-    """``frame_from_messages`` of messages that were paired, with the stamps they were paired by."""
+    """``frame_from_messages`` of a match, with the stamps that its messages were paired by."""
     frame = frame_from_messages(
         match.color, match.depth, match.info, topics, depth_camera, depth_scale, background
     )
@@ -145,21 +142,21 @@ def frame_of_match(
 
 
 def registration_doubt(color: AnyImage, depth: AnyImage, topics: FrameTopics) -> str | None:
-    """Why depth may not be registered to colour, None if nothing speaks against it."""
+    """Why depth may not be registered to colour; None if nothing suggests that."""
     frames = frame_of(color.header), frame_of(depth.header)
     if frames[0] == frames[1] or not all(frames):
         return None
     return (
         f"{topics.depth}: its frame is {frames[1]}, but that of {topics.color} is {frames[0]}; "
-        "if depth is not registered to colour, give a topic where it is (--depth-topic), or its "
-        "camera (--depth-calibration FILE)"
+        "if depth is not registered to colour, give a topic with registered depth (--depth-topic), "
+        "or its camera (--depth-calibration FILE)"
     )
 
 
 def resampled(depth: Float32, width: int, height: int) -> Float32:
-    """Depth [h, w] at ``height`` x ``width`` pixels: each takes the pixel that its centre is in.
+    """Depth [h, w] resampled to ``height`` x ``width`` pixels, by nearest neighbours.
 
-    Depth is never averaged: a mean across an edge lies where nothing is.
+    Depth is never averaged: a mean across an edge is a point in empty space.
     """
     rows = _nearest(depth.shape[0], height)
     columns = _nearest(depth.shape[1], width)
@@ -168,5 +165,5 @@ def resampled(depth: Float32, width: int, height: int) -> Float32:
 
 
 def _nearest(old: int, new: int) -> NDArray[np.int64]:
-    """For each of ``new`` pixels, which of ``old`` its centre is in: floor((i + 0.5) old / new)."""
+    """For each new pixel, the old one that contains its centre: floor((i + 0.5) old / new)."""
     return (2 * np.arange(new) + 1) * old // (2 * new)

@@ -1,9 +1,9 @@
-"""Image files <-> arrays: damaged and absurdly large ones are refused before decoding.
+"""Image files <-> arrays; damaged and absurdly large files are refused before decoding.
 
-What a file is shows in its first bytes; its name may say anything.
+The format is recognised by the first bytes, since the name may be wrong.
 
-OpenCV alone would fill the missing part of a truncated image with grey (as versions before 4.13
-do) and write about it to stderr, and it would allocate whatever size a header claims.
+On its own, OpenCV would fill the missing part of a truncated image with grey (before version 4.13)
+and report it on stderr, and it would allocate whatever size a header claims.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ JPEG_SIGNATURE = b"\xff\xd8\xff"
 
 _EXR_SIGNATURE = b"\x76\x2f\x31\x01"
 _PNM_CHANNELS = {b"P5": 1, b"P6": 3}
-# Between the numbers there may be comments to the end of a line
+# Between the numbers there may be comments, which last to the end of the line
 _LONGEST_PNM_HEADER = 4096
 _PNM_HEADER = re.compile(rb"(P[56])" + 3 * rb"(?:\s|#[^\n]*\n)+(\d{1,9})" + rb"\s")
 
@@ -39,7 +39,7 @@ _JPEG_START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_START_OF_SCAN = 0xDA
 _JPEG_END = b"\xff\xd9"
 
-# Byte orders by the first bytes; the types of numbers and the tags that are looked at
+# Byte orders by the first bytes; the number types and tags that are read
 _TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 _TIFF_NUMBERS = {3: "H", 4: "I"}
 _WIDTH, _HEIGHT, _STRIP_STARTS, _STRIP_LENGTHS = 256, 257, 273, 279
@@ -47,25 +47,26 @@ _TIFF_TAGS = frozenset({_WIDTH, _HEIGHT, _STRIP_STARTS, _STRIP_LENGTHS})
 
 
 def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
-    """The image in the bytes of a file, of the channels and depth it has.
+    """Decodes an image file, with its own channels and bit depth.
 
-    Read are PNG, JPEG, WebP, TIFF, binary PNM (``P5``, ``P6``), and EXR where OpenCV has it.
+    Formats are PNG, JPEG, WebP, TIFF, binary PNM (``P5``, ``P6``), and EXR if OpenCV supports it.
 
     Args:
-        data: the file's content.
-        where: what to name in an error.
+        data: content of the file.
+        where: source of the file, for errors.
 
     Returns:
-        uint8 or uint16, [H, W] or [H, W, 3] BGR or [H, W, 4] BGRA; of TIFF and EXR also others.
+        uint8 or uint16, [H, W] or [H, W, 3] BGR or [H, W, 4] BGRA; TIFF and EXR also other types.
 
     Raises:
-        InputError: none of these, damaged, cut off, or larger than ``MAX_PIXELS``.
+        InputError: the format is another one, or the image is damaged, truncated, or larger than
+            ``MAX_PIXELS``.
     """
     view = memoryview(data).cast("B")
     try:
         width, height = _checker(view, where)(view)
     except (struct.error, IndexError, _DamagedError) as error:
-        cause = str(error) if isinstance(error, _DamagedError) else "it is cut off"
+        cause = str(error) if isinstance(error, _DamagedError) else "it is truncated"
         raise InputError(
             where,
             f"damaged image of {len(view)} bytes: {cause}",
@@ -73,7 +74,7 @@ def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
         ) from error
     check_size(width, height, where)
     if view[: len(_EXR_SIGNATURE)] == _EXR_SIGNATURE:
-        # OpenCV reads EXR only if it is told so before the first
+        # OpenCV reads EXR only if this is set before the first one
         os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")
     try:
         image = cv2.imdecode(np.frombuffer(view, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -81,7 +82,7 @@ def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
         image = None
     if image is None and view[: len(_EXR_SIGNATURE)] == _EXR_SIGNATURE:
         raise InputError(
-            where, "damaged, or OpenCV has no EXR here", "convert EXR to 16-bit PNG, TIFF or NPY"
+            where, "damaged, or OpenCV lacks EXR here", "convert EXR to 16-bit PNG, TIFF or NPY"
         )
     if image is None or image.shape[:2] != (height, width):
         raise InputError(where, "damaged image: it cannot be decoded", "check the recording")
@@ -89,22 +90,22 @@ def decode(data: bytes | memoryview, where: str) -> NDArray[Any]:
 
 
 def check_size(width: int, height: int, where: str) -> None:
-    """Refuses sizes that no camera has.
+    """Refuses implausible image sizes.
 
     Raises:
-        InputError: no pixels, or more than ``MAX_PIXELS``.
+        InputError: there are no pixels, or more than ``MAX_PIXELS``.
     """
     if not 0 < width * height <= MAX_PIXELS:
         raise InputError(
             where,
             f"an image of {width}x{height} pixels",
-            f"give one of at least one and at most {MAX_PIXELS} pixels",
+            f"give one with at least one and at most {MAX_PIXELS} pixels",
         )
 
 
 def encode_png(image: NDArray[Any]) -> bytes:
     """A grey (uint8 or uint16) or BGR image as PNG."""
-    # For depth images, run-length coding is as small as zlib's level 4 in half the time.
+    # For depth images, run-length coding compresses like zlib's level 4 in half the time.
     options = [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
     _, data = cv2.imencode(".png", image, options)
     return data.tobytes()
@@ -117,18 +118,18 @@ def encode_jpeg(image: NDArray[Any], quality: int = 95) -> bytes:
 
 
 def quantised(depth: Float32, units_per_metre: int) -> NDArray[np.uint16]:
-    """Depth [H, W] in metres as whole units of 16 bits; 0 where it is unknown or too far."""
+    """Depth [H, W] in metres as 16-bit integers; 0 where it is unknown or too far."""
     units = np.nan_to_num(np.rint(depth * units_per_metre), nan=0.0)
     units[(units < 0) | (units > np.iinfo(np.uint16).max)] = 0
     return units.astype(np.uint16)
 
 
 class _DamagedError(Exception):
-    """What is wrong with the bytes of an image."""
+    """Says what is wrong with the bytes of an image."""
 
 
 def _checker(data: memoryview, where: str) -> Callable[[memoryview], tuple[int, int]]:
-    """Who looks over a file of this kind and gives its width and height."""
+    """The function that checks a file of this format and returns its width and height."""
     head = bytes(data[:16])
     if head.startswith(PNG_SIGNATURE):
         return _checked_png
@@ -143,12 +144,12 @@ def _checker(data: memoryview, where: str) -> Callable[[memoryview], tuple[int, 
     if head[:2] in _PNM_CHANNELS:
         return _checked_pnm
     raise InputError(
-        where, "the data are neither PNG nor JPEG, WebP, TIFF, EXR or PNM", "give one of these"
+        where, "the data are not PNG, JPEG, WebP, TIFF, EXR or PNM", "give one of these"
     )
 
 
 def _checked_png(data: memoryview) -> tuple[int, int]:
-    """Width and height of a PNG whose chunks are all there and have the right checksums."""
+    """Width and height of a PNG; checks that all chunks are complete, with correct checksums."""
     width = height = 0
     position = len(PNG_SIGNATURE)
     kind = b""
@@ -166,7 +167,7 @@ def _checked_png(data: memoryview) -> tuple[int, int]:
 
 
 def _checked_jpeg(data: memoryview) -> tuple[int, int]:
-    """Width and height of a JPEG that has a header, a scan and an end."""
+    """Width and height of a JPEG; checks that it has a header, a scan and an end."""
     width = height = 0
     position = 2
     marker = -1
@@ -180,17 +181,17 @@ def _checked_jpeg(data: memoryview) -> tuple[int, int]:
         if marker in _JPEG_START_OF_FRAME:
             height, width = struct.unpack_from(">HH", data, position + 4)
         position += 1 + length
-    # 0xFF inside a scan is always followed by 0 or a restart marker: any other end is the end
+    # inside a scan, 0xFF is always followed by 0 or a restart marker, so this is the real end
     if bytes(data).rfind(_JPEG_END, position) < 0:
-        raise _DamagedError("the JPEG is cut off")
+        raise _DamagedError("the JPEG is truncated")
     return width, height
 
 
 def _checked_webp(data: memoryview) -> tuple[int, int]:
-    """Width and height of a WebP (RFC 9649) that is as long as it says."""
+    """Width and height of a WebP (RFC 9649); checks its length."""
     (length,) = struct.unpack_from("<I", data, 4)
     if len(data) < 8 + length:
-        raise _DamagedError("it is cut off")
+        raise _DamagedError("it is truncated")
     kind = bytes(data[12:16])
     if kind == b"VP8X":
         sides = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
@@ -204,7 +205,7 @@ def _checked_webp(data: memoryview) -> tuple[int, int]:
 
 
 def _checked_exr(data: memoryview) -> tuple[int, int]:
-    """Width and height of the data window of an OpenEXR file, by its header."""
+    """Width and height of the data window in the header of an OpenEXR file."""
     position = 8
     while data[position]:
         name, position = _terminated(data, position)
@@ -214,31 +215,31 @@ def _checked_exr(data: memoryview) -> tuple[int, int]:
             left, top, right, bottom = struct.unpack_from("<4i", data, position + 4)
             return right - left + 1, bottom - top + 1
         position += 4 + max(size, 0)
-    raise _DamagedError("the EXR tells no size")
+    raise _DamagedError("the EXR has no size")
 
 
 def _terminated(data: memoryview, start: int) -> tuple[bytes, int]:
-    """The text up to the next zero, of 255 bytes at most, and where what follows begins."""
+    """The text up to the next zero byte, at most 255 bytes, and the position after it."""
     text, zero, _ = bytes(data[start : start + 256]).partition(b"\0")
     if not zero:
-        raise _DamagedError("the EXR has no end of a name")
+        raise _DamagedError("a name in the EXR has no end")
     return text, start + len(text) + 1
 
 
 def _checked_pnm(data: memoryview) -> tuple[int, int]:
-    """Width and height of a binary PGM or PPM whose pixels are all there."""
+    """Width and height of a binary PGM or PPM; checks that no pixels are missing."""
     found = _PNM_HEADER.match(bytes(data[:_LONGEST_PNM_HEADER]))
     if found is None:
         raise _DamagedError("the PNM has no header")
     width, height, most = map(int, found.groups()[1:])
     needed = width * height * _PNM_CHANNELS[found[1]] * (2 if most > 255 else 1)
     if len(data) < found.end() + needed:
-        raise _DamagedError("the PNM is cut off")
+        raise _DamagedError("the PNM is truncated")
     return width, height
 
 
 def _checked_tiff(data: memoryview) -> tuple[int, int]:
-    """Width and height of the first image of a TIFF 6.0 file, whose pixels are all there."""
+    """Width and height of the first image of a TIFF 6.0 file; checks that no pixels are missing."""
     order = _TIFF_ORDERS[bytes(data[:4])]
     (directory,) = struct.unpack_from(f"{order}I", data, 4)
     (count,) = struct.unpack_from(f"{order}H", data, directory)
@@ -249,15 +250,15 @@ def _checked_tiff(data: memoryview) -> tuple[int, int]:
         if letter is None or tag not in _TIFF_TAGS:
             continue
         form = f"{order}{min(values, MAX_PIXELS)}{letter}"
-        # what does not fit into four bytes lies elsewhere
+        # values that do not fit into four bytes are stored elsewhere
         if struct.calcsize(form) > 4:
             (place,) = struct.unpack_from(f"{order}I", data, at + 8)
         else:
             place = at + 8
         tags[tag] = struct.unpack_from(form, data, place)
     if not {_WIDTH, _HEIGHT} <= tags.keys():
-        raise _DamagedError("the TIFF tells no size")
+        raise _DamagedError("the TIFF has no size")
     starts, lengths = tags.get(_STRIP_STARTS, ()), tags.get(_STRIP_LENGTHS, ())
     if any(a + n > len(data) for a, n in zip(starts, lengths, strict=False)):
-        raise _DamagedError("the TIFF is cut off")
+        raise _DamagedError("the TIFF is truncated")
     return tags[_WIDTH][0], tags[_HEIGHT][0]

@@ -1,7 +1,7 @@
-"""Image messages -> numpy: colour as RGB or grey, depth in metres.
+"""Image messages -> NumPy: colour as RGB or grey, depth in metres.
 
-What cannot be used is refused with an ``InputError`` that names the topic, what is wrong and what
-to do.
+Unusable messages are refused with an ``InputError`` that names the topic, what is wrong and what to
+do.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rgbd_glue_ros.types import Float32, UInt8
 AnyImage = Image | CompressedImage
 Found = TypeVar("Found")
 
-# image_transport appends these to the name of the image's topic
+# image_transport appends these to the image's topic
 COLOR_SUFFIX, DEPTH_SUFFIX = "/compressed", "/compressedDepth"
 
 UINT8, UINT16 = np.dtype(np.uint8), np.dtype(np.uint16)
@@ -35,15 +35,15 @@ UINT8, UINT16 = np.dtype(np.uint8), np.dtype(np.uint16)
 
 @dataclass(frozen=True)
 class _ColorEncoding:
-    """How the pixels of an image lie.
+    """The memory layout of an image.
 
     Attributes:
-        channels: of a pixel, each of ``dtype``.
-        to_rgb: OpenCV's code of the conversion to RGB; None: nothing to do.
-        dtype: uint8, or uint16 of which the full range is used.
-        planes_rows: rows of the data for two rows of the image, where planes of colour follow
-            that of the brightness.
-        is_subsampled: whether neighbours share their colour, so that sides have to be even.
+        channels: channels of a pixel, each of ``dtype``.
+        to_rgb: OpenCV's code of the conversion to RGB; None if none is needed.
+        dtype: uint8, or uint16 with its full range.
+        planes_rows: rows of data for two rows of the image; 3 if planes of colour follow the
+            brightness.
+        is_subsampled: whether neighbours share their colour, so that width and height must be even.
     """
 
     channels: int
@@ -59,7 +59,7 @@ _COLOR_ENCODINGS: Mapping[str, _ColorEncoding] = {
     "rgba8": _ColorEncoding(4, cv2.COLOR_RGBA2RGB),
     "bgra8": _ColorEncoding(4, cv2.COLOR_BGRA2RGB),
     "mono8": _ColorEncoding(1, None),
-    # OpenCV's names leave the order open; those who use them publish OpenCV's order
+    # OpenCV's names leave the order open; publishers that use them have OpenCV's order
     "8UC1": _ColorEncoding(1, None),
     "8UC3": _ColorEncoding(3, cv2.COLOR_BGR2RGB),
     "8UC4": _ColorEncoding(4, cv2.COLOR_BGRA2RGB),
@@ -68,7 +68,7 @@ _COLOR_ENCODINGS: Mapping[str, _ColorEncoding] = {
     "rgba16": _ColorEncoding(4, cv2.COLOR_RGBA2RGB, UINT16),
     "bgra16": _ColorEncoding(4, cv2.COLOR_BGRA2RGB, UINT16),
     "mono16": _ColorEncoding(1, None, UINT16),
-    # ROS names a Bayer pattern by its first four pixels, OpenCV by the four from (1, 1) on
+    # ROS names a Bayer pattern by its first four pixels, OpenCV by the four that start at (1, 1)
     **{
         f"bayer_{pattern}{bits}": _ColorEncoding(1, code, dtype)
         for pattern, code in (
@@ -79,7 +79,7 @@ _COLOR_ENCODINGS: Mapping[str, _ColorEncoding] = {
         )
         for bits, dtype in ((8, UINT8), (16, UINT16))
     },
-    # what ROS calls yuv422 is UYVY
+    # yuv422 of ROS is UYVY
     **{
         name: _ColorEncoding(2, cv2.COLOR_YUV2RGB_UYVY, is_subsampled=True)
         for name in ("yuv422", "uyvy")
@@ -92,7 +92,7 @@ _COLOR_ENCODINGS: Mapping[str, _ColorEncoding] = {
     "nv21": _ColorEncoding(1, cv2.COLOR_YUV2RGB_NV21, planes_rows=3, is_subsampled=True),
 }
 
-# Type of the pixels and how many units make a metre (REP-118)
+# Pixel type and units per metre (REP-118)
 _DEPTH_ENCODINGS: Mapping[str, tuple[type[np.generic], int]] = {
     "16UC1": (np.uint16, DEPTH_UNITS_PER_METRE),
     "mono16": (np.uint16, DEPTH_UNITS_PER_METRE),
@@ -102,7 +102,7 @@ _DEPTH_ENCODINGS: Mapping[str, tuple[type[np.generic], int]] = {
     "64FC1": (np.float64, 1),
 }
 
-# Before the PNG in a compressedDepth message: an enumerator and the two quantisation parameters
+# Header before the PNG in a compressedDepth message: an enumerator and two quantisation parameters
 _QUANTISATION = struct.Struct("<iff")
 
 _VIDEO = re.compile(r"h\.?26[45]|hevc|vp[89]|av1", re.IGNORECASE)
@@ -115,13 +115,13 @@ def color_from_message(msg: AnyImage, where: str) -> UInt8:
 
     Args:
         msg: sensor_msgs/msg/Image or CompressedImage.
-        where: its topic.
+        where: its topic, for errors.
 
     Returns:
-        uint8 [H, W, 3] RGB or [H, W]. It shares the message's memory where that holds just this.
+        uint8 [H, W, 3] RGB or [H, W]. It shares the message's memory if no conversion is needed.
 
     Raises:
-        InputError: it is of another type or encoding, cut off or damaged.
+        InputError: it has another type or encoding, or is truncated or damaged.
     """
     return reader_of(_COLOR_READERS, msg, where)(msg, where)
 
@@ -131,15 +131,15 @@ def depth_from_message(msg: AnyImage, where: str, depth_scale: float | None = No
 
     Args:
         msg: sensor_msgs/msg/Image or CompressedImage (``compressedDepth`` as PNG or RVL, or a PNG).
-        where: its topic.
-        depth_scale: metres of one unit of the image; None takes those of REP-118: millimetres of
-            whole numbers, metres of others.
+        where: its topic, for errors.
+        depth_scale: metres per unit of the image; None follows REP-118: integers are millimetres,
+            floating-point values are metres.
 
     Returns:
         float32 [H, W], metres, NaN where unknown.
 
     Raises:
-        InputError: it is of another type or encoding, cut off or damaged.
+        InputError: it has another type or encoding, or is truncated or damaged.
     """
     return reader_of(_DEPTH_READERS, msg, where)(msg, where, depth_scale)
 
@@ -148,9 +148,9 @@ def metres(depth: NDArray[Any], units_per_metre: float, depth_scale: float | Non
     """Depth [H, W] in metres, float32; NaN where it is not positive and finite, or overflowed.
 
     Args:
-        depth: of any real dtype.
-        units_per_metre: how many units of ``depth`` make a metre by the rules of its format.
-        depth_scale: metres of one unit, in place of that; None for the rules.
+        depth: depth in units, any real dtype.
+        units_per_metre: units per metre of the format.
+        depth_scale: metres per unit, which overrides that; None for the unit of the format.
     """
     units = units_per_metre if depth_scale is None else 1 / depth_scale
     if (depth.dtype.kind, depth.dtype.itemsize) == ("u", 2):
@@ -162,7 +162,7 @@ def metres(depth: NDArray[Any], units_per_metre: float, depth_scale: float | Non
 
 
 def holds_whole_numbers(depth: AnyImage) -> bool:
-    """Whether a depth image holds whole numbers of some unit, and not metres."""
+    """Whether a depth image contains integers of some unit instead of metres."""
     encoding = depth.format if hasattr(depth, "format") else depth.encoding
     return re.match("(32|64)F", encoding, re.IGNORECASE) is None
 
@@ -173,12 +173,12 @@ def base_name(topic: str) -> str:
 
 
 def is_named_registered(topic: str) -> bool:
-    """Whether a depth topic is named as drivers name those of depth registered to colour."""
+    """Whether a depth topic has a name that drivers use for depth registered to colour."""
     return re.search("align|regist|_to_", topic, re.IGNORECASE) is not None
 
 
 def is_rectified(topic: str) -> bool:
-    """Whether an image topic is named as image_proc names those of rectified images."""
+    """Whether an image topic has a name that image_proc uses for rectified images."""
     return re.search(r"(^|[/_])rect[^/]*$", base_name(topic)) is not None
 
 
@@ -187,7 +187,7 @@ def _color_from_image(msg: Image, where: str) -> UInt8:
     if encoding.is_subsampled and (msg.width % 2 or msg.height % 2):
         raise InputError(
             where,
-            f"an image of {msg.width}x{msg.height} pixels cannot be {name}, which has even sides",
+            f"an image of {msg.width}x{msg.height} pixels cannot be {name}: sides must be even",
             "correct the publisher",
         )
     rows = msg.height * encoding.planes_rows // 2
@@ -199,7 +199,7 @@ def _color_from_image(msg: Image, where: str) -> UInt8:
 
 
 def _in_8_bits(pixels: NDArray[Any]) -> UInt8:
-    """The full range of 16 bits as that of 8."""
+    """Scales the full range of 16 bits to 8 bits; 8 bits are returned unchanged."""
     if pixels.dtype == UINT8:
         return pixels
     return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / _BRIGHTEST_OF_16_BITS), np.uint8)
@@ -217,15 +217,15 @@ def _ordered(dtype: np.dtype[Any], msg: Image) -> np.dtype[Any]:
 
 
 def _encoding(msg: Image, known: Mapping[str, Found], kind: str, where: str) -> tuple[str, Found]:
-    """The name of an image's encoding, and what is known of it; some drivers write capitals."""
+    """The name of an image's encoding, and its entry in ``known``; case is ignored."""
     wanted = msg.encoding.lower()
     for name, encoding in known.items():
         if name.lower() == wanted:
             return name, encoding
     raise InputError(
         where,
-        f"encoding {msg.encoding!r} is none of {kind} ({', '.join(known)})",
-        "choose the topic or the driver's format accordingly",
+        f"encoding {msg.encoding!r} is not supported for {kind} ({', '.join(known)})",
+        "choose another topic, or another format in the driver",
     )
 
 
@@ -244,7 +244,7 @@ def _pixels(msg: Image, dtype: np.dtype[Any], channels: int, rows: int, where: s
     if len(msg.data) < needed:
         raise InputError(
             where,
-            f"data are cut off: {len(msg.data)} bytes instead of {needed} for "
+            f"data are truncated: {len(msg.data)} bytes instead of {needed} for "
             f"{msg.width}x{msg.height} {msg.encoding}",
             "check the publisher or the recording",
         )
@@ -262,8 +262,8 @@ def _color_from_compressed(msg: CompressedImage, where: str) -> UInt8:
     if _VIDEO.search(msg.format):
         raise InputError(
             where,
-            f"is video ({msg.format}), whose images need those before them",
-            "have the driver send JPEG or raw images, or republish it as those",
+            f"is video ({msg.format}), whose images depend on earlier ones",
+            "make the driver send JPEG or raw images, or republish it as those",
         )
     image = decode(_bytes(msg), where)
     is_grey, is_16_bit = image.ndim == 2, image.dtype == np.uint16
@@ -278,7 +278,7 @@ def _color_from_compressed(msg: CompressedImage, where: str) -> UInt8:
         return image
     if image.shape[2] == 4:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGRA2RGB), np.uint8)
-    # image_transport says so when RGB was given to an encoder that takes BGR
+    # image_transport's format says this if it gave RGB to an encoder that expects BGR
     if "compressed rgb" in msg.format:
         return image
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
@@ -287,11 +287,11 @@ def _color_from_compressed(msg: CompressedImage, where: str) -> UInt8:
 def _depth_from_compressed(msg: CompressedImage, where: str, depth_scale: float | None) -> Float32:
     data = _bytes(msg)
     is_quantised = "compressedDepth" in msg.format or _is_png(data[_QUANTISATION.size :])
-    # some who say compressedDepth leave out what is before the PNG
+    # some publishers of compressedDepth leave out the header before the PNG
     if not is_quantised or _is_png(data):
         return _decoded_depth(data, msg.format, where, depth_scale)
     if len(data) < _QUANTISATION.size:
-        raise InputError(where, f"data are cut off: {len(data)} bytes", "check the recording")
+        raise InputError(where, f"data are truncated: {len(data)} bytes", "check the recording")
     _, a, b = _QUANTISATION.unpack_from(data)
     coded = data[_QUANTISATION.size :]
     is_rvl = "compressedDepth rvl" in msg.format
@@ -299,9 +299,7 @@ def _depth_from_compressed(msg: CompressedImage, where: str, depth_scale: float 
     if not msg.format.startswith("32FC1"):
         return metres(image, DEPTH_UNITS_PER_METRE, depth_scale)
     if not (np.isfinite(a) and np.isfinite(b) and a > 0):
-        raise InputError(
-            where, f"the quantisation ({a}, {b}) makes no sense", "check the publisher"
-        )
+        raise InputError(where, f"the quantisation ({a}, {b}) is invalid", "check the publisher")
     with np.errstate(divide="ignore"):
         depth = np.float32(a) / (image.astype(np.float32) - np.float32(b))
     depth[image == 0] = np.nan
@@ -320,7 +318,7 @@ def _bytes(msg: CompressedImage) -> memoryview:
 def _decoded_depth(
     data: memoryview, image_format: str, where: str, depth_scale: float | None
 ) -> Float32:
-    """The depth in an image file as it is, without quantisation."""
+    """The depth in an image file without quantisation."""
     image = decode(data, where)
     if image.ndim == 2 and image.dtype == np.uint16:
         return metres(image, DEPTH_UNITS_PER_METRE, depth_scale)
@@ -328,7 +326,7 @@ def _decoded_depth(
         return metres(image, 1, depth_scale)
     raise InputError(
         where,
-        f"is a {image_format} image of {image.dtype} and shape {image.shape}, which holds no depth",
+        f"is a {image_format} image of {image.dtype} and shape {image.shape}, which is not depth",
         "record compressedDepth, or one channel of 16 bits",
     )
 
@@ -338,7 +336,7 @@ def _decoded(data: memoryview, image_format: str, where: str) -> NDArray[np.uint
     if image.dtype != np.uint16 or image.ndim != 2:
         raise InputError(
             where,
-            f"{image_format!r} holds an image of {image.dtype} and shape {image.shape}",
+            f"{image_format!r} contains an image of {image.dtype} and shape {image.shape}",
             "give depth as one channel of 16 bits",
         )
     return np.asarray(image, np.uint16)
@@ -354,4 +352,4 @@ _DEPTH_READERS: Mapping[str, Callable[[Any, str, float | None], Float32]] = {
 }
 
 IMAGE_TYPES = tuple(_COLOR_READERS)
-"""Names of the types of messages read here, without their package."""
+"""Names of the message types that can be read, without their package."""

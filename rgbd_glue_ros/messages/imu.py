@@ -1,4 +1,4 @@
-"""Messages of an IMU -> samples."""
+"""IMU messages -> samples."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ _READERS: Mapping[str, Callable[[Any], tuple[Any, Any, Any, Any]]] = {
 }
 
 IMU_TYPES = tuple(_READERS)
-"""Names of the types of messages read here, without their package."""
+"""Names of the message types that can be read, without their package."""
 
 
 @dataclass(frozen=True)
 class ImuReading:
-    """What one message of an IMU says, in the axes of its frame.
+    """One measurement of an IMU, in the axes of its frame.
 
     Attributes:
-        stamp_ns: when it was measured, nanoseconds.
-        angular_velocity: float64 [3], rad/s; NaN where it was not measured.
-        linear_acceleration: float64 [3], m/s², gravity included; NaN where it was not measured.
+        stamp_ns: time of the measurement, nanoseconds.
+        angular_velocity: float64 [3], rad/s; NaN if it was not measured.
+        linear_acceleration: float64 [3], m/s², gravity included; NaN if it was not measured.
     """
 
     stamp_ns: int
@@ -46,23 +46,23 @@ def imu_reading(msg: Imu, stamp_ns: int, where: str) -> ImuReading:
 
     Args:
         msg: sensor_msgs/msg/Imu.
-        stamp_ns: when it was measured.
-        where: its topic.
+        stamp_ns: time of the measurement, nanoseconds.
+        where: its topic, for errors.
 
     Raises:
-        InputError: it is of another type, or its numbers are not finite.
+        InputError: it has another type, or its values are not finite.
     """
     turning, turning_covariance, pull, pull_covariance = reader_of(_READERS, msg, where)(msg)
     angular_velocity = _vector(turning, turning_covariance, where)
     acceleration = _vector(pull, pull_covariance, where)
     if not acceleration.any():
-        # free fall to the last bit: a driver that has no accelerometer and does not say so
+        # exact free fall: the driver has no accelerometer, but does not mark it as not measured
         acceleration = np.full(3, np.nan)
     return ImuReading(stamp_ns, angular_velocity, acceleration)
 
 
 def imu_samples(readings: Sequence[ImuReading]) -> ImuSamples:
-    """The readings in order of time; of those with one stamp, the first."""
+    """The readings in order of time; of readings with the same stamp, only the first."""
     if not readings:
         return ImuSamples.empty()
     stamps: Int64 = np.array([r.stamp_ns for r in readings], np.int64)
@@ -75,7 +75,7 @@ def imu_samples(readings: Sequence[ImuReading]) -> ImuSamples:
 
 
 def _vector(value: Vector3, covariance: Any, where: str) -> Float64:
-    """The vector [3]; NaN where the first number of the covariance says that it is none."""
+    """The vector [3]; NaN if the covariance starts with -1, which means not measured."""
     if len(covariance) and covariance[0] == -1:
         return np.full(3, np.nan)
     vector = np.array([value.x, value.y, value.z], np.float64)

@@ -1,32 +1,32 @@
-"""Images whose partner of the same time came, waited and gave way before they came themselves."""
+"""Detects images that arrive after their partner has already been dropped from a full queue."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Hashable
 
-# Stamps of a stream that are remembered: half a minute of a usual camera.
+# Remembered stamps of a stream: half a minute at 30 Hz.
 _REMEMBERED = 1000
-# More than what is late now, as delays vary.
+# Added to the queue size that is needed now, since delays vary.
 _MARGIN = 5
 
 
 class LatePartners:
-    """Learns how long the queues of two streams would have to be.
+    """Determines how long the queues of two streams would have to be.
 
     Attributes:
-        queue_needed: messages that would have to wait for none to be late; 0 while as many as there
-            are do.
+        queue_needed: the queue size with which no image would be late; 0 if the present one is
+            enough.
     """
 
     def __init__(self, max_interval_ns: int, queue_size: int, backward_jump_ns: int) -> None:
-        """Has seen nothing yet.
+        """Starts without stamps.
 
         Args:
-            max_interval_ns: distance up to which stamps pair, nanoseconds.
-            queue_size: messages of a stream that wait.
-            backward_jump_ns: stamps that go back by more are of another time, as of a bag that
-                begins anew, nanoseconds.
+            max_interval_ns: interval up to which stamps pair, nanoseconds.
+            queue_size: present queue size of a stream.
+            backward_jump_ns: a larger step backward, nanoseconds, means that time has restarted,
+                as in a looping bag.
         """
         self.queue_needed = 0
         self._backward_jump_ns = backward_jump_ns
@@ -35,10 +35,10 @@ class LatePartners:
         self._stamps_ns: dict[Hashable, deque[int]] = {}
 
     def came(self, stream: Hashable, partner: Hashable, stamp_ns: int) -> None:
-        """Takes in the stamp of a message.
+        """Records the stamp of a message.
 
         Args:
-            stream: that it is of.
+            stream: the stream of the message.
             partner: the stream that it is paired with.
             stamp_ns: its stamp, nanoseconds.
         """
@@ -51,7 +51,7 @@ class LatePartners:
             if abs(other_ns - stamp_ns) <= self._max_interval_ns:
                 break
             if other_ns < stamp_ns:
-                return  # the partner is yet to come, or never will
+                return  # the partner has not arrived yet, or never will
             behind += 1
         else:
             return

@@ -16,7 +16,7 @@ from rgbd_glue_ros.parameters import POSE
 from rgbd_glue_ros.parameters.checks import FARTHEST_M
 from rgbd_glue_ros.types import Float64
 
-# A quaternion is of unit length; one that a computation has left so short has no direction.
+# Quaternions should have unit length; one with all elements below this has no direction.
 _SHORTEST = 1e-3
 
 _READERS: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
@@ -26,23 +26,23 @@ _READERS: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
 }
 
 POSE_TYPES = tuple(_READERS)
-"""Names of the types of messages read here, without their package."""
+"""Names of the message types that can be read, without their package."""
 
 
 def pose_from_message(msg: PoseStamped, where: str) -> Float64:
     """The pose [4, 4] of the body in the header's frame.
 
     Args:
-        msg: of one of POSE_TYPES.
-        where: its topic.
+        msg: a message of one of POSE_TYPES.
+        where: its topic, for errors.
 
     Raises:
-        InputError: it is of another type, or its numbers are no pose.
+        InputError: it has another type, or its values are not a pose.
     """
     position, orientation = reader_of(_READERS, msg, where)(msg)
     t = np.array([position.x, position.y, position.z])
     q = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
-    is_far = not np.abs(t).max() < FARTHEST_M  # the comparison with NaN is false, too
+    is_far = not np.abs(t).max() < FARTHEST_M  # a comparison with NaN is false too
     if is_far or not _SHORTEST < np.abs(q).max() < 1 / _SHORTEST:
         raise InputError(
             where,
@@ -53,15 +53,15 @@ def pose_from_message(msg: PoseStamped, where: str) -> Float64:
 
 
 def parse_pose(where: str, text: str) -> Float64:
-    """The transform [4, 4] written as ``x y z roll pitch yaw`` or ``x y z qx qy qz qw``.
+    """Parses a transform [4, 4] from ``x y z roll pitch yaw`` or ``x y z qx qy qz qw``.
 
     Args:
-        where: name of the parameter, for the error.
-        text: numbers separated by blanks or commas, metres and radians; roll, pitch and yaw turn
-            about fixed axes in this order, as in URDF.
+        where: name of the parameter, for errors.
+        text: numbers separated by blanks or commas, metres and radians; roll, pitch and yaw are
+            rotations about fixed axes in this order, as in URDF.
 
     Raises:
-        InputError: not six or seven finite numbers, or the quaternion is not of unit length.
+        InputError: not six or seven finite numbers, or the quaternion does not have unit length.
     """
     fault = POSE.fault(text)
     if fault:
@@ -76,7 +76,7 @@ def parse_pose(where: str, text: str) -> Float64:
 
 
 def pose_parameter(name: str, text: str) -> Float64 | None:
-    """The transform [4, 4] that a parameter gives as ``parse_pose`` reads it; None if empty.
+    """The transform [4, 4] of a parameter, read by ``parse_pose``; None if it is empty.
 
     Raises:
         InputError: it cannot be read.

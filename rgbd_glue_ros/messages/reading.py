@@ -1,7 +1,7 @@
-"""What all readers of messages share: who reads a type, and what a header says.
+"""Helpers of all message readers: selection by type, stamps and frames.
 
-Messages of rclpy, rosbags and ``fields`` are read alike; of these only the last are imported,
-whose classes stand in the annotations for any message of that type with the same fields.
+Messages of rclpy, rosbags and ``fields`` are read alike. Only ``fields`` is imported: in
+annotations, its classes stand for any message of that type with the same fields.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ def frame_of(header: Header) -> str:
 
 
 def plain_frame(frame_id: str) -> str:
-    """A frame's name as tf2 has it: ROS 1 began names with a slash, and its bags still do."""
+    """A frame's name as in tf2, without the leading slash of ROS 1 and its bags."""
     return frame_id.removeprefix("/")
 
 
 def reader_of(readers: Mapping[str, Reader], msg: object, where: str) -> Reader:
-    """Who reads a message.
+    """The reader for a message.
 
     Args:
-        readers: by the name of the type, without its package.
+        readers: readers by the name of the type, without its package.
         msg: the message.
-        where: its topic.
+        where: its topic, for errors.
 
     Raises:
-        InputError: nobody does.
+        InputError: there is no reader for its type.
     """
-    # ``Image`` for rclpy's Image as for rosbags' sensor_msgs__msg__Image
+    # ``Image`` for both rclpy's Image and rosbags' sensor_msgs__msg__Image
     name = type(msg).__name__.rpartition("__")[2]
     if name not in readers:
-        raise InputError(where, f"is of type {name}", f"give a topic of {' or '.join(readers)}")
+        raise InputError(where, f"has the type {name}", f"give a topic of {' or '.join(readers)}")
     return readers[name]

@@ -1,9 +1,9 @@
-"""RVL, the lossless coding of depth images that compressed_depth_image_transport offers.
+"""RVL, a lossless compression of depth images in compressed_depth_image_transport.
 
 A. D. Wilson, "Fast Lossless Depth Image Compression", ISS 2017. The image is a sequence of runs:
-how many zeros, how many non-zeros, and of each of these the difference to the one before. Numbers
-are written three bits at a time, the lowest first, each with a bit that says whether more follow;
-these nibbles fill words of 32 bits from the top.
+the number of zeros, the number of non-zeros, and for each of these the difference from the previous
+one. Numbers are written three bits at a time, lowest first, each with a fourth bit that says
+whether more follow; these nibbles fill 32-bit words from the top.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.image_codecs import check_size
 
-# Before the runs: columns and rows, as compressed_depth_image_transport writes them
+# Before the runs: columns and rows, as written by compressed_depth_image_transport
 _SIZE = struct.Struct("<II")
 
 _NIBBLES_PER_WORD = 8
@@ -26,20 +26,22 @@ _MAX_BITS = 33
 
 
 def decode_rvl(data: bytes | memoryview, where: str) -> NDArray[np.uint16]:
-    """The depth image in RVL bytes that start with its columns and rows.
+    """Decodes a depth image from RVL data, which start with columns and rows.
 
     Args:
-        data: what follows the header of quantisation in a compressedDepth message.
-        where: what to name in an error.
+        data: content of a compressedDepth message after its quantisation header.
+        where: source of the data, for errors.
 
     Returns:
         uint16 [H, W].
 
     Raises:
-        InputError: cut off, damaged, or larger than any camera's image.
+        InputError: the data are truncated or damaged, or the image is larger than any camera's.
     """
     if len(data) < _SIZE.size:
-        raise InputError(where, f"data are cut off: {len(data)} bytes of RVL", "check the network")
+        raise InputError(
+            where, f"data are truncated: {len(data)} bytes of RVL", "check the network"
+        )
     width, height = _SIZE.unpack_from(data)
     check_size(width, height, where)
     usable = (len(data) - _SIZE.size) // 4
@@ -56,7 +58,7 @@ def decode_rvl(data: bytes | memoryview, where: str) -> NDArray[np.uint16]:
 
 @compiled
 def _number(words: NDArray[np.uint32], nibble: int) -> tuple[int, int]:
-    """The number that starts at a nibble, and where the next one does; -1 where there is none."""
+    """The number that starts at a nibble, and the start of the next; -1 if there is none."""
     number, bits = 0, 0
     while nibble < _NIBBLES_PER_WORD * len(words) and bits < _MAX_BITS:
         word = np.int64(words[nibble // _NIBBLES_PER_WORD])
@@ -71,7 +73,7 @@ def _number(words: NDArray[np.uint32], nibble: int) -> tuple[int, int]:
 
 @compiled
 def _decode(words: NDArray[np.uint32], pixels: NDArray[np.uint16]) -> bool:
-    """Fills ``pixels``, which are zero; returns whether the words told of exactly so many."""
+    """Fills ``pixels``, which must be zero; returns whether the words encode exactly as many."""
     pixel = nibble = previous = 0
     while pixel < len(pixels):
         zeros, nibble = _number(words, nibble)

@@ -1,6 +1,6 @@
-"""Pairs colour images, depth images and camera infos by their stamps; knows nothing of ROS.
+"""Matches colour images, depth images and camera infos by their stamps; does not depend on ROS.
 
-The same class serves the node and the replay of bags, so that both see the same frames.
+The node and the replay of bags use the same class, so that both see the same frames.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from rgbd_glue_ros.types import NANOSECONDS
 
 Item = TypeVar("Item")
 
-# Reordering in a network is shorter than this, the jump of a looping bag is longer.
+# Reordering in a network is shorter than this, the jump of a looping bag longer.
 BACKWARD_JUMP_NS = NANOSECONDS // 2
-# A camera that is followed does not pause for so long between two images.
+# A tracked camera does not pause this long between two images.
 FORWARD_JUMP_NS = 10 * NANOSECONDS
 
-# Gaps between stamps that a channel's period is taken from: enough to get over lost messages,
-# few enough to forget a burst soon.
+# Number of gaps between stamps that a channel's period is computed from: enough to bridge lost
+# messages, few enough to forget a burst soon.
 PERIOD_WINDOW = 8
 
-# A longer gap between stamps is a pause of the camera, and no loss of messages.
+# A longer gap between stamps is a pause of the camera, not a loss of messages.
 LONGEST_LOSS_NS = NANOSECONDS
 
-# Pairs that their usual interval is taken from.
+# Number of pairs that the usual interval is computed from.
 INTERVAL_WINDOW = 31
 
-# A partner counts as nearer when it is so by one over this of the greatest interval. Streams half
-# a period apart would otherwise lose an image, or wait for the next one, at every turn of the
-# jitter; by how many milliseconds depth is late, the odometry knows anyway.
+# A partner is clearly nearer if it is nearer by the maximum interval divided by this. Otherwise, in
+# streams half a period apart, jitter would keep dropping images or delaying them until the next
+# one. The odometry knows by how many milliseconds depth is late anyway.
 NEARER_FRACTION = 2
 
 
@@ -54,13 +54,14 @@ class Match(Generic[Item]):
     """A colour image with its depth image and camera info.
 
     Attributes:
-        stamp_ns: stamp of the colour image.
-        interval_ns: stamp of the depth image minus that of the colour image.
-        color: as given to ``add``.
-        depth: as given to ``add``.
-        info: as given to ``add``; of the same stamp as ``color``, else the nearest.
-        restarted: whether time went backward since the match before (a bag looped, a clock was
-            reset): whoever keeps a state over time has to start anew.
+        stamp_ns: stamp of the colour image, nanoseconds.
+        interval_ns: stamp of the depth image minus that of the colour image, nanoseconds.
+        color: colour image, as passed to ``add``.
+        depth: depth image, as passed to ``add``.
+        info: camera info, as passed to ``add``; the one with the stamp of ``color``, otherwise the
+            nearest.
+        restarted: whether time went backward since the previous match (a bag looped, a clock was
+            reset), so that any state over time must be reset.
     """
 
     stamp_ns: int
@@ -73,18 +74,18 @@ class Match(Generic[Item]):
 
 @dataclass
 class ChannelCounts:
-    """What became of the messages of one channel.
+    """Counts of the messages of one channel.
 
     Attributes:
-        received: all of them.
-        unmatched: dropped because the other channels have nothing for them, or nothing nearer.
+        received: all messages.
+        unmatched: dropped because no partner was close enough, or it had a nearer one.
         overflowed: dropped because the queue was full.
-        duplicates: dropped because of a stamp seen before.
-        late: dropped because a later one had been used or dropped already.
-        missing: messages that never came, by gaps in the stamps.
-        backward_jumps: times that the stamps went back by more than ``BACKWARD_JUMP_NS``.
-        strays: dropped because of a stamp far from those before and after.
-        unfinished: of colour and depth, those that still waited at ``flush``.
+        duplicates: dropped because their stamp was seen before.
+        late: dropped because a later message had already been used or dropped.
+        missing: messages that never arrived, from gaps in the stamps.
+        backward_jumps: how often stamps went back by more than ``BACKWARD_JUMP_NS``.
+        strays: dropped because their stamp is far from those before and after.
+        unfinished: colour and depth images that were still waiting at ``flush``.
     """
 
     received: int = 0
@@ -99,21 +100,21 @@ class ChannelCounts:
 
     @property
     def left_out(self) -> int:
-        """How many are in no match for want of a partner, or for their stamp; not duplicates."""
+        """Messages that are in no match, without duplicates."""
         return self.unmatched + self.overflowed + self.late + self.strays + self.unfinished
 
 
 @dataclass(frozen=True)
 class _Stamped(Generic[Item]):
     stamp_ns: int
-    # the channel's period as known when the message came; None for its first message
+    # the channel's period when the message arrived; None for its first message
     period_ns: int | None
     item: Item
 
 
 @dataclass
 class _Queue(Generic[Item]):
-    """Messages of one channel in order of their stamps, each stamp once."""
+    """Waiting messages of one channel, sorted by stamp, without duplicates."""
 
     size: int
     counts: ChannelCounts = field(default_factory=ChannelCounts)
@@ -124,10 +125,10 @@ class _Queue(Generic[Item]):
     gaps_ns: deque[int] = field(default_factory=lambda: deque(maxlen=PERIOD_WINDOW))
 
     def add(self, stamp_ns: int, item: Item) -> None:
-        """Takes in a message, unless it is a duplicate, late or of another time.
+        """Adds a message, unless it is a duplicate, late, or its stamp far from the others.
 
-        A message of another time is held until the next one shows whether time has jumped, so
-        that one wrong stamp does no harm.
+        A message with such a stamp is held until the next one shows whether time has jumped, so
+        that a single wrong stamp does no harm.
         """
         self.counts.received += 1
         held, self.held = self.held, None
@@ -142,7 +143,7 @@ class _Queue(Generic[Item]):
         self._take_in(stamp_ns, item)
 
     def flush(self) -> None:
-        """Takes in what is held; nothing more will come."""
+        """Adds the held message; to be called when no more messages will come."""
         if self.held is not None:
             self._take_in(*self.held)
             self.held = None
@@ -180,21 +181,21 @@ class _Queue(Generic[Item]):
             self.take()
 
     def _left_out(self, gap_ns: int) -> int:
-        """How many messages are missing in a gap between stamps."""
+        """Number of messages that are missing in a gap between stamps."""
         if len(self.gaps_ns) < PERIOD_WINDOW or gap_ns > LONGEST_LOSS_NS:
             return 0
         return max(round(gap_ns / self.period_ns) - 1, 0)
 
     def _is_not_missing(self) -> None:
-        """Takes back what was counted when a later message came before this one."""
+        """Corrects the count of missing messages when one arrives late."""
         self.counts.missing = max(self.counts.missing - 1, 0)
 
     @property
     def period_ns(self) -> int:
-        """Usual time between stamps; 0 while it is not known."""
+        """Usual time between stamps, nanoseconds; 0 while it is unknown."""
         if not self.gaps_ns:
             return 0
-        # the median gap may be off by the jitter of two stamps, their sum is by no more
+        # median and sum are both off by the jitter of two stamps, but the sum is divided by a count
         usual_ns = median(self.gaps_ns)
         return round(sum(self.gaps_ns) / sum(max(round(g / usual_ns), 1) for g in self.gaps_ns))
 
@@ -206,28 +207,28 @@ class _Queue(Generic[Item]):
 
 
 class Synchronizer(Generic[Item]):
-    """Pairs colour with depth one to one and adds the camera info.
+    """Pairs colour with depth one to one, and adds the camera info.
 
-    A colour and a depth image are paired when their stamps are at most ``max_interval_ns`` apart
-    and neither has a clearly nearer partner. Equal stamps pair at once. So do others, where unequal
-    stamps are the rule and the next image is not to be expected any nearer by the channel's period;
-    else they pair when that has shown that it is no nearer.
+    A colour and a depth image are paired if their stamps are at most ``max_interval_ns`` apart and
+    neither has a clearly nearer partner. Equal stamps pair immediately. Unequal stamps do so too if
+    they are the rule, and the next image cannot be clearly nearer, given the channel's period.
+    Otherwise they wait for the next image.
 
-    The camera info is the one with the colour image's stamp, or else the nearest. As long as
-    newer ones may come, a pair waits for it; when ``queue_size`` pairs have waited in vain, infos
-    are taken to be sent once or rarely, and nothing waits for them any more.
+    The camera info is the one with the colour image's stamp, otherwise the nearest. A pair waits
+    for it as long as newer infos may arrive. When ``queue_size`` pairs have waited in vain, infos
+    are assumed to be sent once or rarely, and pairs no longer wait for them.
 
-    As long as no queue overflows and no stamp goes backward, the matches do not depend on how the
-    channels' messages interleave on arrival. A message whose stamp is far from those before it is
-    held until the next one of its channel: either that is of the same new time, and a jump backward
-    empties the channel and pairing goes on by the new time, or the stamp was wrong and is dropped.
-    Not thread-safe.
+    If no queue overflows and no stamp goes backward, the matches do not depend on the order in
+    which messages of different channels arrive. A message whose stamp is far from earlier ones is
+    held until the next message of its channel. If that has a similar stamp, time has jumped and
+    pairing continues with the new time, after a jump backward with an empty channel. Otherwise the
+    stamp was wrong, and the held message is dropped. Not thread-safe.
 
     Attributes:
-        max_interval_ns: greatest interval of a pair, nanoseconds.
-        matches: frames completed so far.
-        closest_miss_ns: least interval of images that were not paired for it, nanoseconds; None if
-            there was none.
+        max_interval_ns: maximum interval of a pair, nanoseconds.
+        matches: number of matches so far.
+        closest_miss_ns: smallest interval between images that were too far apart to pair,
+            nanoseconds; None if there was none.
     """
 
     def __init__(self, max_interval_ns: int, queue_size: int) -> None:
@@ -245,26 +246,26 @@ class Synchronizer(Generic[Item]):
 
     @property
     def queue_needed(self) -> int:
-        """Messages that would have to wait for no image to miss its partner; 0 where enough do."""
+        """The queue size with which no image misses its partner; 0 if the present one is enough."""
         return self._late.queue_needed
 
     @property
     def counts(self) -> dict[Channel, ChannelCounts]:
-        """What became of the messages so far; the objects keep counting."""
+        """Counts of the messages of each channel; the objects keep counting."""
         return {channel: queue.counts for channel, queue in self._queues.items()}
 
     @property
     def interval_ns(self) -> int:
-        """Usual distance of the stamps of a pair lately; 0 before the first."""
+        """Median interval of recent pairs, nanoseconds; 0 before the first pair."""
         return int(median(self._intervals_ns)) if self._intervals_ns else 0
 
     @property
     def period_ns(self) -> int:
-        """Usual time between the stamps of colour images lately; 0 before there are two."""
+        """Recent time between the stamps of colour images, nanoseconds; 0 before there are two."""
         return self._queues[Channel.COLOR].period_ns
 
     def add(self, channel: Channel, stamp_ns: int, item: Item) -> list[Match[Item]]:
-        """Takes in a message; returns the matches that it completes, in order of time."""
+        """Adds a message; returns the matches that it completes, in order of time."""
         self._queues[channel].add(stamp_ns, item)
         if channel in _PARTNERS:
             self._late.came(channel, _PARTNERS[channel], stamp_ns)
@@ -272,14 +273,14 @@ class Synchronizer(Generic[Item]):
         return self._complete(is_last=False)
 
     def flush(self) -> list[Match[Item]]:
-        """The matches that were still waiting for something nearer; nothing more will come."""
+        """Returns the matches that were waiting; to be called when no more messages will come."""
         for queue in self._queues.values():
             queue.flush()
         self._pair(is_last=True)
         matches = self._complete(is_last=True)
         for channel in _PARTNERS:
             queue = self._queues[channel]
-            # alone, or as a pair without a camera info
+            # single images, or pairs without a camera info
             queue.counts.unfinished += len(queue.waiting) + len(self._pairs)
             queue.waiting.clear()
         self._pairs.clear()
@@ -288,8 +289,8 @@ class Synchronizer(Generic[Item]):
     def _pair(self, *, is_last: bool) -> None:
         """Moves colour and depth images that belong together from their queues to the pairs.
 
-        Only the oldest of both queues are compared, and no decision rests on what has not come
-        yet: that makes the result independent of the interleaving.
+        Only the oldest images of both queues are compared, and a decision waits for all messages
+        that could change it, so the result does not depend on the order of arrival.
         """
         colors, depths = self._queues[Channel.COLOR], self._queues[Channel.DEPTH]
         while colors.waiting and depths.waiting:
@@ -319,14 +320,15 @@ class Synchronizer(Generic[Item]):
             self._intervals_ns.append(interval)
 
     def _displacing(self, interval: int) -> int:
-        """How near the next image has to be to take the partner from one ``interval`` away."""
+        """The interval below which the next image takes the partner of one ``interval`` away."""
         return interval - self.max_interval_ns // NEARER_FRACTION
 
     @staticmethod
     def _may_be_of_another_time(earlier: _Queue[Item], later: _Queue[Item]) -> bool:
-        """Whether it is too soon to say which of two images far apart has no partner.
+        """Whether it is too early to say which of two images far apart has no partner.
 
-        Where time jumped, one channel shows it before the other. The next message of either tells.
+        If time has jumped, one channel shows it before the other; the next message of either
+        channel decides.
         """
         distance = later.waiting[0].stamp_ns - earlier.waiting[0].stamp_ns
         if distance <= BACKWARD_JUMP_NS or len(later.waiting) > 1:
@@ -337,22 +339,22 @@ class Synchronizer(Generic[Item]):
         )
 
     def _is_usual(self, interval: int, period_ns: int | None) -> bool:
-        """Whether images this far apart may be paired without a look at the next one.
+        """Whether images this far apart may be paired without waiting for the next one.
 
-        Where stamps were equal so far, unequal ones mean that a partner is missing.
+        If stamps were equal so far, unequal ones mean that a partner is missing.
         """
-        # the next image comes no earlier than a period after the first
+        # the next image comes at least one period after the first
         is_near = period_ns is not None and period_ns - interval >= self._displacing(interval)
         return is_near and self._last_interval_ns > 0
 
     def _complete(self, *, is_last: bool) -> list[Match[Item]]:
-        """Gives the pairs their camera info, as far as it is known which one is theirs."""
+        """Completes pairs with their camera info, if it is already certain which one that is."""
         infos = self._queues[Channel.INFO].waiting
         matches = []
         while self._pairs:
             color, depth = self._pairs[0]
             is_overdue = len(self._pairs) > self._queue_size
-            # a single info of the time before a jump is no sign that this image's will not come
+            # a single info from before a time jump does not mean that this image's will not come
             is_settled = bool(infos) and (
                 0 <= infos[-1].stamp_ns - color.stamp_ns <= BACKWARD_JUMP_NS
                 or (len(infos) > 1 and infos[-1].stamp_ns >= color.stamp_ns)
@@ -370,7 +372,7 @@ class Synchronizer(Generic[Item]):
 
     def _match(self, color: _Stamped[Item], depth: _Stamped[Item]) -> Match[Item]:
         infos = self._queues[Channel.INFO]
-        # an info from before the last one up to this image can serve no later image
+        # drop infos older than the last one up to this image: no later image can use them
         while len(infos.waiting) > 1 and infos.waiting[1].stamp_ns <= color.stamp_ns:
             infos.take()
         info = min(infos.waiting[:2], key=lambda s: abs(s.stamp_ns - color.stamp_ns))

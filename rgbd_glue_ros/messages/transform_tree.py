@@ -1,4 +1,4 @@
-"""Frames and the transforms between them over time, as /tf tells them; knows nothing of ROS."""
+"""A tree of frames with transforms over time, as on /tf; does not depend on ROS."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 HISTORY_NS = 10 * NANOSECONDS
-# No robot has more, and whoever publishes ever new names must not fill the memory.
+# No robot has more; a publisher that keeps inventing names must not fill the memory.
 MOST_FRAMES = 10_000
 MOST_POSES = 10_000
 
@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass
 class _Edge:
-    """A frame's pose in its parent over time: T_parent_child [4, 4] by stamp, or one for ever."""
+    """A frame's pose in its parent over time: T_parent_child [4, 4] by stamp, or a static one."""
 
     parent: str
     stamps_ns: list[int] = field(default_factory=list)
@@ -33,7 +33,7 @@ class _Edge:
 
     def add(self, stamp_ns: int, T_parent_child: Float64) -> None:
         if self.stamps_ns and stamp_ns < self.stamps_ns[-1] - BACKWARD_JUMP_NS:
-            self.stamps_ns.clear()  # time began anew
+            self.stamps_ns.clear()  # time went back, as when a bag loops
             self.poses.clear()
         at = bisect_left(self.stamps_ns, stamp_ns)
         if self.stamps_ns[at : at + 1] == [stamp_ns]:
@@ -46,7 +46,7 @@ class _Edge:
         del self.stamps_ns[:old], self.poses[:old]
 
     def at(self, stamp_ns: int | None) -> Float64 | None:
-        """T_parent_child at a stamp, the newest without one; None where it is not known."""
+        """T_parent_child at a stamp, or the newest without a stamp; None if it is unknown."""
         if self.is_static or stamp_ns is None:
             return self.poses[-1]
         after = bisect_left(self.stamps_ns, stamp_ns)
@@ -62,7 +62,7 @@ class _Edge:
 
 
 class TransformTree:
-    """What is known of a tree of frames. Any thread may call it."""
+    """The known transforms of a tree of frames; thread-safe."""
 
     def __init__(self) -> None:
         self._edges: dict[str, _Edge] = {}
@@ -70,7 +70,7 @@ class TransformTree:
         self._changed = threading.Condition()
 
     def add(self, parent: str, child: str, T_parent_child: Float64, stamp_ns: int | None) -> None:
-        """Takes in the pose [4, 4] of a frame in another, at a stamp or, without one, for ever."""
+        """Adds the pose [4, 4] of a frame in another at a stamp, or a static one without."""
         with self._changed:
             edge = self._edges.get(child)
             if edge is None and len(self._edges) >= MOST_FRAMES:
@@ -89,7 +89,7 @@ class TransformTree:
         if not self._is_full:
             self._is_full = True
             logger.warning(
-                "TF names more than %d frames; %s and all further ones are left out",
+                "TF has more than %d frames; %s and all further ones are ignored",
                 MOST_FRAMES,
                 child,
             )
@@ -97,16 +97,16 @@ class TransformTree:
     def lookup(
         self, target: str, source: str, stamp_ns: int | None, timeout_s: float
     ) -> Float64 | None:
-        """T_target_source [4, 4], between known poses at constant velocity.
+        """Looks up T_target_source [4, 4], interpolated with constant velocity.
 
         Args:
             target: frame to map to.
             source: frame to map from.
-            stamp_ns: when; None for the newest that is known.
-            timeout_s: how long to wait for it.
+            stamp_ns: time, nanoseconds; None for the newest transforms.
+            timeout_s: how long to wait for it, seconds.
 
         Returns:
-            None if it did not become known in time; nothing is extrapolated.
+            The transform; None if it was not available in time. Nothing is extrapolated.
         """
         end = time.monotonic() + timeout_s
         with self._changed:
@@ -130,14 +130,14 @@ class TransformTree:
         return T_target_source
 
     def _way_up(self, frame: str) -> list[str]:
-        """The frame, its parent, and so on; ends where a frame comes again."""
+        """The frame, its parent, and so on; stops before a cycle."""
         way = [frame]
         while way[-1] in self._edges and self._edges[way[-1]].parent not in way:
             way.append(self._edges[way[-1]].parent)
         return way
 
     def _along(self, frames: list[str], stamp_ns: int | None) -> Float64 | None:
-        """Pose of the first of ``frames`` in the parent of the last."""
+        """Pose of the first frame in the parent of the last one."""
         T: Float64 = np.eye(4)
         for frame in frames:
             step = self._edges[frame].at(stamp_ns)

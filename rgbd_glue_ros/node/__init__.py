@@ -1,1 +1,1 @@
-"""The ROS node, and the one folder that imports rclpy."""
+"""The ROS nodes; the only folder that imports rclpy."""

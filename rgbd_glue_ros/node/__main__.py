@@ -1,11 +1,11 @@
-"""``python -m rgbd_glue_ros.node`` runs the node by ROS arguments alone."""
+"""``python -m rgbd_glue_ros.node`` runs the odometry node with ROS arguments only."""
 
 import sys
 
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.heap import keep_freed_memory
 
-# both before what takes long to load, and starts threads
+# before the slow imports below, which also start threads
 end_signals = EndSignals()
 keep_freed_memory()
 

@@ -1,4 +1,4 @@
-"""What the node knows of a depth camera whose images are not registered to colour."""
+"""The depth camera of the node, for depth images that are not registered to colour."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
-# How long the first frame waits for the info, which drivers send after the image.
+# How long the first frame waits for the camera info, since drivers send it after the image.
 FIRST_INFO_S = 1.0
 
 
 class DepthCameraInput:
-    """Listens to the depth camera's info.
+    """Subscribes to the depth camera's info.
 
     Attributes:
-        topic: the full name of the info's topic.
+        topic: full name of the camera info topic.
     """
 
     def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
@@ -56,7 +56,7 @@ class DepthCameraInput:
         self._subscription = self._subscribe()
 
     def _subscribe(self) -> Subscription:
-        # best effort hears every publisher, and that an info is lost is no matter
+        # best effort matches every publisher, and losing a single info does no harm
         qos = QoSProfile(
             depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=self._durability
         )
@@ -66,7 +66,7 @@ class DepthCameraInput:
         )
 
     def _publishers_changed(self, _event: object) -> None:
-        """Subscribes anew where the info is offered transient local: it may be sent only once."""
+        """Resubscribes if the info is offered transient local: it may be sent only once."""
         publishers = self._node.get_publishers_info_by_topic(self.topic)
         if not publishers or offered_durability(publishers) == self._durability:
             return
@@ -82,8 +82,8 @@ class DepthCameraInput:
         """The camera that took the depth image; None if the image is registered to colour.
 
         Raises:
-            InputError: the image is not registered, and it is not known which camera took it, or
-                where that camera is.
+            InputError: the image is not registered, and the depth camera's intrinsics or its pose
+                are unknown.
         """
         if self._is_registered:
             return None
@@ -93,8 +93,8 @@ class DepthCameraInput:
         if self._given.is_info_chosen and self._info is None:
             raise InputError(
                 self.topic,
-                "no camera info came, so the depth camera is not known",
-                "see that the driver publishes it, or leave depth_info_topic empty",
+                "no camera info was received, so the depth camera's intrinsics are unknown",
+                "make the driver publish it, or leave depth_info_topic empty",
             )
         found = find_depth_camera(
             *(match.color, match.depth, match.info, self._info),
@@ -114,7 +114,7 @@ class DepthCameraInput:
 
 
 def _info_topic(node: Node, config: NodeConfig) -> str:
-    """The topic that was given or remapped, or else the one beside the depth images."""
+    """The given or remapped topic, otherwise the one beside the depth images."""
     if config.depth_info_topic:
         return str(node.resolve_topic_name(config.depth_info_topic))
     remapped = str(node.resolve_topic_name(topics.DEPTH_INFO))

@@ -1,4 +1,4 @@
-"""What the node tells of itself on /diagnostics."""
+"""The node's state on /diagnostics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LOG_S = 60.0
 
 
 class NodeDiagnostics:
-    """Publishes the counts once a second."""
+    """Publishes state and counts once a second, and logs a summary once a minute."""
 
     def __init__(
         self,
@@ -37,20 +37,20 @@ class NodeDiagnostics:
         synchronizer: Synchronizer[Any],
         watch: NodeWatch,
     ) -> None:
-        """Starts the timer.
+        """Starts the timers.
 
         Args:
             node: whose diagnostics these are.
             monitor: counts frames.
             synchronizer: counts messages.
-            watch: says when nothing arrives.
+            watch: knows whether input is missing.
         """
         self._node = node
         self._monitor = monitor
         self._synchronizer = synchronizer
         self._watch = watch
         self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
-        # not the node's clock: simulated time may stand still
+        # not the node's clock, since simulated time may stand still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(DIAGNOSTICS_S, self._publish, clock=steady)
         node.create_timer(LOG_S, self._log, clock=steady)
@@ -64,20 +64,20 @@ class NodeDiagnostics:
         if refused:
             return DiagnosticStatus.ERROR, refused
         if state is TrackingState.TRACKING and self._monitor.is_overdue(now_ns):
-            return DiagnosticStatus.STALE, f"{state.value}, but no frame came lately"
+            return DiagnosticStatus.STALE, f"{state.value}, but no frame arrived recently"
         if state is TrackingState.TRACKING and self._watch.drops:
             return DiagnosticStatus.WARN, self._watch.drops
         why = self._monitor.why_no_pose
         return DIAGNOSTIC_LEVELS[state], f"{state.value}: {why}" if why else state.value
 
     def _log(self) -> None:
-        """Says that it works, or how badly."""
+        """Logs rate, latency and drops."""
         summary = self._monitor.summary(time.monotonic_ns())
         if summary.frames or any(summary.drops.values()):
-            self._node.get_logger().info(f"{summary.rate_hz:.1f} poses a second; {summary}")
+            self._node.get_logger().info(f"{summary.rate_hz:.1f} poses per second; {summary}")
 
     def _publish(self) -> None:
-        now_ns = time.monotonic_ns()  # one for all, so that level and values agree
+        now_ns = time.monotonic_ns()  # once, so that level and values agree
         values: dict[str, object] = {**self._monitor.values(now_ns)}
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}

@@ -1,4 +1,4 @@
-"""Where the camera is on the robot, from parameters or TF; never assumed."""
+"""The camera's pose on the robot, from parameters or TF; it is never assumed."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
-# How often TF is asked whether the camera is still where it was on the robot.
+# Period of the checks whether the camera has moved on the robot, according to TF.
 MOUNT_LOOK_S = 1.0
 
 
 class NodeExtrinsics:
-    """The extrinsics of what is published, as soon as they are known."""
+    """The extrinsics between the camera and the published frames, once they are known."""
 
     def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
-        """Takes what the parameters say.
+        """Reads the parameters.
 
         Raises:
-            InputError: a parameter cannot be read, or without TF the parameters are not enough.
+            InputError: a parameter cannot be read, or TF is needed and not available.
         """
         self._node = node
         self._config = config
@@ -40,12 +40,12 @@ class NodeExtrinsics:
         if config.guess_frame_id and not (config.frame_id and transforms):
             raise InputError(
                 "guess_frame_id",
-                "needs frame_id, and TF",
+                "needs frame_id and TF",
                 "set frame_id, install tf2_msgs (scripts/tf2-msgs), or leave guess_frame_id empty",
             )
 
     def _given(self) -> Extrinsics | None:
-        """The extrinsics that the parameters give; None if TF has to tell them."""
+        """The extrinsics from the parameters; None if they must come from TF."""
         config = self._config
         if config.frame_id and not config.camera_pose and self._transforms is not None:
             return None
@@ -54,19 +54,19 @@ class NodeExtrinsics:
         )
 
     def start_at(self, T_odom_start: Float64 | None) -> None:
-        """Sets the pose [4, 4] in odom that the next start is at; None for the origin."""
+        """Sets the start pose [4, 4] in odom; None for the origin."""
         self._T_odom_start = T_odom_start
         self._level = None
 
     def level(self, up: Float64 | None) -> Extrinsics | None:
-        """Has odom start level from now on, where that is wanted, and until the next start.
+        """Levels odom until the next start, if the parameters ask for it.
 
         Args:
-            up: which way is up in the first optical frame, a unit vector [3]; None if that is not
-                known.
+            up: the upward direction in the first optical frame, a unit vector [3]; None if it is
+                unknown.
 
         Returns:
-            The extrinsics, if they are known.
+            The extrinsics; None if they are not known yet.
         """
         config = self._config
         is_optical = not config.frame_id and config.camera_axes == "optical"
@@ -85,7 +85,7 @@ class NodeExtrinsics:
         return extrinsics.starting_at(self._T_odom_start)
 
     def of(self, camera_frame: str) -> Extrinsics | None:
-        """The extrinsics of a camera, looked up if need be; None if they are not known.
+        """The extrinsics of a camera, looked up if necessary; None if they are not known yet.
 
         Args:
             camera_frame: the optical frame of the camera.
@@ -101,11 +101,11 @@ class NodeExtrinsics:
         return self.known
 
     def forget(self) -> None:
-        """Looks the camera up anew, as where it is another one."""
+        """Forgets the camera's pose, so that it is looked up again, as for another camera."""
         self._at_origin, self._looked_up = self._given(), None
 
     def _watch_mount(self, T_robot_camera: Float64, camera_frame: str) -> None:
-        """Says so, once, where TF has the camera elsewhere on the robot than it was looked up."""
+        """Warns once if, according to TF, the camera has moved on the robot since the look-up."""
         self._looked_s = time.monotonic()
         if self._transforms is None:
             return
@@ -115,7 +115,7 @@ class NodeExtrinsics:
             self._node.get_logger().warning(moved)
 
     def guess(self, stamp_ns: int) -> Float64 | None:
-        """Pose [4, 4] of the robot by another odometry; None if there is none, or not in time."""
+        """The robot's pose [4, 4] from another odometry; None if there is none, or it is late."""
         if not self._config.guess_frame_id:
             return None
         return self._lookup(self._config.guess_frame_id, self._config.frame_id, stamp_ns)
@@ -128,7 +128,7 @@ class NodeExtrinsics:
         what = f"from {source or 'images without a frame'} to {target}"
         if found is None and self._news.is_news("TF", what):
             self._node.get_logger().error(
-                f"TF: there is no transform {what}, waited {wait_s} s (said once): see that "
+                f"TF: no transform {what} within {wait_s} s (logged once): make sure that "
                 "robot_state_publisher, static_transform_publisher or the odometry runs"
                 + (", or set camera_pose" if target == self._config.frame_id else "")
             )
@@ -136,15 +136,15 @@ class NodeExtrinsics:
 
     @property
     def description(self) -> str:
-        """Where the camera is and looks at the start, as a user would check it."""
+        """Where the camera is at the start and where it looks, for the user to check."""
         extrinsics, odom = self.known, self._config.odom_frame_id
         if extrinsics is None:
-            return f"Where the camera is in {self._config.frame_id} is to come from TF"
+            return f"The camera's pose in {self._config.frame_id} will come from TF"
         x, y, z = extrinsics.T_fixed_odom[:3, 3]
         ahead, up = extrinsics.T_fixed_odom[:3, 2], -extrinsics.T_fixed_odom[:3, 1]
         return (
             f"At the start the camera is at ({x:.3f} {y:.3f} {z:.3f}) in {odom}, looks along "
-            f"({_vector(ahead)}), and its image's top is towards ({_vector(up)})"
+            f"({_vector(ahead)}), and the top of its image points to ({_vector(up)})"
         )
 
 

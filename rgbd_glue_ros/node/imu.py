@@ -1,4 +1,4 @@
-"""What the node hears of an IMU."""
+"""The node's IMU input."""
 
 from __future__ import annotations
 
@@ -22,21 +22,20 @@ from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
-# Messages that wait for the next frame, and until TF tells how the sensor is turned: ten seconds
-# at 200 Hz.
+# Messages kept until the next frame, or until TF has the sensor's orientation: 10 s at 200 Hz.
 _MOST_WAITING = 2000
-# How long the first frame waits for samples of its time, where there is a publisher: odom is to
-# start level.
+# How long the first frame waits for samples up to its stamp, if there is a publisher: odom needs
+# them to start level.
 _FIRST_WAIT_S = 1.0
-# Samples reach a frame's time if the last is no more than this before it.
+# Samples cover a frame if the last one is at most this much earlier.
 _REACH_NS = NANOSECONDS // 20
 
 
 class ImuInput:
-    """Listens to an IMU, where there is one.
+    """Subscribes to an IMU, which need not exist.
 
     Attributes:
-        topic: the full name of the IMU's topic.
+        topic: full name of the IMU topic.
     """
 
     def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
@@ -57,7 +56,7 @@ class ImuInput:
         self._has_waited = False
         self._is_used = False
         self._news = FaultNews()
-        # best effort hears every publisher, and of so many samples one may be lost
+        # best effort matches every publisher, and a few of so many samples may be lost
         qos = QoSProfile(depth=_MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(Imu, self.topic, self._receive, qos)
 
@@ -69,24 +68,24 @@ class ImuInput:
             reading = imu_reading(message, stamp, self.topic)
         except InputError as fault:
             if self._news.is_news(fault.where, fault.cause):
-                self._node.get_logger().warning(f"{fault} (said once)")
+                self._node.get_logger().warning(f"{fault} (logged once)")
             return
         with self._changed:
             if self._readings and stamp < self._readings[-1].stamp_ns - BACKWARD_JUMP_NS:
-                self._readings.clear()  # time began anew
+                self._readings.clear()  # time went back, as when a bag loops
             self._imu_frame = frame_of(message.header)
             self._readings.append(reading)
             self._changed.notify_all()
 
     def take(self, camera_frame: str, stamp_ns: int) -> ImuSamples:
-        """The samples since the last call, in the axes of the camera's optical frame.
+        """Returns the samples since the last call, in the axes of the camera's optical frame.
 
-        Without samples as long as it is not known how the sensor is turned in that frame. The
-        first call waits a while for samples of the frame's time; later ones take what is there.
+        They are empty until the sensor's orientation in that frame is known. The first call waits
+        up to a second for samples up to the frame's stamp; later calls do not wait.
 
         Args:
             camera_frame: the optical frame of the camera.
-            stamp_ns: of the frame, nanoseconds.
+            stamp_ns: stamp of the frame, nanoseconds.
         """
         if not self._has_waited and self._node.count_publishers(self.topic) > 0:
             with self._changed:
@@ -107,7 +106,7 @@ class ImuInput:
         return newest is not None and newest >= stamp_ns - _REACH_NS
 
     def _pose_in(self, camera_frame: str) -> Float64 | None:
-        """The IMU's pose [4, 4] in the camera's optical frame; None if it is not known."""
+        """The IMU's pose [4, 4] in the camera's optical frame; None if it is unknown."""
         imu_frame = self._imu_frame
         T_camera_imu = self._given_pose
         if T_camera_imu is None and imu_frame and imu_frame == camera_frame:
@@ -116,21 +115,21 @@ class ImuInput:
             T_camera_imu = self._look_up(camera_frame, imu_frame)
         if T_camera_imu is None:
             cause = (
-                f"TF does not tell how {imu_frame or 'its frame without a name'} is turned in "
+                f"TF has no transform from {imu_frame or 'the IMU, whose frame has no name,'} to "
                 f"{camera_frame}, so the IMU is not used yet"
             )
             if self._news.is_news(self.topic, cause):
                 self._node.get_logger().warning(
-                    f"{self.topic}: {cause} (said once): publish it, or set imu_pose"
+                    f"{self.topic}: {cause} (logged once): publish the transform, or set imu_pose"
                 )
             return None
         if not self._is_used:
             self._is_used = True
-            self._node.get_logger().info(f"Turning with {self.topic}")
+            self._node.get_logger().info(f"Using the IMU on {self.topic}")
         return T_camera_imu
 
     def _look_up(self, camera_frame: str, imu_frame: str) -> Float64 | None:
-        """The IMU's pose [4, 4] in the camera by TF, as it was when it was first known."""
+        """The IMU's pose [4, 4] in the camera, from the first successful look-up on TF."""
         T_camera_imu = self._known_poses.get((camera_frame, imu_frame))
         if T_camera_imu is None and self._transforms is not None:
             T_camera_imu = self._transforms.lookup(camera_frame, imu_frame, None, 0.0)

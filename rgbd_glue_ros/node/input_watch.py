@@ -1,4 +1,4 @@
-"""Watches what arrives, and says what is wrong with it."""
+"""Checks which messages arrive, and reports what is wrong with them."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
 from rgbd_glue_ros.parameters import profiles_file
 
-# Time between two looks at what arrives.
+# Period of the checks.
 LOOK_S = 5.0
 
 
 @dataclass(frozen=True)
 class _Counts:
-    """What became of messages and frames so far.
+    """Counts of messages and frames so far.
 
     Attributes:
         matches: complete frames.
-        received: messages of each channel that came.
-        missing: messages of each channel that did not come, by gaps in the stamps.
-        backward: messages of each channel whose stamp is before that of an earlier message.
+        received: received messages of each channel.
+        missing: messages of each channel that are missing, from gaps between the stamps.
+        backward: messages of each channel with a stamp before that of an earlier message.
         processed: frames with an estimate.
-        left_out: frames that gave way to a newer one.
+        left_out: frames that were replaced by a newer one.
     """
 
     matches: int
@@ -52,11 +52,11 @@ class _Counts:
 
 
 class NodeWatch:
-    """Looks every few seconds, once it is started, and logs what is new.
+    """Checks the input every ``LOOK_S`` once it is started, and logs new problems.
 
     Attributes:
-        silence: why no frame was complete lately; "" if some were.
-        drops: why more than a tenth of the frames got no pose lately; "" if fewer got none.
+        silence: why no complete frame arrived since the last check; "" if one did.
+        drops: why more than a tenth of frames since the last check have no pose; "" otherwise.
     """
 
     def __init__(
@@ -66,19 +66,22 @@ class NodeWatch:
         monitor: Monitor,
         stamps: StampSource,
         learned: Sequence[str],
+        with_two_clocks: str,
     ) -> None:
-        """Has seen nothing yet.
+        """Prepares the checks; ``start`` starts them.
 
         Args:
-            node: has the timer and the log.
+            node: provides the timer and the log.
             synchronizer: counts messages.
             monitor: counts frames.
-            stamps: tells which messages go by their receipt.
-            learned: parameters that choose a learned feature.
+            stamps: knows which messages use the time of receipt.
+            learned: parameters that select a learned feature.
+            with_two_clocks: what to do if colour and depth use different clocks.
         """
         self.silence = self.drops = ""
         self._stamps = stamps
         self._learned = learned
+        self._with_two_clocks = with_two_clocks
         self._monitor = monitor
         self._node = node
         self._synchronizer = synchronizer
@@ -87,8 +90,8 @@ class NodeWatch:
         self._silences = FaultNews()
 
     def start(self, inputs: Sequence[NodeInput]) -> None:
-        """Watches subscriptions from now on."""
-        # not the node's clock: simulated time may stand still just when silence is to be reported
+        """Starts to check subscriptions."""
+        # not the node's clock: simulated time may stand still just when silence must be reported
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(LOOK_S, lambda: self._look(inputs), clock=clock)
 
@@ -108,7 +111,7 @@ class NodeWatch:
         now, before = self._counts(), self._before
         self._before = now
         received = {c: now.received[c] - before.received[c] for c in Channel}
-        # receipts jitter, so that gaps between them tell nothing
+        # times of receipt jitter, so their gaps say nothing about losses
         missing = {
             c: 0 if self._stamps.is_by_receipt(c) else now.missing[c] - before.missing[c]
             for c in Channel
@@ -131,7 +134,7 @@ class NodeWatch:
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
         queue_needed = synchronizer.queue_needed
-        if now.matches > before.matches:  # else it is why there is silence
+        if now.matches > before.matches:  # otherwise it is part of the reason for silence
             self._warn_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
         self._warn_if_new("name", explain_namesakes(self._node))
         if now.matches > before.matches:
@@ -140,7 +143,7 @@ class NodeWatch:
             return
         backward = [c for c in Channel if 2 * (now.backward[c] - before.backward[c]) > received[c]]
         self.silence = self._explain_silence(inputs, received, backward)
-        # counts differ from look to look, and are no news
+        # a line that differs only in its counts is not news
         if self._silences.is_news("silence", self.silence):
             self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {self.silence}")
 
@@ -163,10 +166,11 @@ class NodeWatch:
             synchronizer.max_interval_ns,
             synchronizer.queue_needed,
             backward,
+            self._with_two_clocks,
         )
 
     def _warn_if_new(self, what: str, line: str | None) -> None:
-        """Logs what is wrong unless the last look found the same kind wrong."""
+        """Logs a problem, unless the last check found one of the same kind."""
         if line is None:
             self._warned.discard(what)
         elif what not in self._warned:
@@ -175,12 +179,12 @@ class NodeWatch:
 
 
 def explain_namesakes(node: Node) -> str | None:
-    """Warns of other nodes with the name of a node; None where there are none."""
+    """A warning if other nodes have the same name as ``node``; None if there are none."""
     own = node.get_fully_qualified_name()
     namesakes = node.get_fully_qualified_node_names().count(own) - 1
     if namesakes < 1:
         return None
     return (
-        f"{own} is the name of {namesakes} more: services and parameters reach one of these nodes, "
-        "and their topics mix; end the others, or start them with -r __node:=NAME"
+        f"{own} is also the name of {namesakes} other node(s): services and parameters reach only "
+        "one of them, and their topics mix; stop the others, or start them with -r __node:=NAME"
     )

@@ -1,4 +1,4 @@
-"""The node's subscriptions, which take what their publishers offer."""
+"""The node's image and camera info subscriptions, with the QoS that their publishers offer."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Receive = Callable[[Channel, Any], None]
 
 
 class NodeInput:
-    """A subscription that takes the reliability its publishers offer, unless one is set.
+    """A subscription with the reliability that its publishers offer, unless a parameter sets it.
 
     A reliable subscription gets nothing from a best-effort publisher, and a best-effort one may
-    lose images of a reliable publisher; which one comes up is not known before it does.
+    lose images of a reliable publisher. Which kind it will be is known only when one appears.
     """
 
     def __init__(
@@ -39,12 +39,12 @@ class NodeInput:
         """Subscribes.
 
         Args:
-            node: subscribes.
+            node: the node that subscribes.
             channel: what the topic carries.
-            message_type: of the topic.
+            message_type: type of its messages.
             topic: its full name.
             receive: called with each message.
-            config: says which QoS.
+            config: queue size and QoS.
         """
         self.channel = channel
         self.topic = topic
@@ -81,7 +81,7 @@ class NodeInput:
         if len(publishers) > 1:
             self._node.get_logger().warning(
                 f"{self.topic} has {len(publishers)} publishers, whose messages mix: "
-                f"{', '.join(self.publishers)}; keep one. One that was killed is still counted "
+                f"{', '.join(self.publishers)}; keep one. A killed publisher is still counted "
                 "for a while"
             )
         durability = offered_durability(publishers)
@@ -89,13 +89,13 @@ class NodeInput:
         if (reliability, durability) == (self._reliability, self._durability):
             return
         settings = f"{_policy_name(reliability)}, {_policy_name(durability)}"
-        self._node.get_logger().info(f"{self.topic}: subscribing {settings}, as published")
+        self._node.get_logger().info(f"{self.topic}: subscribing as {settings}, like its publisher")
         self._reliability, self._durability = reliability, durability
         self._node.destroy_subscription(self._subscription)
         self._subscription = self._subscribe()
 
     def _offered_reliability(self, publishers: list[TopicEndpointInfo]) -> ReliabilityPolicy:
-        """What all publishers offer; or what a parameter asks for, which may fit none of them."""
+        """What all publishers offer, or what a parameter sets, which may match none of them."""
         offered = {info.qos_profile.reliability for info in publishers}
         best = (
             ReliabilityPolicy.RELIABLE
@@ -111,22 +111,23 @@ class NodeInput:
     def _refusal(self) -> str:
         return (
             f"{self.topic} is published by {', '.join(self.publishers)}, but "
-            f"{self._node.get_fully_qualified_name()} subscribes reliable ({self._parameter}:=1) "
-            f"and gets nothing from a publisher with best effort; set {self._parameter} to 0"
+            f"{self._node.get_fully_qualified_name()} subscribes as reliable "
+            f"({self._parameter}:=1) and gets nothing from a best-effort publisher; "
+            f"set {self._parameter} to 0"
         )
 
     @property
     def publishers(self) -> tuple[str, ...]:
-        """Each publisher of the topic in words: its node, type and reliability."""
+        """Descriptions of the topic's publishers: node, type and reliability."""
         return describe_publishers(self._node, self.topic, self._type)
 
 
 def describe_publishers(node: Node, topic: str, message_type: type) -> tuple[str, ...]:
-    """Each publisher of a topic in words: its node, type and reliability.
+    """Descriptions of a topic's publishers: node, type and reliability.
 
     Args:
-        node: whose view of the graph is taken.
-        topic: its full name.
+        node: any node; its view of the ROS graph is used.
+        topic: full name of the topic.
         message_type: the type that the topic should have.
     """
     expected = message_type.__module__.split(".")[0] + "/msg/" + message_type.__name__
@@ -139,7 +140,7 @@ def describe_publishers(node: Node, topic: str, message_type: type) -> tuple[str
 
 
 def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeInput, ...]:
-    """Subscribes to colour, depth and camera info, in this order."""
+    """Subscribes to colour, depth and camera info; returns the inputs in this order."""
     transports = {
         Channel.COLOR: config.image_transport,
         Channel.DEPTH: config.depth_transport,
@@ -151,14 +152,14 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeI
             message_type: type = CameraInfo
         else:
             message_type = Image if transport == topics.RAW else CompressedImage
-        # as image_transport does it: what users remap is the base topic
+        # as in image_transport, users remap the base topic
         topic = topics.transported(node.resolve_topic_name(topics.SUBSCRIBED[channel]), transport)
         inputs.append(NodeInput(node, channel, message_type, topic, receive, config))
     return tuple(inputs)
 
 
 def offered_durability(publishers: list[TopicEndpointInfo]) -> DurabilityPolicy:
-    """Transient local if all publishers offer that: earlier messages are then received, too."""
+    """Transient local if all publishers offer it, so that earlier messages are received too."""
     offered = {info.qos_profile.durability for info in publishers}
     if offered == {DurabilityPolicy.TRANSIENT_LOCAL}:
         return DurabilityPolicy.TRANSIENT_LOCAL
@@ -166,12 +167,12 @@ def offered_durability(publishers: list[TopicEndpointInfo]) -> DurabilityPolicy:
 
 
 def describe_qos(profile: QoSProfile) -> str:
-    """Reliability and durability, which have to fit, as ``reliable, volatile``."""
+    """Reliability and durability, which must be compatible, such as ``reliable, volatile``."""
     return f"{_policy_name(profile.reliability)}, {_policy_name(profile.durability)}"
 
 
 def _describe_offer(profile: QoSProfile) -> str:
-    """The reliability, and the durability where it is not what nearly all cameras have."""
+    """The reliability, and the durability if it is not volatile, as with nearly all cameras."""
     if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
         return describe_qos(profile)
     return _policy_name(profile.reliability)

@@ -1,4 +1,4 @@
-"""The log of a node: its lines are lines and steer no terminal, whatever they name."""
+"""The log of a node: non-printable characters are escaped, so no text can break or forge a line."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from rclpy.node import Node
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.printable import PrintableFormatter, printable
 
-# A line is attributed to the function that wrote it. rclpy passes over its own modules, and over
-# those that others add to this list.
+# rclpy attributes a line to the function that logged it. To find it, it skips its own modules and
+# those in this list.
 rcutils_logger._internal_callers.append(str(Path(__file__).resolve()))  # noqa: SLF001
 
 
 WITHOUT_FILE = ("--ros-args", "--disable-external-lib-logs")
-"""ROS arguments that keep ROS from writing its log to a file too."""
+"""ROS arguments that disable the log file; the console and /rosout remain."""
 
 
 def explain_no_file() -> str | None:
-    """Why ROS has no folder for files of its log, in which case it does not start; None if it has.
+    """Why ROS has no folder for log files, without which it does not start; None if it has one.
 
     Raises:
-        InputError: ``ROS_LOG_DIR`` says where they belong, and they cannot be there.
+        InputError: ``ROS_LOG_DIR`` is set, and no file can be written there.
     """
     told = os.environ.get("ROS_LOG_DIR")
     folder = _log_folder()
     cause = "HOME is not set" if folder is None else _why_not_written(folder)
     if cause and told:
-        raise InputError("ROS_LOG_DIR", cause, "set it to a folder that can be written to")
+        raise InputError("ROS_LOG_DIR", cause, "set it to a writable folder")
     if cause:
-        return f"The log is kept in no file: {cause}; set ROS_LOG_DIR to a folder for it"
+        return f"The log is not written to a file: {cause}; set ROS_LOG_DIR to a writable folder"
     return None
 
 
 def _log_folder() -> Path | None:
-    """Where ROS keeps logs (rcl_logging_get_logging_directory); None for want of a home."""
+    """Where ROS keeps logs (rcl_logging_get_logging_directory); None if HOME is not set."""
     told, ros_home = os.environ.get("ROS_LOG_DIR"), os.environ.get("ROS_HOME")
     folder = Path(told or Path(ros_home or "~/.ros") / "log")
     if folder.parts[:1] != ("~",):
         return folder
-    # ROS does not look for another home than this
+    # ROS looks for no other home
     home = os.environ.get("HOME")
     return Path(home, *folder.parts[1:]) if home else None
 
 
 def _why_not_written(folder: Path) -> str:
-    """Why no file can be made in a folder, which is made if need be; "" if one can."""
+    """Why no file can be created in a folder, which is created if necessary; "" if one can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -63,7 +63,7 @@ def _why_not_written(folder: Path) -> str:
 
 
 class PrintableLogger(rcutils_logger.RcutilsLogger):  # type: ignore[misc]
-    """Writes out what is not printable: others choose the names of frames, topics and types."""
+    """Escapes non-printable characters: names of frames, topics and types come from others."""
 
     def log(self, message: object, severity: Any, **kwargs: Any) -> bool:
         """Logs a line as rclpy's logger does."""
@@ -71,7 +71,7 @@ class PrintableLogger(rcutils_logger.RcutilsLogger):  # type: ignore[misc]
 
 
 class LoggedNode(Node):  # type: ignore[misc]
-    """A node whose log is printable."""
+    """A node whose log contains only printable characters."""
 
     def get_logger(self) -> PrintableLogger:
         """The node's logger."""
@@ -83,16 +83,16 @@ class LoggedNode(Node):  # type: ignore[misc]
 
 
 class RosLogHandler(logging.Handler):
-    """Sends what the library logs to a node's log, and so to /rosout."""
+    """Sends the library's log messages to a node's log, and so to /rosout."""
 
     def __init__(self, node: Node) -> None:
         super().__init__(logging.INFO)
         self.setFormatter(PrintableFormatter())
-        # a traceback has lines of its own, which a PrintableLogger would make one of
+        # a PrintableLogger would join the lines of a traceback
         self._logger = rclpy.logging.get_logger(node.get_logger().name)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Logs a record; each severity from a line of its own, as rclpy demands."""
+        """Logs a record; rclpy requires a separate line of code for each severity."""
         text = self.format(record)
         if record.levelno >= logging.ERROR:
             self._logger.error(text)

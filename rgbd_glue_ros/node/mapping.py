@@ -1,7 +1,7 @@
-"""The mapping node: closes loops over the odometry of another process, and publishes map -> odom.
+"""The mapping node: closes loops on top of the odometry node, and publishes map -> odom.
 
-It takes keyframes and their edges from the odometry node and the keyframes' images from the
-camera. ``odom`` stays as smooth as it is; what a loop corrects is in ``map`` -> ``odom`` alone.
+It subscribes to keyframes and their edges from the odometry node, and to images from the camera.
+``odom`` stays smooth; loop closures correct only ``map`` -> ``odom``.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import Broadcaster, listen
+from rgbd_glue_ros.parameters.inputs import MAP_BY_RECEIPT
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
@@ -47,16 +48,16 @@ from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame
 logger = logging.getLogger(f"{cfg.PACKAGE}.mapping")
 
 NODE_NAME = "rgbd_mapping"
-# Images kept until the odometry says which of them are keyframes: two seconds of a usual camera.
+# Images kept until the odometry says which of them are keyframes: 2 s at 30 Hz.
 MATCHES_KEPT = 60
 KEYFRAMES_WAITING = 100
-# All others are fixed: the keyframes of a map are comparable if one set of parameters made them.
+# All others are fixed: keyframes of a map are comparable only if made with the same parameters.
 CHANGEABLE = ("save_map_file",)
 
 
 @dataclass(frozen=True)
 class _Keyframe:
-    """A keyframe and its messages, which are decoded on the worker's thread; None if missing."""
+    """A keyframe and its messages, decoded on the worker's thread; None if they are missing."""
 
     keyframe: NewKeyframe
     match: Match[Any] | None
@@ -64,7 +65,7 @@ class _Keyframe:
 
 @dataclass(frozen=True)
 class _NewGraph:
-    """The odometry has started anew: what follows has nothing to do with what came before."""
+    """The odometry has restarted: what follows is not related to what came before."""
 
 
 class MappingNode(BaseNode):
@@ -74,7 +75,7 @@ class MappingNode(BaseNode):
         """Subscribes.
 
         Raises:
-            InputError: a parameter has a value that it cannot have.
+            InputError: a parameter has an invalid value.
             MissingExtraError: the libraries of the extra slam are not installed.
         """
         super().__init__(NODE_NAME)
@@ -86,7 +87,9 @@ class MappingNode(BaseNode):
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
         self._matches: OrderedDict[int, Match[Any]] = OrderedDict()
-        self._input = RgbdInput(self, self._config, transforms, self._receive)
+        self._input = RgbdInput(
+            self, self._config, transforms, self._receive, with_two_clocks=MAP_BY_RECEIPT
+        )
         self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
         self._worker: QueueWorker[_NewGraph | _Keyframe | PoseGraphEdge] = QueueWorker(
@@ -100,7 +103,7 @@ class MappingNode(BaseNode):
         self.get_logger().info(self._description())
 
     def _finish(self) -> bool:
-        """Finishes the keyframe in work."""
+        """Finishes the current keyframe."""
         has_ended = self._worker.close(CLOSE_S)
         if has_ended:
             self._input.close()
@@ -140,10 +143,10 @@ class MappingNode(BaseNode):
         self._submit([*keyframes, *([] if late is None else [late])])
 
     def _submit(self, items: Sequence[NewKeyframe | PoseGraphEdge]) -> None:
-        """Leaves keyframes and edges for the worker, in order, once their images are there."""
+        """Submits keyframes and edges to the worker, in order, once their images have arrived."""
         for item in items:
             if isinstance(item, NewKeyframe) and item.is_anew:
-                # images of the graph before may never come, as where time went back
+                # images of the previous graph may never come, for example when time went back
                 self._waiting.clear()
                 self._waiting.append(_NewGraph())
             self._waiting.append(item)
@@ -155,7 +158,7 @@ class MappingNode(BaseNode):
                 self._worker.submit(oldest)
 
     def _is_awaited(self, item: _NewGraph | NewKeyframe | PoseGraphEdge) -> bool:
-        """Whether the images of a keyframe may yet come."""
+        """Whether the images of a keyframe may still arrive."""
         if not isinstance(item, NewKeyframe) or item.stamp_ns in self._matches:
             return False
         return not self._matches or next(reversed(self._matches)) < item.stamp_ns
@@ -164,23 +167,23 @@ class MappingNode(BaseNode):
         match = self._matches.get(keyframe.stamp_ns)
         if match is None:
             why = (
-                "images bear no stamp, and each process receives them at a time of its own: have "
+                "images have no stamp, and each process receives them at a different time: make "
                 "the driver stamp them"
                 if self._input.is_by_receipt
                 else "it was lost on the way, or this node's topics are not those of the odometry"
             )
             self.warn_once(
                 f"keyframe {keyframe.number}",
-                f"no image has its stamp, so it is left out; {why} (said once)",
+                f"no image has its stamp, so it is skipped; {why} (logged once)",
             )
-        # its edge leads from the keyframe before to those that come, with images or without
+        # even without images, its edges connect earlier keyframes with later ones
         self._worker.submit(_Keyframe(keyframe, match))
 
     # Work, on the worker's thread
 
     def _process(self, item: _NewGraph | _Keyframe | PoseGraphEdge) -> None:
         try:
-            # not while frames are decoded, which may wait for TF
+            # decode without holding the lock, since this may wait for TF
             frame = self._frame(item) if isinstance(item, _Keyframe) else None
             with self._map_lock:
                 if isinstance(item, _NewGraph):
@@ -193,7 +196,7 @@ class MappingNode(BaseNode):
             self._report(fault)
         except Exception as error:
             if self.is_news("a keyframe", repr(error)):
-                logger.exception("A keyframe could not be mapped; going on")
+                logger.exception("A keyframe could not be mapped; continuing without it")
 
     def _frame(self, item: _Keyframe) -> RgbdFrame | None:
         """The images of a keyframe; None if they are missing or unusable."""
@@ -207,7 +210,7 @@ class MappingNode(BaseNode):
 
     def _report(self, fault: InputError) -> None:
         if self.is_news(fault.where, fault.cause):
-            self.get_logger().error(f"{fault} (said once)")
+            self.get_logger().error(f"{fault} (logged once)")
 
     def _add_edge(self, edge: PoseGraphEdge) -> None:
         extrinsics = self._extrinsics.known
@@ -232,16 +235,16 @@ class MappingNode(BaseNode):
         else:
             self._map.add(keyframe.number, keyed)
         if self._map.is_placed and not was_placed:
-            self.get_logger().info(f"Keyframe {keyframe.number} shows a place of the map")
+            self.get_logger().info(f"Keyframe {keyframe.number} shows a known place")
         if self._map.loops > before:
             self.get_logger().info(
                 f"Keyframe {keyframe.number}: {self._map.loops - before} loops closed, "
-                f"{self._map.loops} in all"
+                f"{self._map.loops} in total"
             )
         self._publish_path(extrinsics.T_camera_child, keyframe.stamp_ns)
 
     def _publish_path(self, T_camera_child: Float64, at_ns: int) -> None:
-        """Publishes all keyframes where the optimum has them."""
+        """Publishes the optimised poses of all keyframes."""
         if not self._path.get_subscription_count():
             return
         path, frame = PathMessage(), self._config.map_frame_id
@@ -266,12 +269,12 @@ class MappingNode(BaseNode):
             )
 
     def _description(self) -> str:
-        """What is subscribed and published."""
+        """What the node subscribes to and publishes."""
         subscribed = ", ".join([*self._input.topics, *self._odometry.topics])
         path = self._path.topic_name
         frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
         if self._broadcaster is None:
-            published = f"{path} alone, since {frames} needs tf2_msgs"
+            published = f"{path} only, since {frames} needs tf2_msgs"
         elif self._map.is_placed:
             published = f"{path} and {frames}"
         else:
@@ -280,10 +283,10 @@ class MappingNode(BaseNode):
 
 
 def _given_map(config: cfg.NodeConfig) -> SavedMap | None:
-    """The map of ``map_file``, to begin with; None if no file is given.
+    """The map in ``map_file``, to start with; None if no file is given.
 
     Raises:
-        InputError: the map cannot be read, or ``localize_only`` needs one and none is given.
+        InputError: the map cannot be read, or ``localize_only`` is set without a map.
     """
     if config.map_file:
         return read_map(expanded(config.map_file, "map_file"))
@@ -293,10 +296,10 @@ def _given_map(config: cfg.NodeConfig) -> SavedMap | None:
 
 
 def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
-    """The edge that ``NodeOutputs.publish_edge`` put into a message.
+    """Reads an edge from a message of ``NodeOutputs.publish_edge``.
 
     Raises:
-        InputError: the pose or the covariance is none, or a frame's name is not that of a keyframe.
+        InputError: the pose or the covariance is invalid, or a frame is not named as a keyframe.
     """
     T = pose_from_message(message, topics.KEYFRAME_EDGES)
     parent, child = (
@@ -307,13 +310,13 @@ def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
         raise InputError(
             topics.KEYFRAME_EDGES,
             "a covariance is not positive definite",
-            "take the odometry node's",
+            "subscribe to the edges of the odometry node",
         )
     return PoseGraphEdge(parent, child, T, se3.perturbation_covariance(T, covariance))
 
 
 def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
-    """Runs the node until it is told to end; arguments and exit code as of the odometry node."""
+    """Runs the node until a signal ends it; arguments and exit code as for the odometry node."""
     return run_node(NODE_NAME, lambda _: MappingNode(), args, end_signals)
 
 

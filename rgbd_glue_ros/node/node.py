@@ -1,8 +1,8 @@
-"""The ROS node: subscribes to an RGB-D camera, publishes its pose.
+"""The odometry node: subscribes to an RGB-D camera, publishes its pose.
 
-Subscription callbacks only pair messages by stamp; a worker thread converts the newest complete
-frame, runs the odometry on it and publishes. So a slow frame delays nothing but itself, and what
-comes meanwhile is dropped and counted, but for the newest.
+Subscription callbacks only pair messages by stamp. A worker thread converts the newest complete
+frame, runs the odometry on it and publishes. So a slow frame does not block the subscriptions; of
+the frames that arrive meanwhile the newest is kept, and the others are dropped and counted.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, Tracki
 logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
 
 NODE_NAME = "rgbd_odometry"
-# Frames that come this much before their turn by max_update_rate are taken: stamps jitter.
+# Frames may be early by this fraction of the period of max_update_rate, since stamps jitter.
 EARLY_FRACTION = 0.1
 
 
 @dataclass(frozen=True)
 class _Arrival:
-    """A complete frame and when its last message came, by the monotonic clock."""
+    """The messages of a frame, and when the last of them arrived, by the monotonic clock."""
 
     match: Match[Any]
     arrived_ns: int
@@ -72,13 +72,13 @@ class OdometryNode(BaseNode):
     """RGB-D odometry as a node."""
 
     def __init__(self, give_up: Callable[[], None]) -> None:
-        """Declares the parameters; subscribes as soon as the first frame would not be slow.
+        """Declares the parameters, and warms up; subscribes as soon as that is done.
 
         Args:
-            give_up: called, by another thread, when no frame could be processed.
+            give_up: called from another thread if the warm-up fails, as every frame then would.
 
         Raises:
-            InputError: a parameter has a value that it cannot have.
+            InputError: a parameter has an invalid value.
         """
         super().__init__(NODE_NAME)
         self._give_up = give_up
@@ -90,7 +90,7 @@ class OdometryNode(BaseNode):
         self._camera_frame = CameraFrame()
         self._last_stamp_ns: int | None = None
         self._last_taken_ns: int | None = None
-        # what is to be done on the worker's thread, before the next frame
+        # to be run on the worker's thread, before the next frame
         self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._worker = self._create_worker()
         learned = learned_features(self._config.features)
@@ -111,11 +111,11 @@ class OdometryNode(BaseNode):
         create_save_service(self, topics.SAVE_GRAPH_SERVICE, "graph", self._save_graph)
         follow_changes(self, self._node_config, self._config, self._take_parameters)
         self._warmed_up = self.create_guard_condition(self._subscribe)
-        # compiling for the first time takes long, and the process is to end when it is told to
+        # a daemon: the first compilation takes long, and must not delay the end of the process
         threading.Thread(target=self._warm_up, args=[glue], name="warm-up", daemon=True).start()
 
     def _finish(self) -> bool:
-        """Finishes the frame in work, and logs what became of all."""
+        """Finishes the current frame, and logs a summary of all frames."""
         has_ended = self._worker.close(CLOSE_S)
         self.get_logger().info(str(self.monitor.summary(time.monotonic_ns())))
         if has_ended:
@@ -130,10 +130,11 @@ class OdometryNode(BaseNode):
         return QueueWorker(self._process, self._node_config.sync_queue_size)
 
     def _take_parameters(self, node_config: cfg.NodeConfig, config: cfg.Config) -> None:
-        """Lets changed parameters hold from the next frame on."""
+        """Applies changed parameters from the next frame on."""
         self._node_config = node_config
         self._outputs.reconfigure(node_config)
-        # both on the worker's thread: what explains a missing pose are the limits it was missed by
+        # both on the worker's thread, so that a missing pose is explained with the limits that
+        # were in force for its frame
         self._requests.put(lambda: self._reconfigure(config))
 
     def _reconfigure(self, config: cfg.Config) -> None:
@@ -144,12 +145,12 @@ class OdometryNode(BaseNode):
 
     def _serve_reset(self, _request: object, response: Empty.Response) -> Empty.Response:
         self._requests.put(self._reset)
-        self.get_logger().info("Told to reset: starting anew with the next frame")
+        self.get_logger().info("Reset requested: restarting with the next frame")
         return response
 
     def _serve_pause(self, _request: object, response: Empty.Response) -> Empty.Response:
         self.monitor.is_paused = True
-        self.get_logger().info("Paused: no frame is processed until told to resume")
+        self.get_logger().info("Paused: no frame is processed until ~/resume_odom is called")
         return response
 
     def _serve_resume(self, _request: object, response: Empty.Response) -> Empty.Response:
@@ -163,12 +164,12 @@ class OdometryNode(BaseNode):
     # Input
 
     def _warm_up(self, glue: Glue) -> None:
-        self.get_logger().info("Warming up; the very first time it compiles, for a minute or two")
+        self.get_logger().info("Warming up; the very first time this compiles, for a minute or two")
         try:
-            # no frame comes before it has ended, so both may use the features
+            # no frame arrives before this has ended, so sharing the features is safe
             warm_up(self._config, glue)
         except Exception:
-            logger.exception("Warming up failed, and so would every frame: giving up")
+            logger.exception("Warming up failed, as every frame would: the node ends")
             self._give_up()
             return
         exempt_loaded_objects()
@@ -189,7 +190,7 @@ class OdometryNode(BaseNode):
             self._worker.submit(_Arrival(match, arrived_ns))
 
     def _is_too_soon(self, stamp_ns: int) -> bool:
-        """Whether a frame comes sooner than ``max_update_rate`` allows, so that it is left out."""
+        """Whether a frame comes sooner than ``max_update_rate`` allows, and must be skipped."""
         if self._last_taken_ns is None or self._node_config.max_update_rate <= 0:
             return False
         period_ns = NANOSECONDS / self._node_config.max_update_rate
@@ -227,12 +228,12 @@ class OdometryNode(BaseNode):
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)
             if self.monitor.is_news(fault.where, fault.cause):
-                self.get_logger().error(f"{fault} (said once, counted from now on)")
+                self.get_logger().error(f"{fault} (logged once, then counted)")
             return
         except Exception as error:
             self.monitor.dropped(Drop.FAILED)
             if self.monitor.is_news("a frame", repr(error)):
-                logger.exception("The frame at %d ns failed; going on", arrival.match.stamp_ns)
+                logger.exception("The frame at %d ns failed; continuing", arrival.match.stamp_ns)
             return
         self.monitor.learnt(self._odometry.imu_calibration)
         self.warn_once("imu", explain_distrust(self._odometry.imu_calibration))
@@ -245,12 +246,12 @@ class OdometryNode(BaseNode):
     def _update_map(
         self, estimate: OdometryEstimate, pose: PoseStamped | None, extrinsics: Extrinsics
     ) -> bool:
-        """Does what only the next frame needs, now that the pose is on its way.
+        """Updates keyframes and edges, which only later frames need, after the pose is published.
 
         Args:
-            estimate: of the frame.
-            pose: as published; None if there was none.
-            extrinsics: that it was published with.
+            estimate: the estimate of the frame.
+            pose: the published pose; None if there was none.
+            extrinsics: the extrinsics that it was published with.
 
         Returns:
             Whether the frame became a keyframe.
@@ -259,7 +260,7 @@ class OdometryNode(BaseNode):
             is_keyframe = self._odometry.update_map() or estimate.is_keyframe
         except Exception as error:
             if self.monitor.is_news("a keyframe", repr(error)):
-                logger.exception("A keyframe could not be made; going on without it")
+                logger.exception("A keyframe could not be made; continuing without it")
             return False
         keyframe = self._odometry.newest_keyframe
         if is_keyframe and pose is not None and keyframe is not None:
@@ -274,23 +275,23 @@ class OdometryNode(BaseNode):
         return is_keyframe
 
     def _reset_if_other_camera(self, frame: RgbdFrame) -> None:
-        """Starts anew, and looks up where the camera is, when the images are of another camera."""
+        """Resets, and looks up the extrinsics again, if the images are of another camera."""
         before = self._camera_frame.changes_to(frame.frame_id)
         if before is None:
             return
         self.get_logger().warning(
-            f"The images are of the camera {frame.frame_id!r} now, and were of {before!r}: "
-            f"starting anew, publishing {self._node_config.frame_id or frame.frame_id}"
+            f"The images are now from the camera {frame.frame_id!r}, before from {before!r}: "
+            f"restarting, and publishing {self._node_config.frame_id or frame.frame_id}"
         )
         self._extrinsics.forget()
         self._reset()
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
-        """Starts anew when time went back; ``Match.restarted`` may have been superseded."""
+        """Resets if time went back; a match with ``restarted`` may have been superseded."""
         if self._last_stamp_ns is not None and frame.stamp_ns < self._last_stamp_ns:
             back_s = (self._last_stamp_ns - frame.stamp_ns) / NANOSECONDS
             self.get_logger().warning(
-                f"Time went back by {back_s:.3f} s (a bag in a loop?): starting anew"
+                f"Time went back by {back_s:.3f} s (a looping bag?): restarting"
             )
             self._reset()
         self._last_stamp_ns = frame.stamp_ns
@@ -304,7 +305,7 @@ class OdometryNode(BaseNode):
         self._last_stamp_ns = None
 
     def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
-        """Logs what has changed, and once for each cause why there is no first pose."""
+        """Logs changes of state, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
             if why and self.monitor.is_news("no pose", why):
                 self.get_logger().warning(f"No pose yet: {why}")
@@ -321,7 +322,7 @@ class OdometryNode(BaseNode):
             self.get_logger().info(f"Tracking again at {estimate.stamp_ns / NANOSECONDS:.3f}")
 
     def _description(self) -> str:
-        """What is subscribed and published, in the frames as the user would check them."""
+        """What the node subscribes to and publishes, with the frames for the user to check."""
         subscribed = ", ".join(self._input.topics)
         child = self._node_config.frame_id or "the camera's optical frame"
         return (
@@ -334,10 +335,11 @@ def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -
     """Runs the node until SIGINT, SIGTERM or SIGHUP.
 
     Args:
-        args: ROS arguments; None takes the process's.
-        end_signals: where they were taken over before this module was loaded, which takes a while.
+        args: ROS arguments; None uses those of the process.
+        end_signals: the signal handlers, if they were installed before this module was loaded,
+            which takes a while.
 
     Returns:
-        The exit code, as of ``run_node``.
+        The exit code of ``run_node``.
     """
     return run_node(NODE_NAME, OdometryNode, args, end_signals)

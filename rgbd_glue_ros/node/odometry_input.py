@@ -1,4 +1,4 @@
-"""What the mapping node takes of the odometry node, and what it says where that does not come."""
+"""The mapping node's input from the odometry node, and what it logs if none arrives."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.node.input_watch import LOOK_S
 from rgbd_glue_ros.node.inputs import describe_publishers
 
-# Messages of a topic that wait for the node.
+# Queued messages of each topic, at most.
 _QUEUE_SIZE = 100
 
 
 @dataclass
 class _Subscribed:
-    """A topic, and how many of its messages came: in all, and by the last look."""
+    """A topic, and how many of its messages came: in total, and up to the last check."""
 
     topic: str
     type: type
@@ -32,7 +32,7 @@ class _Subscribed:
 
 
 class OdometryInput:
-    """Subscriptions to poses, keyframes and edges, looked at every few seconds."""
+    """Subscriptions to poses, keyframes and edges, checked every ``LOOK_S``."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class OdometryInput:
         """Subscribes.
 
         Args:
-            node: subscribes, has the timer and the log.
+            node: subscribes, and provides the timer and the log.
             take_pose: called with the pose of each frame.
             take_keyframe: called with the pose of each keyframe.
             take_edge: called with each edge between keyframes.
@@ -54,12 +54,12 @@ class OdometryInput:
         self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
         self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
         self._edge = self._subscribe(OdometryMessage, topics.KEYFRAME_EDGES, take_edge)
-        # not the node's clock: simulated time may stand still
+        # not the node's clock, since simulated time may stand still
         node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The full names of the subscribed topics."""
+        """Full names of the subscribed topics."""
         return tuple(s.topic for s in (self._pose, self._keyframe, self._edge))
 
     def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None]) -> _Subscribed:

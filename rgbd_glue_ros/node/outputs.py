@@ -1,4 +1,4 @@
-"""What the node publishes of an estimate."""
+"""The node's publishers."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ from rgbd_glue_ros.node.tf import Broadcaster
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, PoseGraphEdge, RgbdFrame
 
-# On the diagonals of both covariances where there is no pose, as rtabmap_odom has it.
+# The diagonal of both covariances if there is no pose, as in rtabmap_odom.
 NULL_VARIANCE = 9999.0
 
 
 class NodeOutputs:
-    """Publishes what an estimate knows, and nothing that it does not."""
+    """Publishes the known parts of estimates; unknown ones are never invented."""
 
     def __init__(self, node: Node, config: NodeConfig, *, has_tf: bool) -> None:
         """Creates the publishers.
 
         Args:
-            node: publishes.
-            config: what, and in which frames.
+            node: the node that publishes.
+            config: what to publish, and in which frames.
             has_tf: whether /tf can be published.
         """
         self._node = node
         self._config = config
-        # without a robot frame, the child is the optical frame, whose parent is the driver's
+        # without a robot frame the child is the optical frame, whose parent comes from the driver
         does_broadcast = has_tf and config.publish_tf and config.frame_id
         self._broadcaster = Broadcaster(node) if does_broadcast else None
         self._pose = self._publisher(PoseStamped, topics.POSE)
@@ -55,7 +55,7 @@ class NodeOutputs:
         self._path_poses: deque[PoseStamped] = deque(maxlen=config.path_poses)
 
     def reconfigure(self, config: NodeConfig) -> None:
-        """Goes on by parameters of which no fixed one differs."""
+        """Applies changed parameters; fixed ones must be the same."""
         self._config = config
 
     def _publisher(self, message_type: type, topic: str) -> Publisher:
@@ -66,8 +66,8 @@ class NodeOutputs:
                 for i in subscriptions
             )
             return (
-                f"{publisher.topic_name} is published {describe_qos(publisher.qos_profile)}, and a "
-                f"subscription that asks for more gets nothing; subscribed by {asked}"
+                f"{publisher.topic_name} is published as {describe_qos(publisher.qos_profile)}, "
+                f"and a subscription that asks for more gets nothing; subscribed by {asked}"
             )
 
         callbacks = PublisherEventCallbacks(
@@ -86,13 +86,13 @@ class NodeOutputs:
         """Publishes an estimate.
 
         Args:
-            estimate: what is known after a frame.
-            extrinsics: from the camera to the frames that are published.
-            frame: that the estimate is of.
-            T_guess_child: pose [4, 4] of the child by another odometry; None if there is none.
+            estimate: the estimate of ``frame``.
+            extrinsics: between the camera and the published frames.
+            frame: the frame.
+            T_guess_child: pose [4, 4] of the child from another odometry; None if there is none.
 
         Returns:
-            The pose as published; None if there is none.
+            The published pose; None if there is none.
         """
         child = self._config.frame_id or frame.frame_id
         self._show_matches(frame, estimate)
@@ -118,8 +118,8 @@ class NodeOutputs:
         """Publishes the pose of a keyframe in another one, with its covariance.
 
         Args:
-            edge: between the published frames of the two keyframes.
-            stamp_ns: of the child.
+            edge: the edge between the published frames of the two keyframes.
+            stamp_ns: stamp of the child, nanoseconds.
         """
         T = edge.T_parent_child
         head = fields.header(stamp_ns, topics.KEYFRAME_FRAME.format(edge.parent))
@@ -139,7 +139,7 @@ class NodeOutputs:
             or estimate.twist is None
             or estimate.twist_covariance is None
         ):
-            return  # the first frame has no velocity, and a made-up one would be believed
+            return  # the first frame has no velocity, and consumers would trust an invented one
         odom = OdometryMessage(header=pose.header)
         odom.child_frame_id = child
         odom.pose.pose = pose.pose
@@ -151,11 +151,11 @@ class NodeOutputs:
         self._odom.publish(odom)
 
     def forget_path(self) -> None:
-        """Begins a new path, as after a reset."""
+        """Starts a new path, as after a reset."""
         self._path_poses.clear()
 
     def _extend_path(self, pose: PoseStamped) -> None:
-        """Adds the pose where it is time, and publishes the path while somebody listens."""
+        """Adds a pose every ``path_period``, and publishes the path if it has a subscriber."""
         if self._path_poses:
             since_ns = stamp_ns(pose.header.stamp) - stamp_ns(self._path_poses[-1].header.stamp)
             if since_ns < self._config.path_period * NANOSECONDS:
@@ -165,7 +165,7 @@ class NodeOutputs:
             self._path.publish(Path(header=pose.header, poses=list(self._path_poses)))
 
     def _show_matches(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Draws the matches while somebody looks."""
+        """Draws and publishes the matches if they have a subscriber."""
         if self._matches.get_subscription_count():
             head = fields.header(estimate.stamp_ns, frame.frame_id)
             image = fields.color_image(match_image(frame, estimate), head)
@@ -174,7 +174,7 @@ class NodeOutputs:
     def _broadcast(
         self, T_fixed_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
     ) -> None:
-        """Publishes on /tf, so that every frame keeps a single parent."""
+        """Publishes on /tf such that every frame has a single parent."""
         config = self._config
         if self._broadcaster is None:
             return
@@ -189,7 +189,7 @@ class NodeOutputs:
             )
 
     def _null(self, stamp_ns: int, child: str) -> OdometryMessage:
-        """What rtabmap_odom publishes for a frame without a pose."""
+        """The message that rtabmap_odom publishes for a frame without a pose."""
         head = fields.header(stamp_ns, self._config.odom_frame_id)
         odom = OdometryMessage()
         fields.copy_fields(head, odom.header)
@@ -200,13 +200,13 @@ class NodeOutputs:
 
 
 def _check(*values: Float64 | None) -> None:
-    """Refuses to publish what is not finite, whatever made it.
+    """Refuses to publish values that are not finite, whatever their cause.
 
     Raises:
         InputError: a value is not finite.
     """
     if not all(value is None or np.isfinite(value).all() for value in values):
-        raise InputError("the pose", "is not finite", "see whether TF has the camera in its place")
+        raise InputError("the pose", "is not finite", "check the camera's pose on TF")
 
 
 def _twist_message(velocity: Float64) -> Twist:

@@ -1,4 +1,4 @@
-"""The parameters of ``config`` as parameters of a ROS node."""
+"""The package's parameters as parameters of a ROS node."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from rgbd_glue_ros.errors import InputError
 def declare_parameters(
     node: Node, changeable: Container[str] | None = None
 ) -> tuple[cfg.NodeConfig, cfg.Config]:
-    """Declares all parameters with the values that the node's overrides give them.
+    """Declares all parameters, with the values of the preset and the node's overrides.
 
-    Overrides are read before the declaration, which would refuse an int where a double is
-    declared, take a misspelt name for nothing, and know no preset below them.
+    Overrides are read before the declaration: rclpy would refuse an int for a double, ignore a
+    misspelt name, and knows no presets.
 
     Args:
-        node: declares them.
-        changeable: the only ones that may change while the node runs; None for all whose
-            declaration allows it.
+        node: the node that declares them.
+        changeable: names of the only parameters that may change while the node runs; None for all
+            whose definition allows it.
 
     Raises:
-        InputError: a parameter has a value that it cannot have, or there is no such parameter.
+        InputError: a parameter has an invalid value, or there is no such parameter.
     """
-    # rclpy has no other way to them
+    # rclpy has no public access to them
     overrides = node._parameter_overrides  # noqa: SLF001
     given = cfg.by_current_names({name: item.value for name, item in overrides.items()})
     own = {p.name: p for p in cfg.parameters(cfg.NodeConfig())}
@@ -54,7 +54,7 @@ def declare_parameters(
             ignore_override=True,
         )
     for name in given:
-        # rclpy declares some by itself, as use_sim_time, and these with the publisher of the topic
+        # rclpy declares some itself: use_sim_time, and qos_overrides with a topic's publisher
         if not node.has_parameter(name) and not name.startswith("qos_overrides."):
             raise cfg.unknown_parameter(name, resolved)
     return node_config, odometry_config
@@ -67,14 +67,14 @@ def follow_changes(
     changed: Callable[[cfg.NodeConfig, cfg.Config], None],
     changeable: Container[str] | None = None,
 ) -> None:
-    """Lets parameters change that can while the node runs; others are refused with the reason.
+    """Accepts changes of live parameters while the node runs; refuses others with the reason.
 
     Args:
-        node: whose parameters were declared by ``declare_parameters``.
-        node_config: the node's values so far.
-        config: the method's values so far.
+        node: the node whose parameters ``declare_parameters`` has declared.
+        node_config: current values of the node's parameters.
+        config: current values of the method's parameters.
         changed: called with all values after some have changed.
-        changeable: as of ``declare_parameters``.
+        changeable: as for ``declare_parameters``.
     """
     changes = _Changes(node_config, config, changed, changeable)
 
@@ -88,7 +88,7 @@ def follow_changes(
 
 
 class _Changes:
-    """The values that hold now, and what becomes of those that are set."""
+    """The current values, and the callbacks that check and apply new ones."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class _Changes:
         }
 
     def check(self, parameters: list[RosParameter]) -> SetParametersResult:
-        """Whether all of the parameters may take these values while the node runs."""
+        """Whether all these parameters may take these values while the node runs."""
         for name in (p.name for p in parameters):
             if self._fixed.get(name):
                 return SetParametersResult(
@@ -121,7 +121,7 @@ class _Changes:
         return SetParametersResult(successful=True)
 
     def take(self, parameters: list[RosParameter]) -> None:
-        """Lets these values hold from now on, and hands all of them on."""
+        """Applies these values, and passes all values on."""
         if any(p.name in self._fixed for p in parameters):
             self._node_config, self._config = self._with(parameters)
             self._changed(self._node_config, self._config)
@@ -136,7 +136,7 @@ class _Changes:
 def _values_for(
     part: cfg.NodeConfig | cfg.Config, parameters: list[RosParameter]
 ) -> dict[str, object]:
-    """The values of the parameters that one part declares: ROS has some that neither does."""
+    """The values of those parameters that ``part`` declares; ROS adds some of its own."""
     names = cfg.values(part)
     return {p.name: p.value for p in parameters if p.name in names}
 
@@ -149,16 +149,16 @@ def _why_fixed(parameter: cfg.Parameter, changeable: Container[str] | None) -> s
 
 
 def _descriptor(parameter: cfg.Parameter, fixed: str) -> ParameterDescriptor:
-    """The declaration of a parameter, as ROS tells it; ``fixed`` is why it cannot change."""
+    """The ROS descriptor of a parameter; ``fixed`` says why it cannot change, if it cannot."""
     descriptor = ParameterDescriptor(
         name=parameter.name,
         description=parameter.description,
-        # not read_only, which would refuse without the reason
+        # not read_only, with which ROS would refuse without giving the reason
         additional_constraints=f"Takes {parameter.allowed}."
         + (f" Cannot change while the node runs: {fixed}." if fixed else ""),
     )
     low, high = parameter.minimum, parameter.maximum
-    # of a range without an end, tools would make a slider to 1.8e308
+    # for an open range, tools would show a slider up to 1.8e308
     if low is not None and high is not None:
         if parameter.type is int:
             descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]

@@ -1,4 +1,4 @@
-"""The RGB-D camera as a node hears it: subscriptions, complete frames, and what is wrong."""
+"""A node's RGB-D camera input: subscriptions, complete frames and diagnosis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.messages.stamps import StampSource
+from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
@@ -22,15 +22,15 @@ from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import NANOSECONDS, RgbdFrame
 
 ReceiveMatch = Callable[[Match[Any], int], None]
-"""Takes complete messages, and when the last of them came, by the monotonic clock, nanoseconds."""
+"""Takes matching messages, and when the last one arrived, by the monotonic clock, nanoseconds."""
 
 
 class RgbdInput(Closing):
-    """Subscribes to colour, depth and camera info, and makes frames of them.
+    """Subscribes to colour, depth and camera info, and converts them to frames.
 
     Attributes:
-        synchronizer: pairs the messages, and counts them.
-        watch: says why nothing, or not all, arrives.
+        synchronizer: matches messages by stamp, and counts them.
+        watch: diagnoses missing input.
     """
 
     def __init__(
@@ -40,15 +40,17 @@ class RgbdInput(Closing):
         transforms: Transforms | None,
         receive: ReceiveMatch,
         learned: Sequence[str] = (),
+        with_two_clocks: str = PAIR_BY_RECEIPT,
     ) -> None:
-        """Has not subscribed to images yet.
+        """Prepares the input; ``subscribe`` subscribes to the images.
 
         Args:
-            node: subscribes, and has the log.
-            config: how images are understood; what it reads of this is fixed while a node runs.
-            transforms: where the depth camera is in the colour camera; None without TF.
-            receive: called by the executor's thread with what belongs together.
-            learned: parameters that choose a learned feature, which may be why frames are slow.
+            node: subscribes, and provides the log.
+            config: how to read images; the parameters used here are fixed while a node runs.
+            transforms: where to look up the depth camera's pose; None without TF.
+            receive: called from the executor's thread with matching messages.
+            learned: parameters that select a learned feature, which may be why frames are slow.
+            with_two_clocks: what to do if colour and depth use different clocks.
 
         Raises:
             InputError: ``depth_camera_pose`` cannot be read.
@@ -63,21 +65,23 @@ class RgbdInput(Closing):
         self._depth_camera = DepthCameraInput(node, config, transforms)
         self._background = ThreadPoolExecutor(1, thread_name_prefix="depth")
         self._inputs: tuple[NodeInput, ...] = ()
-        self.watch = NodeWatch(node, self.synchronizer, node.monitor, self._stamps, learned)
+        self.watch = NodeWatch(
+            node, self.synchronizer, node.monitor, self._stamps, learned, with_two_clocks
+        )
 
     def subscribe(self) -> None:
-        """Subscribes to the images, and watches from now on what arrives."""
+        """Subscribes to the images, and starts to check what arrives."""
         self._inputs = node_inputs(self._node, self._config, self._receive)
         self.watch.start(self._inputs)
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The full names of what is subscribed: colour, depth, camera info; none before that."""
+        """Full names of the subscribed topics: colour, depth, info; none before ``subscribe``."""
         return tuple(i.topic for i in self._inputs)
 
     @property
     def is_by_receipt(self) -> bool:
-        """Whether frames have the time at which this process received their colour image."""
+        """Whether frames are stamped with the time at which their colour image was received."""
         return self._stamps.is_by_receipt(Channel.COLOR)
 
     def _receive(self, channel: Channel, message: Any) -> None:
@@ -86,18 +90,18 @@ class RgbdInput(Closing):
             channel, stamp_ns(message.header.stamp), self._node.get_clock().now().nanoseconds
         )
         if channel in self._stamps.unstamped:
-            self._node.warn_once(channel.value, "bears no stamp; that of its receipt is taken")
+            self._node.warn_once(channel.value, "has no stamp; the time of receipt is used")
         for match in self.synchronizer.add(channel, stamp, message):
             self._receive_match(match, arrived_ns)
 
     def frame(self, match: Match[Any]) -> RgbdFrame:
-        """The frame of complete messages, at most ``max_width`` wide.
+        """Converts matching messages to a frame, at most ``max_width`` pixels wide.
 
-        Waits for TF and for the first info of a depth camera: not to be called by the executor's
-        thread.
+        Waits for TF and for the first info of a depth camera, so it must not be called from the
+        executor's thread.
 
         Raises:
-            InputError: a message cannot be used, or it is not known where the depth camera is.
+            InputError: a message cannot be used, or the depth camera's pose is unknown.
         """
         color, depth, info = self.topics
         names = FrameTopics(color, depth, info, self._depth_camera.topic)
@@ -109,5 +113,5 @@ class RgbdInput(Closing):
         return frame
 
     def close(self) -> None:
-        """Ends the thread that decodes depth; ``frame`` is not to be called any more."""
+        """Ends the thread that decodes depth; ``frame`` must not be called after this."""
         self._background.shutdown()

@@ -1,4 +1,4 @@
-"""Starts ROS, and runs a node through all faults of what it receives."""
+"""Starts ROS, and keeps a node running whatever it receives."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memor
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.log import WITHOUT_FILE, PrintableLogger, explain_no_file
 
-# Time after which the name of a node just met is known: DDS tells of its topics before.
+# Time until the name of a newly discovered node is known: DDS announces its topics first.
 NAMES_S = 1.0
-# How long the callback that is being run when the node is told to end may take.
+# How long the current callback may still take at shutdown.
 END_S = 2.0
-# The highest ROS domain that there are ports for (RTPS 2.2, 9.6.1.1).
+# The highest ROS domain that has ports (RTPS 2.2, 9.6.1.1).
 LAST_DOMAIN = 232
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -35,16 +35,14 @@ logger = logging.getLogger(__name__)
 
 
 def init(name: str, args: list[str] | None) -> None:
-    """Starts ROS, with the signals left to the process.
-
-    rclpy's handlers would take the context away from a frame that is still in work.
+    """Starts ROS without its signal handlers, which would end the context during a frame.
 
     Args:
-        name: of the node, for what is to be said before there is one.
-        args: ROS arguments; None takes the process's.
+        name: name of the node, for messages that are logged before it exists.
+        args: ROS arguments; None uses those of the process.
 
     Raises:
-        InputError: the ROS arguments, or variables of the environment, make no sense.
+        InputError: the ROS arguments or environment variables are invalid.
     """
     check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
     no_file = explain_no_file()
@@ -59,13 +57,13 @@ def init(name: str, args: list[str] | None) -> None:
 
 
 def check_domain(domain: str) -> None:
-    """Refuses a ROS domain that has no ports, of which DDS would say that they are too high.
+    """Refuses a ROS domain without ports, for which DDS would only say that ports are too high.
 
     Args:
-        domain: the variable ``ROS_DOMAIN_ID``; "" where it is not set.
+        domain: the environment variable ``ROS_DOMAIN_ID``; "" if it is not set.
 
     Raises:
-        InputError: it is no number from 0 to 232.
+        InputError: it is not a whole number from 0 to 232.
     """
     if domain and not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
         remedy = f"set it to a whole number from 0 to {LAST_DOMAIN}, or unset it"
@@ -73,14 +71,14 @@ def check_domain(domain: str) -> None:
 
 
 def _init_fault(error: Exception) -> InputError:
-    """What kept ROS from starting, as an error that says what to mend."""
-    # what follows are places in rcl's source
+    """Why ROS did not start, as an error that says what to correct."""
+    # cut off the places in rcl's source that follow
     cause = str(error).partition(", at /")[0]
     return InputError("ROS arguments", cause, "give --ros-args -p name:=value")
 
 
 def _warn_of_shared_memory(name: str) -> None:
-    """Says so where images between processes will be lost for want of memory."""
+    """Warns if there is too little shared memory to pass images between processes."""
     try:
         profiles = Path(os.environ.get(PROFILES, "")).read_text(encoding="utf-8")
         memory = os.statvfs(SHARED_MEMORY)
@@ -92,23 +90,23 @@ def _warn_of_shared_memory(name: str) -> None:
 
 
 class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
-    """Goes on after an exception, as of a message that cannot be deserialised."""
+    """An executor that continues after exceptions, for example of a malformed message."""
 
     def __init__(self, node: Node, is_news: Callable[[str, str], bool]) -> None:
-        """Takes a node.
+        """Adds a node.
 
         Args:
             node: the node.
-            is_news: whether a fault, given by its place and cause, deserves a line in the log.
+            is_news: whether a fault, given by place and cause, is new and should be logged.
         """
         super().__init__()
         self.add_node(node)
         self._is_news = is_news
 
     def spin_until(self, is_over: Callable[[], bool]) -> None:
-        """Runs callbacks until ``is_over``, which is looked at after each and after ``wake``.
+        """Runs callbacks until ``is_over``, which is checked after each and after ``wake``.
 
-        To end this by ``shutdown`` from another thread is a race: it takes away what is waited on.
+        Calling ``shutdown`` from another thread instead is a race: it destroys what is waited on.
         """
         while not is_over():
             self._run_one(is_over)
@@ -122,10 +120,10 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
             pass
         except InputError as fault:
             if self._is_news(fault.where, fault.cause):
-                logger.error("%s (said once)", fault)  # noqa: TRY400 - a message's, not ours
+                logger.error("%s (logged once)", fault)  # noqa: TRY400 - a fault of the message, not of the code
         except Exception as error:
             if self._is_news("a callback", repr(error)):
-                logger.exception("A callback failed; going on")
+                logger.exception("A callback failed; continuing")
 
 
 def run_node(
@@ -134,17 +132,18 @@ def run_node(
     args: list[str] | None,
     end_signals: EndSignals | None = None,
 ) -> int:
-    """Runs a node until SIGINT, SIGTERM or SIGHUP, or until it cannot go on.
+    """Runs a node until SIGINT, SIGTERM or SIGHUP, or until it gives up.
 
     Args:
-        name: of the node, for what goes wrong before there is one.
-        create: makes it, given what it calls, from any thread, when it cannot go on.
-        args: ROS arguments; None takes the process's.
-        end_signals: where they were taken over before; None takes them over here.
+        name: name of the node, for errors that occur before it exists.
+        create: creates the node; its argument is a function that the node calls, from any thread,
+            to give up.
+        args: ROS arguments; None uses those of the process.
+        end_signals: the signal handlers, if installed already; None installs them here.
 
     Returns:
-        The exit code: 0, or 2 when an argument or parameter has a value that it cannot have, or 1
-        when it could not go on.
+        The exit code: 0 after a signal, 1 if the node gave up, 2 if an argument or parameter is
+        invalid or ROS does not start.
     """
     end_signals = end_signals or EndSignals()
     told_to_end, has_failed = threading.Event(), threading.Event()
@@ -166,18 +165,18 @@ def run_node(
             told_to_end.set()
             executor.wake()
             spinning.join(END_S)
-            if not spinning.is_alive():  # else a callback waits for the worker, which is ended next
+            if not spinning.is_alive():  # else a callback waits for the worker, closed next
                 executor.shutdown()
     except (InputError, MissingExtraError) as error:
         PrintableLogger(name).fatal(str(error))
         return BAD_INPUT
     except (ParameterException, NameValidationException) as error:
-        # of a parameter that rclpy declares, such as use_sim_time
+        # from a parameter that rclpy itself declares, such as use_sim_time
         PrintableLogger(name).fatal(f"ROS arguments: {error}; correct it")
         return BAD_INPUT
     except RCLError as error:
         cause = str(error).partition(", at /")[0]
-        remedy = "see the lines above, which the middleware wrote"
+        remedy = "see the lines of the middleware above"
         PrintableLogger(name).fatal(f"ROS does not start: {cause}; {remedy}")
         return BAD_INPUT
     finally:
@@ -186,10 +185,10 @@ def run_node(
 
 
 def _end_process(code: int) -> int:
-    """Returns the exit code; ends the process with it here if a thread is still at work.
+    """Returns the exit code, or ends the process with it here if a daemon thread still runs.
 
-    The interpreter's end would stop such a thread in the middle of a library's C++, as of PyTorch,
-    which aborts the process.
+    The interpreter's shutdown would stop such a thread in the middle of C++ code, for example of
+    PyTorch, and that aborts the process.
     """
     if any(thread.daemon for thread in threading.enumerate()):
         logging.shutdown()
@@ -200,7 +199,7 @@ def _end_process(code: int) -> int:
 
 
 def say_later(node: Node, line: Callable[[], str]) -> None:
-    """Logs an error after ``NAMES_S``, when the names of nodes just met are known."""
+    """Logs an error after ``NAMES_S``, when the names of newly discovered nodes are known."""
 
     def say() -> None:
         timer.cancel()

@@ -1,4 +1,4 @@
-"""Services that save something: they answer whatever becomes of it."""
+"""Services that save something, and always answer, even if saving fails."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ logger = logging.getLogger(__name__)
 
 
 def create_save_service(node: Node, name: str, what: str, save: Callable[[], str]) -> None:
-    """Offers to save something.
+    """Creates a service that saves something.
 
     Args:
-        node: has the service and the log.
-        name: of the service.
-        what: what is saved, in a word.
-        save: saves it, and returns the answer; of an InputError the message is the answer.
+        node: provides the service and the log.
+        name: name of the service.
+        what: what is saved, in one word, for the log.
+        save: saves it and returns the response message; the message of an InputError is sent too.
     """
 
     def serve(_request: object, response: Trigger.Response) -> Trigger.Response:
@@ -31,11 +31,11 @@ def create_save_service(node: Node, name: str, what: str, save: Callable[[], str
         except InputError as fault:
             message = str(fault)
         except Exception as error:
-            # rclpy would send no answer, for which the client waits
+            # rclpy would send no response, and the client would wait for it
             logger.exception("The %s could not be saved", what)
-            message = f"failure inside: {type(error).__name__}: {error}; see the node's log"
+            message = f"internal error: {type(error).__name__}: {error}; see the node's log"
         response.message = printable(message)
-        node.get_logger().info(f"Told to save the {what}: {response.message}")
+        node.get_logger().info(f"Saving the {what}: {response.message}")
         return response
 
     node.create_service(Trigger, name, serve)

@@ -1,7 +1,7 @@
-"""TF: where the camera is on the robot, where another odometry has it, and the pose for others.
+"""TF: looks up the camera on the robot and the pose of another odometry, and publishes the pose.
 
-``tf2_ros`` is used where it is installed. ROS from PyPI lacks it; where ``tf2_msgs`` can be
-imported, the node listens to /tf and /tf_static by itself, and where not it does without.
+``tf2_ros`` is used if it is installed. ROS from PyPI does not include it: there the node reads
+/tf and /tf_static itself if ``tf2_msgs`` can be imported, and otherwise does without TF.
 """
 
 from __future__ import annotations
@@ -27,39 +27,39 @@ from rgbd_glue_ros.types import Float64
 if TYPE_CHECKING:
     from tf2_msgs.msg import TFMessage
 
-# Topics and their QoS as tf2 has them.
+# Topics and QoS as in tf2.
 TF, TF_STATIC = "/tf", "/tf_static"
 TF_QOS = QoSProfile(depth=100)
 TF_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# How often tf2's buffer is asked while a look-up waits.
+# Period at which a waiting look-up polls tf2's buffer.
 POLL_S = 0.005
 
 
 class Transforms(Protocol):
-    """What TF has told of the frames."""
+    """Transforms received on TF."""
 
     def lookup(
         self, target: str, source: str, stamp_ns: int | None, timeout_s: float
     ) -> Float64 | None:
-        """As ``TransformTree.lookup``; waits, so not to be called by the executor's thread."""
+        """As ``TransformTree.lookup``; waits, so it must not be called in the executor's thread."""
         ...
 
 
 def listen(node: Node, config: NodeConfig) -> Transforms | None:
-    """Listens to TF as well as it can be done, and logs how; None if it cannot."""
+    """Listens to TF with what is installed, and logs how; None if that is impossible."""
     try:
         import tf2_ros  # noqa: PLC0415 - not part of ROS from PyPI
     except ImportError:
         pass
     else:
-        node.get_logger().info("TF: by tf2_ros")
+        node.get_logger().info("TF: read by tf2_ros")
         return _BufferedTransforms(node, tf2_ros)
     try:
         from tf2_msgs.msg import TFMessage  # noqa: PLC0415 - not part of ROS from PyPI
     except ImportError:
-        node.get_logger().info("TF: none, since neither tf2_ros nor tf2_msgs is installed")
+        node.get_logger().info("TF: not available, since neither tf2_ros nor tf2_msgs is installed")
         return None
-    node.get_logger().info("TF: by the node itself, since tf2_ros is not installed")
+    node.get_logger().info("TF: read by the node itself, since tf2_ros is not installed")
     tree = TransformTree()
 
     def receive(message: TFMessage, *, is_static: bool) -> None:
@@ -67,7 +67,7 @@ def listen(node: Node, config: NodeConfig) -> Transforms | None:
             try:
                 T = pose_from_message(transform, TF)
             except InputError:
-                continue  # nothing that could be used
+                continue  # unusable
             head = transform.header
             stamp = None if is_static else stamp_ns(head.stamp)
             tree.add(plain_frame(head.frame_id), plain_frame(transform.child_frame_id), T, stamp)
@@ -75,14 +75,14 @@ def listen(node: Node, config: NodeConfig) -> Transforms | None:
     node.create_subscription(
         TFMessage, TF_STATIC, lambda m: receive(m, is_static=True), TF_STATIC_QOS
     )
-    # a robot's /tf is much to take in for nothing
+    # a robot's /tf is much traffic, so subscribe only if it is needed
     if config.guess_frame_id or (config.frame_id and not config.camera_pose):
         node.create_subscription(TFMessage, TF, lambda m: receive(m, is_static=False), TF_QOS)
     return tree
 
 
 class _BufferedTransforms:
-    """tf2_ros's buffer and listener."""
+    """Transforms from tf2_ros's buffer and listener."""
 
     def __init__(self, node: Node, tf2_ros: Any) -> None:
         self._buffer = tf2_ros.Buffer(Duration(nanoseconds=HISTORY_NS))
@@ -92,7 +92,7 @@ class _BufferedTransforms:
     def lookup(
         self, target: str, source: str, stamp_ns: int | None, timeout_s: float
     ) -> Float64 | None:
-        # not the buffer's own waiting, which goes by a clock that may stand still
+        # not the buffer's own wait, which uses a clock that may stand still
         end = time.monotonic() + timeout_s
         while True:
             found = self._lookup(target, source, stamp_ns)
@@ -101,7 +101,7 @@ class _BufferedTransforms:
             time.sleep(POLL_S)
 
     def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
-        when = Time(nanoseconds=stamp_ns or 0)  # 0 is the newest
+        when = Time(nanoseconds=stamp_ns or 0)  # 0 means the newest
         try:
             found = self._buffer.lookup_transform(plain_frame(target), plain_frame(source), when)
         except self._error:

@@ -1,4 +1,4 @@
-"""What the node sees, for the Rerun viewer, where that is asked for."""
+"""The node's optional output to the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 
 class NodeViewer:
-    """Logs frames; does nothing where nobody asked for it."""
+    """Logs frames to Rerun; does nothing if the parameter ``rerun`` is empty."""
 
     def __init__(self, target: str) -> None:
         """Opens the file, or connects to the viewer.
 
         Args:
-            target: the parameter ``rerun``; "" for none.
+            target: the parameter ``rerun``: a file or an address; "" for none.
 
         Raises:
             InputError: the file cannot be written.
@@ -32,13 +32,13 @@ class NodeViewer:
         *,
         is_keyframe: bool,
     ) -> None:
-        """Logs a frame, and what is known after it."""
+        """Logs a frame and its estimate."""
         if self._recording is not None:
             self._recording.place(extrinsics.T_fixed_odom)
             self._recording.add(frame, replace(estimate, is_keyframe=is_keyframe))
 
     def start_anew(self) -> None:
-        """Ends the line of the trajectory, as after a reset."""
+        """Starts a new trajectory line, as after a reset."""
         if self._recording is not None:
             self._recording.start_anew()
 

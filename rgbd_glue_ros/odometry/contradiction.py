@@ -1,8 +1,8 @@
-"""Which of two poses to believe, where a coherent part of the view contradicts the one chosen.
+"""Decides between two poses if a coherent part of the view contradicts the chosen one.
 
-One of them may be of somebody who walks by. The larger surface is believed: a person fills an image
-from near by, but the room has more square metres. As long as both are seen, the pose is no more
-certain than that.
+One of them may follow a person who walks by. The one with the larger surface wins: a person close
+to the camera may fill the image, but the room has more square metres. As long as both are seen, the
+covariance covers both poses.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from rgbd_glue_ros.types import Float64
 
 @dataclass(frozen=True)
 class SettledPose:
-    """The pose that is believed, and what else the frame may show.
+    """The accepted pose, and its alternative.
 
     Attributes:
-        estimate: the pose.
-        alternative: what a part of the frame agrees on instead; None where nothing contradicts.
-        T_shift: float64 [4, 4], multiplied on the left of poses as tracked from this frame on,
-            where those before turned out to be carried along; None in all other frames.
+        estimate: the accepted pose.
+        alternative: another pose on which a part of the frame agrees; None if nothing contradicts.
+        T_shift: float64 [4, 4], set if earlier poses turn out to have followed a moving object: to
+            be multiplied on the left of tracked poses from this frame on. None in all other frames.
     """
 
     estimate: PoseEstimate
@@ -48,14 +48,15 @@ class SettledPose:
 def settle_contradiction(
     chosen: Candidate, problem: PoseProblem, last: LastPose, acceptance: Acceptance
 ) -> SettledPose:
-    """The chosen pose and what contradicts it; the other way round where more speaks for that.
+    """Returns the chosen pose and its alternative, swapped if there is more evidence for that.
 
-    That takes the larger surface and one more witness: the frame before, or the camera's motion.
+    Swapping them takes the larger surface and a second piece of evidence: the previous frame, or
+    the camera's motion.
 
     Args:
-        chosen: the pose.
-        problem: the frame, and what its pose was refined by.
-        last: the last frame with a pose; its alternative, if that was contradicted too.
+        chosen: the chosen pose.
+        problem: the frame, and the inputs of its refinement.
+        last: the last frame with a pose, and its alternative, if it had one.
         acceptance: the evidence that a pose needs.
     """
     pose = chosen.estimate
@@ -81,14 +82,14 @@ def settle_contradiction(
 def preferred(
     problem: PoseProblem, alternative: Alternative, pose: Refinement, acceptance: Acceptance
 ) -> PoseEstimate:
-    """The alternative, refined without what agrees with the other pose alone.
+    """The alternative, refined without planes and pixels that agree only with the other pose.
 
-    That would pull it back where the two are near.
+    If the two poses are near each other, these would pull it back.
 
     Args:
-        problem: the frame, and what its pose is refined by.
-        alternative: to ``pose``.
-        pose: the one that was believed.
+        problem: the frame, and the inputs of its refinement.
+        alternative: the alternative to ``pose``.
+        pose: the pose that was accepted before.
         acceptance: when a pose is plausible.
     """
     brightness = pose.affine_brightness
@@ -109,20 +110,20 @@ def preferred(
 def doubt(
     pose: Refinement, alternative: Alternative | None, spread: Float64, acceptance: Acceptance
 ) -> Float64:
-    """What contradiction adds to the covariance of a pose, float64 [6, 6].
+    """What a contradiction adds to the covariance of a pose, float64 [6, 6].
 
-    Where there is an alternative it is the second moment of the two poses, each as likely as its
-    share, about the one that is believed. Where planes contradict without agreeing on anything,
-    and pixels alone speak for the pose, the camera is as likely anywhere that it can be.
+    With an alternative, it is the second moment of the two poses about the accepted one, each
+    weighted by its share. If planes contradict the pose without agreeing on another, so that only
+    pixels support it, a part of ``spread`` is added, for the fraction that does not agree.
 
     Args:
-        pose: the one that is believed.
-        alternative: to it, if there is one.
-        spread: float64 [6, 6] of where the camera can be, perturbation on the right.
+        pose: the accepted pose.
+        alternative: its alternative; None if there is none.
+        spread: float64 [6, 6], covariance of where the camera can be, perturbation on the right.
         acceptance: how many planes count as a contradiction.
 
     Returns:
-        Perturbation on the left, in the track frame.
+        The covariance, perturbation on the left, in the track frame.
     """
     T = pose.T_model_source
     if alternative is not None:
@@ -137,9 +138,9 @@ def doubt(
 def _goes_on_from_alternative(
     T_track_camera: Float64, last: LastPose, predicted: PredictedMotion
 ) -> bool:
-    """Whether a pose goes on where the last alternative was, and not where the last pose was.
+    """Whether a pose continues the last alternative instead of the last pose.
 
-    Then tracking had been carried along by something that moves.
+    In that case tracking had followed a moving object.
     """
     if last.alternative is None or predicted.expects(T_track_camera):
         return False

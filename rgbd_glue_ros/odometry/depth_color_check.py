@@ -1,8 +1,8 @@
-"""Whether depth is registered to colour: whether edges of the one lie on edges of the other.
+"""Checks whether depth is registered to colour, by whether their edges coincide.
 
-Where a surface ends in front of another one, brightness mostly changes too. A depth camera has
-another focal length than the colour camera and another position, so that unregistered depth has its
-edges elsewhere. Depth edges are overlaid on colour edges, magnified and shifted in steps, as in
+Where a surface ends in front of another one, brightness usually changes too. A depth camera has a
+different focal length and position than the colour camera, so in unregistered depth edges lie
+elsewhere. Depth edges are overlaid on colour edges, magnified and shifted in steps, as in
 calibration by edge alignment (Levinson and Thrun 2013). Registered depth fits best unchanged.
 """
 
@@ -59,12 +59,12 @@ _OUTSTANDING_SIGMAS = 4.0
 
 @dataclass(frozen=True)
 class DepthColorCheck:
-    """How well edges of depth and colour fit, magnified and shifted, over some views.
+    """How well depth edges fit colour edges, for each magnification and shift, over several views.
 
     Attributes:
         score: float64 [S, U, V], mean over the views, for scales and shifts along u and v.
         views: the number of views.
-        T_track_camera: of the last view, float64 [4, 4]; None before the first.
+        T_track_camera: pose of the last view, float64 [4, 4]; None before the first.
     """
 
     score: Float64
@@ -77,7 +77,7 @@ class DepthColorCheck:
         return DepthColorCheck(np.zeros((len(_SCALES), len(_SHIFTS_PX), len(_SHIFTS_PX))))
 
     def needs(self, view: View, T_track_camera: Float64) -> bool:
-        """Whether a view from there would add information."""
+        """Whether a view from that pose would add information."""
         if self.views >= _VIEWS or not _is_of_one_moment(view):
             return False
         if self.T_track_camera is None:
@@ -110,7 +110,7 @@ class DepthColorCheck:
     def offset_px(self) -> float | None:
         """Distance between edges of depth and colour, in pixels, half way to the border.
 
-        None if depth is registered, or as long as too little was seen to decide.
+        None if depth is registered, or while there are too few views to decide.
         """
         s, i, j = np.unravel_index(int(np.argmax(self.score)), self.score.shape)
         best = self.score[s, i, j]
@@ -128,7 +128,7 @@ class DepthColorCheck:
 
 
 def _is_of_one_moment(view: View) -> bool:
-    """Whether the camera hardly moved from the colour image to the depth image."""
+    """Whether the camera hardly moved between the colour image and the depth image."""
     speed = np.linalg.norm(view.twist[:3]) + np.linalg.norm(view.twist[3:])
     moved_px = view.intrinsics.fx * speed * abs(view.depth_delay)
     return bool(moved_px <= _SHIFTS_PX[1] - _SHIFTS_PX[0])
@@ -168,7 +168,7 @@ def _edges_along_rows(depth: Float32, spacing: int, gap: int, step: float) -> Fl
 
 
 def _contrasts(grey: UInt8) -> tuple[Float32, Float32]:
-    """How much more brightness changes along u and v than around there, at half the size."""
+    """How much more brightness changes along u and v than in the surroundings, at half the size."""
     small = cv2.pyrDown(grey)
     along_u, along_v = (
         np.minimum(np.abs(cv2.Scharr(small, cv2.CV_32F, du, 1 - du)) / 32.0, _STRONGEST_EDGE)

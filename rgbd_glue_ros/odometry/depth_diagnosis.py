@@ -1,4 +1,4 @@
-"""How usable a depth image is, and what is wrong with it in words."""
+"""How much of a depth image is usable, and messages about what is wrong with it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _SET_SCALE = (
 
 
 def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
-    """Shares and median of a depth image.
+    """Fractions of known and usable depth, and the median.
 
     Args:
         depth: float32 [H, W], metres, NaN where unknown.
-        limits: range of depth that is used.
+        limits: the usable range of depth.
     """
     values = depth[::_STEP, ::_STEP]
     known = values[np.isfinite(values)]
@@ -43,7 +43,7 @@ def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
 
 
 def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
-    """Why a frame has no pose, and what to do if that is known; "" if it has one."""
+    """Why a frame has no pose and, if known, what to do; "" if it has one."""
     depth = estimate.depth
     if depth is None:
         return ""
@@ -66,7 +66,7 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
 
 
 def doubt_of_scale(depth: Float32) -> str | None:
-    """Why the unit of depth may be another than assumed; None if nothing suggests it.
+    """Why the unit of depth may not be the assumed one; None if nothing suggests that.
 
     Args:
         depth: float32 [H, W], metres, NaN where unknown.

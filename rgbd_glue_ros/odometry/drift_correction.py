@@ -17,7 +17,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
-from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
+from rgbd_glue_ros.odometry.keyframes import Anchor, RecentKeyframe
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
@@ -99,7 +99,7 @@ class DriftCorrection:
 
     def after_revisit(
         self,
-        keyframe: Keyframe,
+        keyframe: RecentKeyframe,
         anchors: Sequence[Anchor],
         refine_config: RefineConfig,
         acceptance: Acceptance,
@@ -134,7 +134,7 @@ class DriftCorrection:
 
     def _compared(
         self,
-        keyframe: Keyframe,
+        keyframe: RecentKeyframe,
         anchor: Anchor,
         problem: RefinementProblem,
         acceptance: Acceptance,

@@ -1,4 +1,4 @@
-"""Which way is up, from an accelerometer."""
+"""The upward direction, from an accelerometer."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ _LEAST, _MOST = 9.81 - 1.0, 9.81 + 1.0
 
 
 def up_direction(samples: ImuSamples, gyroscope: Gyroscope, stamp_ns: int) -> Float64 | None:
-    """The direction away from the earth's centre at a stamp of the camera.
+    """The direction away from the earth's centre, in the camera at a stamp.
 
-    It is that of the mean acceleration of the preceding time, with each sample rotated to the
-    camera's orientation at the stamp, as far as the gyroscope covers that.
+    It is the direction of the mean acceleration over the preceding half second. Each sample is
+    rotated to the camera's orientation at the stamp, if the gyroscope covers that time.
 
     Args:
-        samples: in the axes of the camera's optical frame.
-        gyroscope: what is known about it.
-        stamp_ns: of an image, nanoseconds.
+        samples: IMU samples in the axes of the camera's optical frame.
+        gyroscope: the calibration of the gyroscope.
+        stamp_ns: stamp of an image, nanoseconds.
 
     Returns:
         A unit vector [3] in the camera's optical frame; None if no acceleration was measured, or
-        not that of a sensor at rest.
+        its mean is not that of a sensor at rest.
     """
     offset_ns = round(gyroscope.time_offset * NANOSECONDS)
     recent = samples.between(stamp_ns + offset_ns - _WINDOW_NS, stamp_ns + offset_ns)

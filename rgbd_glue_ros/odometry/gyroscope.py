@@ -41,11 +41,11 @@ class Turn:
     """Measurement of a gyroscope between two images, in the camera's optical frame.
 
     Attributes:
-        rotation_vector: float64 [3], of the camera's rotation R_first_last, radians.
-        covariance: float64 [3, 3] of ``rotation_vector``.
-        angular_velocity: float64 [3], at the later image, rad/s.
-        angular_velocity_covariance: float64 [3, 3] of ``angular_velocity``.
-        jacobian: float64 [3, 4] of the rotation with respect to bias and time offset.
+        rotation_vector: float64 [3], rotation vector of R_first_last of the camera, radians.
+        covariance: float64 [3, 3], covariance of ``rotation_vector``.
+        angular_velocity: float64 [3], angular velocity at the later image, rad/s.
+        angular_velocity_covariance: float64 [3, 3], covariance of ``angular_velocity``.
+        jacobian: float64 [3, 4], derivative of the rotation by bias and time offset.
     """
 
     rotation_vector: Float64
@@ -57,12 +57,12 @@ class Turn:
 
 @dataclass(frozen=True)
 class Gyroscope:
-    """What is known about a gyroscope's errors; replaced as a whole, never changed.
+    """Estimated errors of a gyroscope; immutable.
 
     Attributes:
         bias: float64 [3], its reading at rest, in the camera's optical frame, rad/s.
         time_offset: its stamp of a moment minus the camera's, seconds.
-        covariance: float64 [4, 4] of both.
+        covariance: float64 [4, 4], covariance of both.
         doubt: fraction of the latest turns that disagreed with the images, 0 to 1.
     """
 
@@ -73,7 +73,7 @@ class Gyroscope:
 
     @staticmethod
     def start() -> Gyroscope:
-        """A gyroscope about which nothing is known."""
+        """The state before any measurement: no bias or offset, with their initial covariance."""
         covariance = np.diag([_START_BIAS**2] * 3 + [_START_OFFSET**2])
         return Gyroscope(np.zeros(3), 0.0, covariance)
 
@@ -86,12 +86,12 @@ class Gyroscope:
         """How the camera turned between two of its stamps.
 
         Args:
-            samples: in the axes of the camera's optical frame.
+            samples: IMU samples in the axes of the camera's optical frame.
             first_ns: stamp of the earlier image, nanoseconds.
-            last_ns: stamp of the later image.
+            last_ns: stamp of the later image, nanoseconds.
 
         Returns:
-            None if the samples do not cover the time in between.
+            The turn; None if the samples do not cover the time in between.
         """
         elapsed = (last_ns - first_ns) / NANOSECONDS
         if elapsed <= 0 or not len(samples):
@@ -124,9 +124,9 @@ class Gyroscope:
         )
 
     def _around(self, samples: ImuSamples, first_ns: int, last_ns: int) -> tuple[Float64, Float64]:
-        """Seconds [N] since the first of two stamps, and the angular velocities [N, 3] then.
+        """Times [N] since the first of two stamps, seconds, and angular velocities [N, 3], rad/s.
 
-        For the samples between the stamps, and as many before and after as a gap may contain.
+        They include the samples between the stamps, and up to ``_LONGEST_GAP_S`` before and after.
         """
         offset_ns = round(self.time_offset * NANOSECONDS)
         gap_ns = round(_LONGEST_GAP_S * NANOSECONDS)
@@ -137,10 +137,10 @@ class Gyroscope:
         return seconds, samples.angular_velocity[measured] - self.bias
 
     def compared(self, turn: Turn, rotation: Float64, covariance: Float64) -> Gyroscope:
-        """The gyroscope after a turn was compared with that of the images.
+        """The state after a turn is compared with the rotation of the images.
 
         Args:
-            turn: result of this gyroscope's ``turn``.
+            turn: the result of ``turn``.
             rotation: float64 [4, 4] with the tracked rotation R_first_last.
             covariance: float64 [3, 3] of that rotation, radians².
         """

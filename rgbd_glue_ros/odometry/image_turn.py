@@ -1,7 +1,7 @@
-"""How far the camera has turned, from whole images: blur removes keypoints before it hides that.
+"""Rotation of the camera between two whole images; it tolerates more blur than keypoints do.
 
-A turn shifts all of an image alike, whatever it shows, and so far that refinement from the expected
-pose fails. Small images show it (Klein and Murray 2008).
+A rotation shifts the whole image in the same way, whatever it shows, and often so far that
+refinement from the expected pose fails. It is visible in small images (Klein and Murray 2008).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ _LENGTH_PX = 128
 def turn_between(before: View, now: View) -> Float64:
     """The rotation R_before_now [3, 3] that aligns one image with the other, without roll.
 
-    By phase correlation (Kuglin and Hines 1975), which gives some rotation for any two images: the
-    caller has to check whether it is right. The error is a pixel of a small image, half a degree,
-    plus the effect of translation on a near scene.
+    It comes from phase correlation (Kuglin and Hines 1975), which returns a rotation for any two
+    images: the caller must check whether it is right. The error is one pixel of a small image, half
+    a degree, plus the effect of translation if the scene is near.
 
     Args:
-        before: a view, for its image.
-        now: another view of the same camera, possibly of another size.
+        before: the earlier view; only its image is used.
+        now: a later view of the same camera, possibly of another size.
     """
     K = now.intrinsics
     width, height = (max(2, n * _LENGTH_PX // max(K.width, K.height)) for n in (K.width, K.height))

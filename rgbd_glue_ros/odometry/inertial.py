@@ -1,4 +1,4 @@
-"""What an IMU on the camera adds to the images: its rotation, and which way is up."""
+"""The IMU on the camera: predicts rotation, and measures the upward direction."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LONGEST_COMPARED_NS = NANOSECONDS // 2
 
 @dataclass(frozen=True)
 class _TrackedRotation:
-    """The rotation of a frame by the images alone."""
+    """The pose of a frame from its images only, with the covariance of its rotation."""
 
     stamp_ns: int
     T_track_camera: Float64
@@ -33,11 +33,11 @@ class _TrackedRotation:
 
 @dataclass(frozen=True)
 class Inertial:
-    """The samples of an IMU and what was learnt from them; replaced as a whole, never changed.
+    """The samples of an IMU, and its estimated errors; immutable.
 
     Attributes:
-        samples: the latest, in the axes of the camera's optical frame.
-        gyroscope: what is known about its errors.
+        samples: the latest samples, in the axes of the camera's optical frame.
+        gyroscope: the estimated errors of the gyroscope.
     """
 
     samples: ImuSamples = field(default_factory=ImuSamples.empty)
@@ -45,7 +45,7 @@ class Inertial:
     _last: _TrackedRotation | None = None
 
     def with_samples(self, samples: ImuSamples) -> Inertial:
-        """The state with more samples; those that are not later than all before are ignored."""
+        """The state with more samples; those not later than all earlier ones are ignored."""
         return replace(self, samples=self.samples.with_later(samples))
 
     def at_frame(self, stamp_ns: int) -> Inertial:
@@ -56,7 +56,7 @@ class Inertial:
         return replace(self, samples=self.samples.between(stamp_ns - _KEPT_NS, newest_ns))
 
     def predicted(self, motion: Motion, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
-        """The motion at a later stamp, predicted with the gyroscope or, failing that, without."""
+        """The motion at a later stamp, predicted with the gyroscope if that is possible."""
         elapsed_ns = stamp_ns - motion.stamp_ns
         if elapsed_ns > _LONGEST_TURN_NS or not self.gyroscope.is_trusted:
             return motion.predicted(stamp_ns, config)
@@ -67,7 +67,7 @@ class Inertial:
 
     @property
     def calibration(self) -> ImuCalibration:
-        """What was learnt about the IMU so far, and what it is used for."""
+        """The estimated errors of the IMU, and what it is used for."""
         sigmas = np.sqrt(np.diag(self.gyroscope.covariance))
         return ImuCalibration(
             self._use(),
@@ -94,8 +94,8 @@ class Inertial:
         """The state after a frame has its pose.
 
         Args:
-            stamp_ns: of the frame.
-            pose: from its images.
+            stamp_ns: stamp of the frame, nanoseconds.
+            pose: pose from its images.
             residuals_per_independent_one: how many of its residuals count as one.
         """
         if not len(self.samples):

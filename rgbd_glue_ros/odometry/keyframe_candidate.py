@@ -11,7 +11,7 @@ from rgbd_glue_ros.geometry.normals import spacing_px
 from rgbd_glue_ros.odometry.tracked_pose import TrackedPose
 from rgbd_glue_ros.parameters import OdometryConfig, RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
-from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.types import View
 
 

@@ -13,12 +13,13 @@ from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
-from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
+from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes, RecentKeyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, lost_spread
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import Model, model_of
-from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
+from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge
 
 # The first pose is exact by definition; filters need a non-singular covariance.
@@ -38,7 +39,7 @@ class KeyframeMap:
         self._glue = glue
         self._background = background
         self._config = config
-        self._keyframes = Keyframes(config.odometry)
+        self._keyframes = Keyframes(config.odometry, glue.without_images)
         self._edges: list[PoseGraphEdge] = []
         self._drift = BackgroundValue(background, DriftCorrection.at(np.eye(4)))
 
@@ -49,11 +50,11 @@ class KeyframeMap:
         """Sets other parameters; the keyframes remain."""
         self._config = config
 
-    def newest(self) -> Keyframe | None:
+    def newest(self) -> RecentKeyframe | None:
         """The keyframe made last; None before the first."""
-        return next(iter(self._keyframes.latest(1)), None)
+        return self._keyframes.newest()
 
-    def nearest(self, T_track_camera: Float64) -> list[Keyframe]:
+    def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
         """The keyframes that a frame at a pose is compared with, the nearest first."""
         return self._keyframes.nearest(T_track_camera)[: self._config.odometry.references]
 
@@ -76,7 +77,7 @@ class KeyframeMap:
         model = model_of(features.view, self._config.refine.grid_step)
         return model if self._shows_enough(model) else None
 
-    def start(self, stamp_ns: int, features: FrameFeatures, model: Model) -> Keyframe:
+    def start(self, stamp_ns: int, features: FrameFeatures, model: Model) -> RecentKeyframe:
         """Makes the first keyframe, which is the origin."""
         return self._add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
 
@@ -86,7 +87,7 @@ class KeyframeMap:
         last_motion: Motion,
         features: FrameFeatures,
         model: Model,
-    ) -> Keyframe:
+    ) -> RecentKeyframe:
         """Tracks from a new keyframe at the last pose, where the camera is assumed to be.
 
         The keyframes before it become anchors: when the camera returns to one, the error of the
@@ -166,11 +167,11 @@ class KeyframeMap:
         covariance: Float64,
         features: FrameFeatures,
         model: Model,
-    ) -> Keyframe:
+    ) -> RecentKeyframe:
         target = self._drift.current().target
         return self._keyframes.add(stamp_ns, T_track_camera, covariance, features, model, target)
 
-    def _compare_with_anchors(self, keyframe: Keyframe, calibration: SelfCalibration) -> None:
+    def _compare_with_anchors(self, keyframe: RecentKeyframe, calibration: SelfCalibration) -> None:
         """Starts comparisons with anchors that saw the same part of the room."""
         T_odom_camera = self._drift.current().target @ keyframe.T_track_camera
         radius = self._config.odometry.drift_radius

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures
 from rgbd_glue_ros.types import Float64
 
 
@@ -23,7 +23,7 @@ class Keyframe:
         T_track_camera: float64 [4, 4].
         covariance: float64 [6, 6] of the pose, perturbation on the left, track frame; without the
             error of its image's time, which does not accumulate in later poses.
-        features: of the frame.
+        features: of the frame, that others are registered by.
         model: its planes and pixels, in the track frame.
     """
 
@@ -31,13 +31,20 @@ class Keyframe:
     stamp_ns: int
     T_track_camera: Float64
     covariance: Float64
-    features: FrameFeatures
+    features: Described
     model: Model
 
 
 @dataclass(frozen=True)
+class RecentKeyframe(Keyframe):
+    """A keyframe that tracking uses, with its images."""
+
+    features: FrameFeatures
+
+
+@dataclass(frozen=True)
 class Anchor(Keyframe):
-    """A keyframe that tracking has left behind.
+    """A keyframe that tracking has left behind; it keeps no images where features allow that.
 
     Attributes:
         T_odom_track: float64 [4, 4], the drift correction of ``T_track_camera``.
@@ -59,9 +66,18 @@ class Keyframes:
     is dropped.
     """
 
-    def __init__(self, config: OdometryConfig) -> None:
+    def __init__(
+        self, config: OdometryConfig, without_images: Callable[[FrameFeatures], Described]
+    ) -> None:
+        """Has no keyframe yet.
+
+        Args:
+            config: how many are kept.
+            without_images: gives what anchors keep of the features of a frame.
+        """
         self._config = config
-        self._window: deque[Keyframe] = deque()
+        self._without_images = without_images
+        self._window: deque[RecentKeyframe] = deque()
         self._anchors: deque[Anchor] = deque()
         self._count = 0
 
@@ -80,7 +96,7 @@ class Keyframes:
         features: FrameFeatures,
         model: Model,
         T_odom_track: Float64,
-    ) -> Keyframe:
+    ) -> RecentKeyframe:
         """Makes a keyframe of a frame.
 
         Args:
@@ -93,7 +109,7 @@ class Keyframes:
         """
         moved = model.moved(T_track_camera)
         number, self._count = self._count, self._count + 1
-        keyframe = Keyframe(number, stamp_ns, T_track_camera, covariance, features, moved)
+        keyframe = RecentKeyframe(number, stamp_ns, T_track_camera, covariance, features, moved)
         self._window.append(keyframe)
         if len(self._window) > min(self._config.window, self._config.keyframes):
             self._leave(self._window.popleft(), T_odom_track)
@@ -101,10 +117,12 @@ class Keyframes:
             self._anchors.popleft()
         return keyframe
 
-    def _leave(self, keyframe: Keyframe, T_odom_track: Float64) -> None:
-        anchor = Anchor(**vars(keyframe), T_odom_track=T_odom_track)
-        if not self.anchors(anchor.T_odom_camera, self._config.keyframe_spacing):
-            self._anchors.append(anchor)
+    def _leave(self, keyframe: RecentKeyframe, T_odom_track: Float64) -> None:
+        T_odom_camera = T_odom_track @ keyframe.T_track_camera
+        if self.anchors(T_odom_camera, self._config.keyframe_spacing):
+            return
+        kept = {**vars(keyframe), "features": self._without_images(keyframe.features)}
+        self._anchors.append(Anchor(**kept, T_odom_track=T_odom_track))
 
     def leave_window(self, T_odom_track: Float64) -> None:
         """Makes anchors of the whole window, so that tracking starts without it.
@@ -124,6 +142,10 @@ class Keyframes:
         """
         return [k for k in self._anchors if se3.difference(k.T_odom_camera, T_odom_camera) < radius]
 
+    def newest(self) -> RecentKeyframe | None:
+        """The keyframe made last; None before the first."""
+        return self._window[-1] if self._window else None
+
     def latest(self, count: int) -> list[Keyframe]:
         """The last ``count`` keyframes, newest first."""
         return list(self)[::-1][:count]
@@ -139,7 +161,7 @@ class Keyframes:
         start = turn * count % max(len(newest_first), 1)
         return (newest_first[start:] + newest_first[:start])[:count]
 
-    def nearest(self, T_track_camera: Float64) -> list[Keyframe]:
+    def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
         """The window, ordered by nearness of the view to a pose."""
         newest_first = reversed(self._window)
         return sorted(newest_first, key=lambda k: se3.difference(k.T_track_camera, T_track_camera))

@@ -59,7 +59,7 @@ class OwnParts:
     said: float = 0.0
 
     def needs(self, view: View, T_track_camera: Float64) -> bool:
-        """Whether a view from there would add information."""
+        """Whether a view from that pose would add information."""
         if min(view.depth.shape) < BLOCK_PX:
             return False
         views = self.views
@@ -69,7 +69,7 @@ class OwnParts:
         """The own parts after another view that contains them. Logs what is ignored from now on.
 
         Args:
-            view: as the camera gave it.
+            view: the view, with own parts still in it.
             T_track_camera: its pose, float64 [4, 4].
         """
         now = Surfaces.seen(view, T_track_camera)
@@ -121,7 +121,7 @@ class OwnParts:
 
 
 def _own(now: Surfaces, before: Surfaces, votes: NDArray[np.int8]) -> Mask:
-    """Which blocks have stayed in the image and cannot have stood still, bool [R, C].
+    """Which blocks have stayed in the image and cannot be static in the room, bool [R, C].
 
     Args:
         now: a view.

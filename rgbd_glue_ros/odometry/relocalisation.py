@@ -11,7 +11,8 @@ from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
-from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
+from rgbd_glue_ros.registration.glue import Glue
 
 
 def relocalise(

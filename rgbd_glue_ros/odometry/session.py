@@ -12,7 +12,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
-from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
@@ -207,7 +207,7 @@ class Session:
         anew = self.keyframes.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, features.stages_ms)
 
-    def _start_at(self, keyframe: Keyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
+    def _start_at(self, keyframe: RecentKeyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Restarts at the pose of a keyframe, and reports it."""
         self._own_parts.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)

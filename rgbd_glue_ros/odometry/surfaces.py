@@ -15,7 +15,7 @@ from rgbd_glue_ros.refinement.sampling import NEAREST_M
 from rgbd_glue_ros.types import Float32, Float64, Mask, UInt8, View
 
 BLOCK_PX = 8
-"""Edge of a block. A pose error of as many pixels does no harm."""
+"""Edge length of a block. Pose errors of up to as many pixels do no harm."""
 # Edge of the neighbourhood of a block, blocks.
 _AROUND = 3
 
@@ -25,10 +25,11 @@ class Surfaces:
     """A depth image in blocks of ``BLOCK_PX``, and where it was taken.
 
     Attributes:
-        depth: float32 [R, C], metres, of the pixel in the middle of each block; NaN where unknown.
-        nearest: float32 [R, C], least depth in a block and those around it; NaN in a block without
-            known depth.
-        K: float64 [4], of the image: fx, fy, cx, cy.
+        depth: float32 [R, C], depth of the pixel in the middle of each block, metres; NaN where
+            unknown.
+        nearest: float32 [R, C], smallest depth in a block and those around it, metres; NaN in a
+            block without known depth.
+        K: float64 [4], fx, fy, cx, cy of the image.
         T_track_depth: float64 [4, 4], the camera's pose when depth was taken.
     """
 
@@ -50,7 +51,7 @@ class Surfaces:
         )
 
     def in_front_of(self, other: Surfaces) -> UInt8:
-        """The blocks in front of everything that another view saw there, uint8 [R, C], 1 or 0."""
+        """Blocks in front of everything that another view sees there, uint8 [R, C], 1 or 0."""
         T_other_depth = se3.inverse(other.T_track_depth) @ self.T_track_depth
         return np.asarray(
             _in_front(self.depth, self.K, T_other_depth, other.nearest, other.K), np.uint8
@@ -64,7 +65,7 @@ def dense(blocks: UInt8) -> UInt8:
 
 
 def widened(blocks: UInt8) -> UInt8:
-    """The blocks, uint8 [R, C], 1 or 0, and those next to them, whose depth mixes surfaces."""
+    """The blocks, uint8 [R, C], 1 or 0, and their neighbours, where depth mixes surfaces."""
     return np.asarray(cv2.dilate(blocks, np.ones((_AROUND, _AROUND), np.uint8)), np.uint8)
 
 
@@ -76,7 +77,7 @@ def pixels_of(blocks: UInt8, view: View) -> Mask:
 
 
 def _nearest_surfaces(depth: Float32) -> Float32:
-    """Least depth in each block and those around it, float32 [R, C]; NaN in one without depth."""
+    """Smallest depth in each block and its neighbours, float32 [R, C]; NaN in empty blocks."""
     blocks = _least_of_blocks(depth)
     around = cv2.erode(blocks, np.ones((3, 3), np.uint8))
     return np.asarray(np.where(np.isinf(blocks), np.nan, around), np.float32)
@@ -84,7 +85,7 @@ def _nearest_surfaces(depth: Float32) -> Float32:
 
 @compiled
 def _least_of_blocks(depth: Float32) -> Float32:
-    """Least depth in each block, of every second pixel, float32 [R, C].
+    """Smallest depth of every second pixel in each block, float32 [R, C].
 
     Infinite where depth is unknown.
     """
@@ -102,14 +103,14 @@ def _least_of_blocks(depth: Float32) -> Float32:
 def _in_front(
     depth: Float32, K: Float64, T_other_depth: Float64, nearest: Float32, K_other: Float64
 ) -> UInt8:
-    """1 in the blocks in front of everything that another depth image has there.
+    """1 in blocks that are in front of everything that another depth image has there.
 
     Args:
-        depth: float32 [R, C], of blocks.
-        K: of their image.
+        depth: float32 [R, C], depth of the blocks, metres.
+        K: fx, fy, cx, cy of their image.
         T_other_depth: from this camera to the other, float64 [4, 4].
-        nearest: of the other image.
-        K_other: of the other image.
+        nearest: float32 [R, C], ``nearest`` of the other image.
+        K_other: fx, fy, cx, cy of the other image.
     """
     in_front = np.zeros(depth.shape, np.uint8)
     T = T_other_depth

@@ -26,7 +26,8 @@ from rgbd_glue_ros.odometry.pose_refinement import (
 )
 from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.refinement.model import Model
-from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
+from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
     Correspondences,

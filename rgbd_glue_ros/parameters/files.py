@@ -65,6 +65,20 @@ def load_yaml(path: str | Path, base: C) -> C:
     Raises:
         InputError: the file cannot be read, is not such a file, or holds a bad value.
     """
+    changes = parameter_values(path)
+    of_others = {*values(Config()), *values(NodeConfig())} - {*values(base)}
+    try:
+        return with_values(base, {k: v for k, v in changes.items() if k not in of_others})
+    except InputError as error:
+        raise InputError(f"{path}: {error.where}", error.cause, error.remedy) from error
+
+
+def parameter_values(path: str | Path) -> dict[str, object]:
+    """The values in a ROS parameter file by their dotted names, whatever version wrote it.
+
+    Raises:
+        InputError: the file cannot be read, or is not such a file.
+    """
     try:
         content = document(read_text(Path(path)))
     except yaml.YAMLError as error:
@@ -72,17 +86,11 @@ def load_yaml(path: str | Path, base: C) -> C:
         raise InputError(path, f"cannot be read ({reason})", "give a YAML file") from error
     try:
         ((_, node),) = content.items()
-        tree = node["ros__parameters"]
-        changes = dict(_flattened(tree))
+        return dict(_flattened(node["ros__parameters"]))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             path, "is not a ROS parameter file", "it starts with '/**:' and 'ros__parameters:'"
         ) from error
-    of_others = {*values(Config()), *values(NodeConfig())} - {*values(base)}
-    try:
-        return with_values(base, {k: v for k, v in changes.items() if k not in of_others})
-    except InputError as error:
-        raise InputError(f"{path}: {error.where}", error.cause, error.remedy) from error
 
 
 def load_preset(name: str) -> Config:

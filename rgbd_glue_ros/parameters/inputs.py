@@ -11,6 +11,9 @@ from rgbd_glue_ros.parameters.parameter import parameter
 
 HEADER, RECEIPT = "header", "receipt"
 
+MAP_BY_RECEIPT = "record them and map the recording (rgbd-glue map RECORDING --set stamps=receipt)"
+"""What to do about images of two clocks where the mapping node cannot go by their receipt."""
+
 OF_MESSAGES = ("depth_scale", "depth_is_registered", "depth_camera_pose", "imu_pose")
 """Parameters that complete messages; frames that were read need none."""
 

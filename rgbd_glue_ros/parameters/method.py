@@ -20,6 +20,7 @@ LEARNED_VISUAL_FEATURES = (
     "lightglue",
 )
 VISUAL_FEATURES = ("none", "orb", "sift", "brisk", *LEARNED_VISUAL_FEATURES)
+# K of equation 4 in the paper's experiments.
 _K_LEARNED, _K_HAND_CRAFTED = 3.0, 5.0
 DEVICES = ("auto", "cpu", "cuda")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
@@ -352,6 +353,10 @@ class Config:
 
     @property
     def k(self) -> float:
-        """K of equation 4: what ``glue.k`` says, or the paper's for the visual feature."""
+        """K of equation 4: visual matches within K t_in of the rough transform are assumed inliers.
+
+        This is the value in use: ``glue.k`` if it is not 0, otherwise the paper's, which is 3 if
+        the visual feature is learned and 5 if it is hand-crafted.
+        """
         is_learned = self.features.visual in LEARNED_VISUAL_FEATURES
         return self.glue.k or (_K_LEARNED if is_learned else _K_HAND_CRAFTED)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.checks import FRAME, POSE, or_nothing
-from rgbd_glue_ros.parameters.inputs import RECEIPT, InputConfig, read_once
+from rgbd_glue_ros.parameters.inputs import MAP_BY_RECEIPT, RECEIPT, InputConfig, read_once
 from rgbd_glue_ros.parameters.parameter import parameter
 
 
@@ -176,8 +176,8 @@ class NodeConfig(InputConfig):
                 "stamps",
                 "receipt gives an image another stamp in each process, so that the mapping node "
                 "would find none of the odometry's keyframes",
-                "have the driver stamp its images by one clock and set stamps to header, or record "
-                "them and map the recording (rgbd-glue map RECORDING --set stamps=receipt)",
+                "have the driver stamp its images by one clock and set stamps to header, or "
+                f"{MAP_BY_RECEIPT}",
             )
 
     def _check_distinct(self, *frames: str) -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.recordings.folder.lists import read_association
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
 from rgbd_glue_ros.recordings.sens import stamp_ns
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
 
 ASSOCIATIONS, TRUTH = "associations.txt", "*.gt.freiburg"

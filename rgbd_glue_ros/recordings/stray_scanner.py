@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.faults import Faults
@@ -30,6 +29,7 @@ from rgbd_glue_ros.recordings.image_sequence import (
 )
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame, Trajectory, UInt8
 
 VIDEOS = ("rgb.mp4", "rgb.mov", "color.mp4", "video.mp4")

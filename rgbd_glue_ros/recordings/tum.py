@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.text_lines import finite_numbers
-from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
+from rgbd_glue_ros.files.stamp_text import stamps_ns
+from rgbd_glue_ros.files.text_lines import Line, finite_numbers, read_lines
 from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
 from rgbd_glue_ros.recordings import icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration

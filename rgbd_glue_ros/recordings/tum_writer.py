@@ -11,7 +11,7 @@ import yaml
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import format_stamp, write_tum
+from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.messages.fields import distortion_model
 from rgbd_glue_ros.messages.image_codecs import encode_png, quantised
 from rgbd_glue_ros.recordings.tum import (
@@ -21,6 +21,7 @@ from rgbd_glue_ros.recordings.tum import (
     GROUND_TRUTH,
     UNITS_PER_METRE,
 )
+from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame, Trajectory
 
 _COLOR_FOLDER, _DEPTH_FOLDER = "rgb", "depth"

@@ -1,9 +1,10 @@
-"""How many residuals count as one, seen from how far the parts of an image agree on a pose.
+"""How many residuals count as one independent one, from how well parts of an image agree on a pose.
 
-Thousands of residuals would make a pose exact to micrometres, were they independent. They are not:
-a lens or a registration that is a little off, or noise that neighbours share, moves whole parts of
-the image alike. Each part then has an optimum of its own, and how far these lie apart, by what its
-residuals promise, is how many residuals count as one (Cochran's Q of a meta-analysis).
+If thousands of residuals were independent, a pose would be accurate to micrometres. They are not: a
+slightly wrong lens model or registration, or noise that neighbours share, shifts whole parts of
+the image together. Each part then has its own optimum. How far these optima lie apart, relative to
+the covariance that their residuals imply, tells how many residuals count as one (Cochran's Q of a
+meta-analysis).
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ from rgbd_glue_ros.refinement.residual_rows import (
 )
 from rgbd_glue_ros.types import Float64
 
-# Bands of rows: each sees of the scene what fixes a pose.
+# Bands of image rows: each usually sees enough of the scene to determine a pose.
 _BANDS = 3
-# Frames that are remembered; a camera's faults change with the scene, and not at once.
+# Frames that the mean is taken over; a camera's errors change slowly, with the scene.
 _MEMORY = 30
-# What is expected of a camera before it is seen counts as much as this many frames.
+# The configured value counts as much as this many frames.
 _EXPECTATION = 1
-# Errors that all bands share, as those of the model, show in no disagreement. Their squares are
-# this many times those that it shows, over all sequences of docs/benchmarks.md.
+# Errors that all bands share, such as those of the model, cause no disagreement. Their squares are
+# this many times those that do, over all sequences of docs/benchmarks.md.
 _IN_COMMON = 50.0
 
 
 @dataclass(frozen=True)
 class BandAgreement:
-    """How far the bands of a camera's images agree, by the frames looked at so far.
+    """How well the bands of a camera's images agree, over the frames so far.
 
     Attributes:
-        frames: how many these are, at most as many as are remembered.
+        frames: number of frames, at most ``_MEMORY``.
         log_excess: mean logarithm of their Q per degree of freedom.
     """
 
@@ -48,16 +49,16 @@ class BandAgreement:
     log_excess: float = 0.0
 
     def residuals_per_independent_one(self, expected: float) -> float:
-        """How many residuals count as one; ``expected`` as long as no frame was looked at."""
+        """How many residuals count as one; ``expected`` before the first frame."""
         seen = self.frames / (self.frames + _EXPECTATION)
         return exp(seen * (log(_IN_COMMON) + self.log_excess) + (1 - seen) * log(expected))
 
     def after_frame(self, refinement: Refinement, problem: RefinementProblem) -> BandAgreement:
-        """What is known after a frame.
+        """The agreement, updated with a frame.
 
         Args:
             refinement: the frame's pose in the model.
-            problem: what it was refined by.
+            problem: the problem that it was refined with.
         """
         T, finest = refinement.T_model_source, problem.at_level(0)
         rows = (
@@ -73,15 +74,15 @@ class BandAgreement:
 
 
 def disagreement(rows: Sequence[Rows]) -> float | None:
-    """Q per degree of freedom of the optima of bands of rows; None where one alone has any.
+    """Q per degree of freedom of the optima of bands of rows; None if fewer than two have one.
 
-    1 in the mean, where residuals err independently by what they are divided by.
+    Its mean is 1 if the errors of residuals are independent, with the assumed standard deviations.
 
     Args:
-        rows: residuals of one pose, of several kinds.
+        rows: residuals at one pose, of several kinds.
     """
     bands = [_of_band(rows, band) for band in range(_BANDS)]
-    # one that leaves a direction open has no optimum
+    # a band that leaves a direction undetermined has no optimum
     known = [(H, g) for H, g in bands if np.linalg.eigvalsh(H)[0] > DAMPING]
     if len(known) < 2:
         return None
@@ -94,7 +95,7 @@ def _of_band(rows: Sequence[Rows], band: int) -> tuple[Float64, Float64]:
     """Hessian [6, 6] and gradient [6] of a band."""
     H, g = np.zeros((6, 6)), np.zeros(6)
     for of_kind in rows:
-        # normalised row time goes from -1/2 at the first row to 1/2 at the last
+        # normalised row time is -1/2 at the first row and 1/2 at the last
         inside = np.floor(_BANDS * (of_kind.row_time + 0.5)).clip(0, _BANDS - 1) == band
         of_band = (of_kind.jacobian[inside], of_kind.weight[inside], of_kind.residual[inside])
         H_kind, g_kind = normal_equations(*of_band)
@@ -103,5 +104,5 @@ def _of_band(rows: Sequence[Rows], band: int) -> tuple[Float64, Float64]:
 
 
 def _explained(H: Float64, g: Float64) -> float:
-    """How much a band's own optimum lowers its squared residuals."""
+    """By how much the optimum of these terms lowers the squared residuals."""
     return float(g @ np.linalg.solve(damped(H), g))

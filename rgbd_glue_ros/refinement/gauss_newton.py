@@ -1,10 +1,10 @@
 """Joint refinement of a pose on planes and pixels, after the fit of the paper.
 
-Pixels drift where texture is weak and planes slide where geometry is; together they do neither.
-The residuals are those of projective point-to-plane ICP (Chen and Medioni 1992, Newcombe et al.
-2011) divided by the depth noise, and of direct visual odometry (Steinbruecker, Sturm and Cremers
-2011, Kerl et al. 2013) divided by their own spread, both with Cauchy weights, minimised by
-Gauss-Newton from coarse to fine.
+Pixels drift where texture is weak, and planes slide where geometry is weak; together they do
+neither. The residuals are those of projective point-to-plane ICP (Chen and Medioni 1992, Newcombe
+et al. 2011), divided by the depth noise, and those of direct visual odometry (Steinbruecker, Sturm
+and Cremers 2011, Kerl et al. 2013), divided by their own spread. Both have Cauchy weights, and are
+minimised by Gauss-Newton from coarse to fine.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from rgbd_glue_ros.refinement.residuals import (
 from rgbd_glue_ros.types import Float64
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
-# The last level ends with a step shorter than this, metres and radians. Those before it only have
-# to find a start for the next one, and end with a longer step.
+# The last level stops at a step shorter than the first value, in metres and radians. The coarser
+# levels only find a start for the next, and stop at the second, longer one.
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
-# Added to the Hessian: in a direction that neither planes nor pixels see, the pose stays as it was.
+# Added to the Hessian: where neither planes nor pixels constrain the pose, it stays as it was.
 DAMPING = 100.0
-# Grey levels, in a well-lit image: brightness is not believed to agree more closely.
+# Smallest standard deviation of brightness, grey levels in a well-lit image.
 _LEAST_DEVIATION = 2.0
-# Gain, bias and standard deviation that are assumed before any brightness is compared.
+# Gain, bias and standard deviation to start with, before any brightness is compared.
 START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
 
@@ -52,15 +52,16 @@ class Refinement:
 
     Attributes:
         T_model_source: float64 [4, 4].
-        information: float64 [6, 6], the Hessian at the pose, perturbation on the left.
-        planes_seen: planes that project onto known depth; at level l, of every 2^l-th.
-        planes_agreeing: those that lie where the depth image has them.
-        planes_occluded: those that something nearer hides.
-        pixels_seen: pixels that project into the image and are not occluded, of the level that
-            the pose is evaluated at.
-        brightness_correlation: of their brightness in the model and in the image, from -1 to 1.
+        information: float64 [6, 6], the Hessian at the pose, for a perturbation on the left.
+        planes_seen: number of planes that project onto known depth; at level l, of every 2^l-th.
+        planes_agreeing: number of these that agree with the depth image.
+        planes_occluded: number of these that a nearer surface hides.
+        pixels_seen: number of pixels that project into the image and are not occluded, at the level
+            that the pose is evaluated at.
+        brightness_correlation: correlation of their brightness in the model and in the image, from
+            -1 to 1.
         affine_brightness: float64 [3], gain and bias from the image's brightness to the model's,
-            and the standard deviation of what is left.
+            and the standard deviation of the remaining difference.
     """
 
     T_model_source: Float64
@@ -74,17 +75,17 @@ class Refinement:
 
     @property
     def plane_agreement(self) -> float:
-        """The part of the planes seen that agree; 0 where none is seen."""
+        """The fraction of the seen planes that agree; 0 if none is seen."""
         return self.planes_agreeing / max(self.planes_seen, 1)
 
     @property
     def planes_visible(self) -> int:
-        """Planes seen that nothing nearer hides."""
+        """Number of seen planes that are not occluded."""
         return self.planes_seen - self.planes_occluded
 
     @property
     def visible_agreement(self) -> float:
-        """The part of these that agree; 0 where there is none."""
+        """The fraction of the visible planes that agree; 0 if there are none."""
         return self.planes_agreeing / max(self.planes_visible, 1)
 
 
@@ -98,9 +99,9 @@ def refine(
 
     Args:
         T_model_source: start, float64 [4, 4].
-        problem: what it is refined by.
-        levels: of the pyramid to take the steps at; the result is evaluated at the last.
-        affine_brightness: as of ``Refinement``, as far as it is known.
+        problem: the model and the frame.
+        levels: pyramid levels, in the order of the steps; the result is evaluated at the last.
+        affine_brightness: as in ``Refinement``, if already known.
     """
     *coarse, final = levels
     steps = problem.config.iterations
@@ -114,12 +115,12 @@ def refine(
 def refine_at(
     T_model_source: Float64, problem: LevelProblem, affine_brightness: Float64, iterations: int
 ) -> Refinement:
-    """Refines a pose at one level, by a problem that may hold a part of a model.
+    """Refines a pose at one level; the problem may contain only a part of a model.
 
     Args:
         T_model_source: start, float64 [4, 4].
         problem: planes, pixels and the frame.
-        affine_brightness: as of ``Refinement``.
+        affine_brightness: as in ``Refinement``.
         iterations: Gauss-Newton steps, at most.
     """
     brightness = np.array(affine_brightness)
@@ -129,35 +130,35 @@ def refine_at(
 def evaluate_pose(
     T_model_source: Float64, problem: RefinementProblem, level: int = 0
 ) -> Refinement:
-    """How well planes and pixels agree with a pose, at a level of the pyramid.
+    """How well planes and pixels agree with a pose, at a pyramid level.
 
-    Matches hold a search; of how well the images agree they say nothing.
+    Matches are left out: they constrain a search, but do not show how well the images agree.
     """
     of_level = problem.without_matches().at_level(level)
-    # brightness is compared under the gain and bias that the first look finds
+    # compare brightness with the gain and bias that a first pass finds
     first = _linearise(T_model_source, of_level, np.array(START_BRIGHTNESS))
     brightness = first.pixels.next_affine_brightness
     return _refinement(_descend(T_model_source, of_level, brightness, 0, _CONVERGED))
 
 
 def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
-    """What residuals say of their other unknowns, whatever the pose.
+    """Eliminates the pose from normal equations that have other unknowns too.
 
     Args:
         H: float64 [6 + K, 6 + K], Hessian for the pose and K other unknowns.
         g: float64 [6 + K], gradient.
 
     Returns:
-        Hessian [K, K] and gradient [K] of the others, with the pose eliminated.
+        Hessian [K, K] and gradient [K] of the other unknowns.
     """
     elimination = H[6:, :6] @ np.linalg.inv(damped(H[:6, :6]))
     return H[6:, 6:] - elimination @ H[:6, 6:], g[6:] - elimination @ g[:6]
 
 
 class _PixelFit(NamedTuple):
-    """Pixels seen, the correlation of their brightness, and the affine brightness that fits it.
+    """Pixels seen, the correlation of their brightness, and the affine brightness that fits best.
 
-    Exposure changes between frames, so that brightness is estimated anew for the next step.
+    Exposure changes between frames, so the affine brightness is estimated again for each step.
     """
 
     seen: int
@@ -166,7 +167,7 @@ class _PixelFit(NamedTuple):
 
 
 class _Linearisation(NamedTuple):
-    """Hessian [6, 6] and gradient [6] at a pose, and what planes and pixels say of it."""
+    """Hessian [6, 6] and gradient [6] at a pose, and how planes and pixels agree there."""
 
     H: Float64
     g: Float64
@@ -175,7 +176,7 @@ class _Linearisation(NamedTuple):
 
 
 class _Descent(NamedTuple):
-    """Where Gauss-Newton ended, and the linearisation before its last step."""
+    """The result of Gauss-Newton, and the linearisation before its last step."""
 
     T: Float64
     H: Float64
@@ -200,7 +201,7 @@ def _refinement(descent: _Descent) -> Refinement:
 
 @compiled
 def damped(H: Float64) -> Float64:
-    """A Hessian [6, 6] with what it leaves open held, so that it can be inverted."""
+    """A Hessian [6, 6] with ``DAMPING`` on its diagonal, so that it can be inverted."""
     held: Float64 = H + DAMPING * np.eye(6)
     return held
 
@@ -213,7 +214,7 @@ def _descend(
     iterations: int,
     converged: float,
 ) -> _Descent:
-    """Takes Gauss-Newton steps from T, until one is shorter than ``converged``."""
+    """Takes at most ``iterations`` Gauss-Newton steps from T, until one is below ``converged``."""
     brightness = affine_brightness
     for i in range(iterations + 1):
         used = brightness
@@ -230,7 +231,7 @@ def _descend(
 
 @compiled
 def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> _Linearisation:
-    """The normal equations at T."""
+    """The normal equations at T, of planes, pixels and matches."""
     H, g = np.zeros((6, 6)), np.zeros(6)
     pixels = _add_pixels(T, problem, affine_brightness, H, g)
     table, planes = plane_residuals(T, problem)
@@ -245,7 +246,7 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
 
 @inlined
 def _add(row: Float64, w: float, H: Float64, g: Float64) -> None:
-    """Adds the terms of a row of residuals to g and to the upper half of H."""
+    """Adds a row of residuals to g and to the upper triangle of H."""
     for a in range(6):
         g[a] += w * row[RESIDUAL] * row[JACOBIAN + a]
         for b in range(a, 6):
@@ -256,7 +257,7 @@ def _add(row: Float64, w: float, H: Float64, g: Float64) -> None:
 def _add_pixels(
     T: Float64, problem: LevelProblem, affine_brightness: Float64, H: Float64, g: Float64
 ) -> _PixelFit:
-    """Adds the photometric terms at T to g and to the upper half of H."""
+    """Adds the photometric terms at T to g and to the upper triangle of H."""
     sigma = affine_brightness[2]
     weight, brightness = problem.pixel_weight, problem.brightness
     table = pixel_residuals(T, problem, affine_brightness)

@@ -1,4 +1,4 @@
-"""A model and a frame at a level of the pyramid: all that residuals depend on besides the pose."""
+"""A model and a frame at one pyramid level: everything that residuals need besides the pose."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ class Exposure(NamedTuple):
 
     Attributes:
         K: float64 [4], fx, fy, cx, cy.
-        height: of the image, pixels.
+        height: image height, pixels.
         twist: float64 [6], velocity of the camera.
-        readout_time: seconds from the first row to the last.
-        delay: seconds from the colour image to this one.
+        readout_time: time from the first row to the last, seconds.
+        delay: time from the colour image to this one, seconds.
     """
 
     K: Float64
@@ -26,24 +26,24 @@ class Exposure(NamedTuple):
 
 
 class LevelProblem(NamedTuple):
-    """What the residuals of planes and pixels are computed from, as compiled code takes it.
+    """The inputs of the residuals, in a form that compiled code accepts.
 
     Attributes:
-        points: float64 [N, 3] of planes.
-        normals: float64 [N, 3].
-        depth: float32 [H, W] of the frame.
-        depth_exposure: of ``depth``.
+        points: float64 [N, 3], points of the planes.
+        normals: float64 [N, 3], their normals.
+        depth: float32 [H, W], depth image of the frame.
+        depth_exposure: exposure of ``depth``.
         pixels: float64 [M, 3], textured points.
-        brightness: float64 [M] of these.
-        image: uint8 [H / 2^level, W / 2^level] of the frame.
-        image_exposure: of ``image``.
+        brightness: float64 [M], their brightness.
+        image: uint8 [H / 2^level, W / 2^level], grey image of the frame.
+        image_exposure: exposure of ``image``.
         plane_cauchy: residual, in standard deviations, at which a plane's weight is halved.
-        pixel_cauchy: that of a pixel.
-        pixel_weight: of a pixel against a plane.
-        match_source: float64 [L, 3], visual matches' points in the frame.
-        match_target: float64 [L, 3], the same points of the model.
-        match_weight: of a match against a plane.
-        contrast: of the frame's image, as a part of that of a well-lit one.
+        pixel_cauchy: the same for a pixel.
+        pixel_weight: weight of a pixel relative to a plane.
+        match_source: float64 [L, 3], points of visual matches in the frame.
+        match_target: float64 [L, 3], the same points in the model.
+        match_weight: weight of a match relative to a plane.
+        contrast: contrast of the frame's image, as a fraction of that of a well-lit one.
     """
 
     points: Float64

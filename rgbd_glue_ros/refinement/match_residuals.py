@@ -1,7 +1,7 @@
-"""The residuals of visual matches at a pose: how far from its keypoint a matched point appears.
+"""The reprojection errors of visual matches at a pose.
 
-Planes say nothing along themselves, and pixels nothing where texture is fine or seen flat. What
-RGBD-Glue has matched holds a pose there.
+Planes do not constrain motion along themselves, and pixels do not help where texture is fine or
+seen at a grazing angle. There the visual matches of RGBD-Glue hold the pose.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.sampling import NEAREST_M
 from rgbd_glue_ros.types import Float64
 
-# A keypoint is where it is found to about this accuracy, coarse octaves included, pixels.
+# Standard deviation of keypoint positions, coarse octaves included, pixels.
 _SIGMA_PX = 1.0
-# The residual, in these, at which a match's weight is halved.
+# The residual, in standard deviations, at which a match's weight is halved.
 _CAUCHY = 2.0
 
 
 @compiled
 def add_matches(T: Float64, problem: LevelProblem, H: Float64, g: Float64) -> None:
-    """Adds the terms of the matches at T to g [6] and to the upper half of H [6, 6]."""
+    """Adds the terms of the matches at T to g [6] and to the upper triangle of H [6, 6]."""
     source, target = problem.match_source, problem.match_target
     K, weight = problem.depth_exposure.K, problem.match_weight
     for i in range(len(source)):

@@ -1,7 +1,7 @@
-"""What poses are refined against: the planes and the textured pixels of a frame.
+"""The model that poses are refined against: planes and textured pixels of a frame.
 
-Each keeps the row it was seen in and how fast it passed, so that a rolling shutter can be allowed
-for: the rows of an image are not of one moment.
+Each keeps the image row that it was seen in and its apparent velocity, to compensate a rolling
+shutter: the rows of an image are not taken at the same time.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from rgbd_glue_ros.types import Float32, Float64, Int64, Mask, UInt8, View
 P = TypeVar("P", bound="ModelPoints")
 
 LEVELS = 3
-# Edge of the cells that give one pixel each, at every level of the pyramid of an image of 640x480:
+# Edge length of the cells, one pixel of the model each, for each pyramid level of a 640x480 image:
 # coarse levels have fewer pixels, so their cells are smaller.
 _CELLS_PX = (8, 5, 4)
-# Grey levels a pixel, in a well-lit image.
+# Grey levels per pixel, in a well-lit image.
 _MIN_GRADIENT = 5.0
-# A pixel this near to a nearer surface is covered or uncovered when the camera moves, and what is
-# seen there moves with the edge and not with the pixel's own depth.
+# Pixels this close to a nearer surface are left out: when the camera moves they are covered or
+# uncovered, and what is seen there moves with the edge and not with the pixel's own depth.
 _OCCLUSION_PX = 3
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelPoints:
-    """Points of a frame, and how they were seen.
+    """Points of a frame, with their motion and the image rows that they were seen in.
 
     Attributes:
         points: float64 [N, 3], metres.
@@ -54,12 +54,12 @@ class ModelPoints:
     row_time: Float64
 
     def moved(self: P, T: Float64) -> P:
-        """The same in the frame that T [4, 4] maps to."""
+        """The points in the frame that T [4, 4] maps to."""
         points = se3.transform(T, self.points)
         return replace(self, points=points, velocity=self.velocity @ T[:3, :3].T)
 
     def selected(self: P, which: Mask | slice) -> P:
-        """Some of them.
+        """Some of the points.
 
         Args:
             which: bool [N], or a slice.
@@ -68,7 +68,7 @@ class ModelPoints:
         return replace(self, **{name: getattr(self, name)[which] for name in names})
 
     def concatenated(self: P, others: Sequence[P]) -> P:
-        """These, and those of others behind them."""
+        """These points, followed by those of others."""
         names = [field.name for field in fields(self)]
         parts = [self, *others]
         return replace(
@@ -82,7 +82,7 @@ class Planes(ModelPoints):
     """Oriented points.
 
     Attributes:
-        normals: float64 [N, 3], unit.
+        normals: float64 [N, 3], unit vectors.
     """
 
     normals: Float64
@@ -94,7 +94,7 @@ class Planes(ModelPoints):
 
 @dataclass(frozen=True, kw_only=True)
 class Pixels(ModelPoints):
-    """Points with the brightness that one level of an image pyramid has there.
+    """Points with their brightness at one level of an image pyramid.
 
     Attributes:
         brightness: float64 [N], grey levels.
@@ -105,10 +105,10 @@ class Pixels(ModelPoints):
 
 @dataclass(frozen=True)
 class Model:
-    """What poses are refined against, in one frame.
+    """Planes and pixels to refine poses against, in one frame.
 
     Attributes:
-        planes: surfaces.
+        planes: oriented surface points.
         pixels: textured points, for each level of the pyramid, finest first.
     """
 
@@ -123,8 +123,8 @@ class Model:
         """A part of the model.
 
         Args:
-            planes: bool [N], which.
-            pixels: bool [M] for each level, which.
+            planes: bool [N], the planes to keep.
+            pixels: bool [M] for each level, the pixels to keep.
         """
         levels = zip(self.pixels, pixels, strict=True)
         return Model(self.planes.selected(planes), tuple(p.selected(mask) for p, mask in levels))
@@ -143,10 +143,10 @@ def model_of(view: View, grid_step: int) -> Model:
 
 
 def blend(models: Sequence[Model]) -> Model:
-    """One model of several that are in the same frame, of the size of one of them.
+    """Combines several models in the same frame into one of the size of a single model.
 
-    Takes every n-th plane and pixel of n models: to refine against more keyframes costs no more,
-    and averages their errors.
+    Takes every n-th plane and pixel of n models: refining against more keyframes costs no more, and
+    averages their errors.
     """
     every = slice(None, None, len(models))
 
@@ -166,7 +166,7 @@ def _planes(view: View, grid_step: int) -> Planes:
     rows = np.nonzero(known)[0] * grid_step + grid_step // 2
     seconds = seconds_after_color(rows, view)
     points = displaced_points(points[known], seconds, view.twist)
-    # a normal turns as the points do
+    # normals rotate like the points
     turn = seconds[:, np.newaxis] * np.cross(view.twist[3:], normals[known])
     return Planes(
         points=points,
@@ -177,7 +177,7 @@ def _planes(view: View, grid_step: int) -> Planes:
 
 
 def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
-    """The pixel with the strongest gradient in each cell of a level, where its depth is known."""
+    """The pixel with the strongest gradient in each cell of a level, if its depth is known."""
     least = _MIN_GRADIENT * view.contrast
     rows = _strongest_gradients(image, widened_px(view, _CELLS_PX[level]), least)
     rows = rows[_uncovered(view.depth, rows * 2**level, _OCCLUSION_PX * 2**level)]
@@ -224,6 +224,6 @@ def _uncovered(depth: Float32, pixels: Int64, reach: int) -> Mask:
         for v in range(max(0, row - reach), min(height, row + reach + 1)):
             for u in range(max(0, column - reach), min(width, column + reach + 1)):
                 nearest = min(nearest, depth[v, u])
-        # where depth is unknown this is false
+        # false if depth is unknown
         free[i] = z - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest) + RECEDING * nearest
     return free

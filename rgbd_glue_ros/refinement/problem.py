@@ -1,4 +1,4 @@
-"""What a pose is refined by: the model, the frame whose pose it is, and how they are compared."""
+"""The inputs of a refinement: the model, the frame whose pose is refined, and the parameters."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.types import Correspondences, View
 
 NO_MATCHES = Correspondences.empty()
-# Of a match against a plane, a few times that of a pixel: enough to hold a pose where planes and
-# pixels leave it open. Where they fix it, they are many more, and more exact.
+# Weight of a match relative to a plane, a few times that of a pixel: enough to hold a pose where
+# planes and pixels do not determine it. Where they do, they outweigh the matches by their number
+# and accuracy.
 _MATCH_WEIGHT = 30.0
 _NO_IMAGES = ImagePyramid(np.empty((0, 0), np.uint8))
 
 
 @dataclass(frozen=True)
 class RefinementProblem:
-    """What a pose is refined by.
+    """The inputs of a refinement.
 
-    The pyramid of the frame's image is made once, and shared by the problems that ``replace`` makes
-    of this one with the same image. It is freed with the last of them: keep none beyond its frame.
+    The pyramid of the frame's image is computed once, and shared with copies that ``replace`` makes
+    with the same image. It is freed with the last of them, so keep none longer than its frame.
 
     Attributes:
         model: planes and pixels.
-        view: the frame whose pose is refined, with the twist that it is believed to have.
+        view: the frame whose pose is refined, with its estimated twist.
         config: steps at each level (0 only evaluates the start) and weights.
-        matches: visual ones that hold the pose too, between the frame and the model.
-        images: pyramid of the view's image; not to be given.
+        matches: visual matches between the frame and the model, which also constrain the pose.
+        images: pyramid of the view's image; set by this class, not by callers.
     """
 
     model: Model
@@ -41,16 +42,16 @@ class RefinementProblem:
     images: ImagePyramid = field(default=_NO_IMAGES, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Makes another pyramid where that of a replaced problem is of another image."""
+        """Creates a pyramid, unless ``replace`` has passed on one of the same image."""
         if self.images.at_level(0) is not self.view.grey:
             object.__setattr__(self, "images", ImagePyramid(self.view.grey))
 
     def without_matches(self) -> RefinementProblem:
-        """The same, of planes and pixels alone."""
+        """The same problem with planes and pixels only."""
         return replace(self, matches=NO_MATCHES)
 
     def at_level(self, level: int) -> LevelProblem:
-        """The problem at a level of the pyramid; its planes are every 2^level-th of the model."""
+        """The problem at a pyramid level, with every 2^level-th plane of the model."""
         view, config = self.view, self.config
         planes, pixels = self.model.planes, self.model.pixels[level]
         image, K = self.images.at_level(level), view.intrinsics.focal_and_centre
@@ -64,7 +65,7 @@ class RefinementProblem:
             pixels=pixels.points,
             brightness=pixels.brightness,
             image=image,
-            # pyrDown centres pixel i of a level on pixel 2 i of the one below
+            # pyrDown centres pixel i of a level on pixel 2 i of the next finer one
             image_exposure=Exposure(K / 2**level, image.shape[0], twist, readout_time, 0.0),
             plane_cauchy=config.plane_cauchy,
             pixel_cauchy=config.pixel_cauchy,

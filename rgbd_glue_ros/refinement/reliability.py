@@ -1,12 +1,12 @@
-"""How much of the information on a pose is spurious: made by errors of the residuals' derivatives.
+"""How much of the information about a pose is spurious, caused by errors of the derivatives.
 
-Normals err: by noise, and where a plane was fitted across an edge. In the normal equations these
-errors do not cancel but add up, as squares, so that thousands of planes of a wall seem to hold a
-camera that they let slide. That is the bias of least squares with errors in the variables. As
-there, a second measurement of the variables shows it: how the residuals change when the pose is
-moved, which rests on the depth image and hardly on the normals. The regression of the second on the
-first is the reliability ratio (Fuller 1987, Measurement Error Models, 1.1): the part of the
-information that is real.
+Normals have errors: from noise, and where a plane was fitted across an edge. In the normal
+equations the squares of these errors add up instead of cancelling, so that thousands of planes of
+one wall seem to hold a camera that can in fact slide along it. This is the bias of least squares
+with errors in the variables. A second measurement of the variables reveals it: how the residuals
+change when the pose moves, which depends on the depth image and hardly on the normals. The
+regression of the second measurement on the first is the reliability ratio (Fuller 1987, Measurement
+Error Models, 1.1): the fraction of the information that is real.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ def without_spurious_information(
     problem: RefinementProblem,
     reach: float,
 ) -> Refinement:
-    """A refined pose without the spurious part of its information in the weakest direction.
+    """Removes the spurious part of a pose's information in its weakest direction.
 
-    Where more than half is spurious, nothing is left: in that direction the search has measured
-    nothing, and the pose is put where it was expected.
+    If at least half of it is spurious, all of it is removed: in that direction nothing was
+    measured, and the pose is moved to where it was expected.
 
     Args:
-        refinement: the pose.
-        T_expected: the pose before the images were looked at, float64 [4, 4].
-        problem: what it was refined by.
-        reach: distance, metres and radians, over which residuals have to change. A pose that is
-            known better than that is left as it is.
+        refinement: the refined pose.
+        T_expected: the pose that was expected before refinement, float64 [4, 4].
+        problem: the problem that it was refined with.
+        reach: distance, metres and radians, over which residuals must change. A pose that is
+            known more accurately than this is returned unchanged.
     """
     T, H = refinement.T_model_source, refinement.information
-    # in the camera's frame, where a metre and a radian move what is seen about as much
+    # in the camera's frame, where a metre and a radian move the image by about as much
     A, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))
     eigenvalues, directions = np.linalg.eigh(A.T @ H @ A)
     weakest = A @ directions[:, 0]
@@ -63,7 +63,7 @@ def without_spurious_information(
 def _spurious_information(
     T: Float64, direction: Float64, reach: float, problem: LevelProblem
 ) -> float:
-    """The part of the planes' information in a direction that the reliability ratio leaves out."""
+    """The planes' information in a direction, times one minus the reliability ratio."""
     rows = plane_rows(T, problem)
     derivative = rows.jacobian @ direction
     ahead, behind = (
@@ -79,7 +79,7 @@ def _spurious_information(
 
 
 def _residuals(moved: Rows, rows: Rows) -> Float64:
-    """The residuals at another pose of the same planes; NaN where they are not seen."""
+    """The residuals of the same planes at another pose; NaN for planes that are not seen there."""
     size = 1 + max(moved.point.max(initial=0), rows.point.max(initial=0))
     residuals = np.full(size, np.nan)
     residuals[moved.point] = moved.residual

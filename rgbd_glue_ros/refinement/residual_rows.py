@@ -1,4 +1,4 @@
-"""All residuals of a model at a pose as rows, for what has more unknowns than the pose."""
+"""All residuals of a model at a pose as rows, for problems with more unknowns than the pose."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from rgbd_glue_ros.types import Float64, Int64
 
 
 class Rows(NamedTuple):
-    """Residuals of planes or pixels, those that count.
+    """Residuals of the planes or pixels that are visible.
 
     Attributes:
-        point: int64 [N], which plane or pixel of the problem.
+        point: int64 [N], index of the plane or pixel in the problem.
         weight: float64 [N].
         residual: float64 [N].
-        jacobian: float64 [N, 6], by a perturbation on the left of T.
-        row_time: float64 [N], normalised time of the image row that shows it.
+        jacobian: float64 [N, 6], for a perturbation on the left of T.
+        row_time: float64 [N], normalised time of the image row that shows the point.
     """
 
     point: Int64
@@ -39,27 +39,27 @@ class Rows(NamedTuple):
 
 
 def plane_rows(T: Float64, problem: LevelProblem) -> Rows:
-    """The residuals at T, metres, of the planes that the depth image shows."""
+    """The residuals at T of the planes that the depth image shows, metres."""
     return _rows(plane_residuals(T, problem)[0])
 
 
 def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Rows:
-    """The residuals at T, grey levels, of the pixels that the image shows."""
+    """The residuals at T of the pixels that the image shows, grey levels."""
     rows = _rows(pixel_residuals(T, problem, affine_brightness))
     sigma = affine_brightness[2]
     return rows._replace(weight=rows.weight * (problem.pixel_weight / (sigma * sigma)))
 
 
 def squared_sigmas(rows: Rows, problem: LevelProblem) -> Float64:
-    """The squares of planes' residuals divided by their standard deviations, float64 [N].
+    """Squared residuals of planes in units of their variance, s = r² / σ², float64 [N].
 
-    A plane's weight is that of Cauchy divided by the variance, w = 1 / (σ² (1 + s / c²)) with
-    s = r² / σ². So w r² = s / (1 + s / c²), and s = w r² / (1 - w r² / c²). Only what looks for a
-    contradiction asks for s: in a column of its own, every step of Gauss-Newton would write it.
+    A plane's weight is the Cauchy weight divided by the variance, w = 1 / (σ² (1 + s / c²)). So
+    w r² = s / (1 + s / c²), and s = w r² / (1 - w r² / c²). It is computed from w because only the
+    search for contradictions needs s; in a column, every Gauss-Newton step would write it.
 
     Args:
-        rows: of planes.
-        problem: that they are of.
+        rows: residuals of planes.
+        problem: the problem of these planes.
     """
     weighted = rows.weight * rows.residual**2
     squared: Float64 = weighted / (1 - weighted / problem.plane_cauchy**2)
@@ -71,7 +71,8 @@ def extended_normal_equations(rows: Rows, *derivatives: Float64) -> tuple[Float6
 
     Args:
         rows: residuals.
-        derivatives: of these by the other unknowns, float64 [N] or [N, M] each; K columns in all.
+        derivatives: their derivatives by the other unknowns, float64 [N] or [N, M] each, with K
+            columns in total.
     """
     J = np.column_stack([rows.jacobian, *derivatives])
     return normal_equations(J, rows.weight, rows.residual)
@@ -81,7 +82,7 @@ def extended_normal_equations(rows: Rows, *derivatives: Float64) -> tuple[Float6
 def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Float64, Float64]:
     """Hessian [K, K] and gradient [K] of weighted residuals with the derivatives J [N, K].
 
-    Not by BLAS, whose last digits depend on how many threads it has.
+    Does not use BLAS, whose last digits depend on its number of threads.
     """
     size = J.shape[1]
     H, g = np.zeros((size, size)), np.zeros(size)

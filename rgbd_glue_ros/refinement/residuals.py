@@ -1,7 +1,7 @@
-"""The residuals of planes and pixels at a pose, and how the pose moves them.
+"""The residuals of planes and pixels at a pose, and their derivatives.
 
-Those of planes are divided by the depth noise, those of pixels by their own spread. Both have
-Cauchy weights. Derivatives are by a perturbation on the left of the pose.
+Residuals of planes are weighted by the depth noise, those of pixels by their own spread. Both have
+Cauchy weights. Derivatives are for a perturbation on the left of the pose.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from rgbd_glue_ros.refinement.sampling import (
 )
 from rgbd_glue_ros.types import Float64
 
-# Blur of depth edges and lens: a depth belongs to a pixel only to about this accuracy.
+# Lateral accuracy of depth, limited by blurred depth edges and the lens.
 _LATERAL_SIGMA_PX = 0.5
 
-# A residual within this many of its standard deviations agrees.
+# A residual of at most this many standard deviations agrees.
 AGREEING_SIGMAS = 3.0
 
-# The columns of a table of residuals: which plane or pixel, its weight, its residual, the first of
-# the six derivatives, and the normalised time of the image row that shows it.
+# The columns of a table of residuals: index of the plane or pixel, weight, residual, the first of
+# six derivatives, and the normalised time of the image row that shows it.
 POINT, WEIGHT, RESIDUAL, JACOBIAN, ROW_TIME = 0, 1, 2, 3, 9
 _PLANE_COLUMNS = 10
-# A table of pixels also has the image's brightness.
+# A table of pixels also has the brightness of the image.
 IMAGE_BRIGHTNESS = 10
 _PIXEL_COLUMNS = 11
 
@@ -49,12 +49,12 @@ class PlaneCounts(NamedTuple):
 
 @compiled
 def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Float64, PlaneCounts]:
-    """The distances of what is measured from the planes, at T.
+    """The distances of measured points from the planes, at T.
 
     Returns:
-        A table, float64 [N, 10], a row for each plane that depth shows, with the columns ``POINT``,
-        ``WEIGHT`` (1 / m²), ``RESIDUAL`` (metres), ``JACOBIAN`` and ``ROW_TIME``; and the counts of
-        planes.
+        A table, float64 [N, 10], with a row for each plane that the depth image shows and the
+        columns ``POINT``, ``WEIGHT`` (1 / m²), ``RESIDUAL`` (metres), ``JACOBIAN`` and
+        ``ROW_TIME``; and the counts of planes.
     """
     points, normals, depth = problem.points, problem.normals, problem.depth
     exposure, cauchy = problem.depth_exposure, problem.plane_cauchy
@@ -94,11 +94,11 @@ def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Float64, PlaneCo
 
 @compiled
 def pixel_residuals(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Float64:
-    """The differences in brightness of the pixels, at T and under ``affine_brightness``.
+    """The differences in brightness of the pixels, at T and with ``affine_brightness``.
 
     Returns:
-        A table, float64 [N, 11], a row for each pixel that is in the image and not occluded, with
-        the columns ``POINT``, ``WEIGHT`` (the robust one alone), ``RESIDUAL`` (grey levels),
+        A table, float64 [N, 11], with a row for each pixel that is in the image and not occluded,
+        and the columns ``POINT``, ``WEIGHT`` (the robust weight only), ``RESIDUAL`` (grey levels),
         ``JACOBIAN``, ``ROW_TIME`` and ``IMAGE_BRIGHTNESS``.
     """
     points, expected = problem.pixels, problem.brightness
@@ -115,7 +115,7 @@ def pixel_residuals(T: Float64, problem: LevelProblem, affine_brightness: Float6
         in_depth = displaced_point(x, y, z, -depth_delay, twist)
         x, y = x / z, y / z
         u, v = K[0] * x + K[2], K[1] * y + K[3]
-        # where an edge passes in front, or what was seen has moved away
+        # occluded by a nearer surface, or the surface has moved away
         if not inside(image, u, v) or is_occluded(
             depth, K_depth, in_depth[0], in_depth[1], in_depth[2]
         ):
@@ -146,10 +146,10 @@ def _write(
     point: tuple[float, float, float],
     row_time: float,
 ) -> None:
-    """Writes what planes and pixels have in common to a row of their table.
+    """Writes the columns that planes and pixels share to a row of their table.
 
-    A perturbation v, omega moves a point X by v + omega x X. So the derivative by omega is X times
-    that by v, as a cross product.
+    A perturbation v, omega moves a point X by v + omega x X. So the derivative by omega is the
+    cross product of X and the derivative by v.
     """
     J0, J1, J2 = by_translation
     p0, p1, p2 = point
@@ -172,21 +172,21 @@ def in_camera(
     readout_time: float,
     delay: float,
 ) -> tuple[float, float, float, float]:
-    """Point i of a model where the camera at T sees it, and when.
+    """Where and when the camera at T sees point i of a model.
 
     Args:
         T: T_model_camera when the middle row of the colour image is read, float64 [4, 4].
-        points: float64 [N, 3] of the model.
-        i: which of them.
-        K: fx, fy, cx, cy of the image, which with the rest is its ``Exposure``.
-        height: of the image, pixels.
+        points: float64 [N, 3], points of the model.
+        i: index of the point.
+        K: fx, fy, cx, cy of the image; this and the following are its ``Exposure``.
+        height: image height, pixels.
         twist: float64 [6], velocity of the camera.
-        readout_time: seconds from the first row to the last.
-        delay: seconds from the colour image to this one.
+        readout_time: time from the first row to the last, seconds.
+        delay: time from the colour image to this one, seconds.
 
     Returns:
         x, y, z in the optical frame when the point's row is read, and the normalised time of that
-        row; a z that is not positive for a point behind the camera.
+        row; z is not positive for a point behind the camera.
     """
     d0, d1, d2 = points[i, 0] - T[0, 3], points[i, 1] - T[1, 3], points[i, 2] - T[2, 3]
     z = T[0, 2] * d0 + T[1, 2] * d1 + T[2, 2] * d2
@@ -195,7 +195,7 @@ def in_camera(
     x = T[0, 0] * d0 + T[1, 0] * d1 + T[2, 0] * d2
     y = T[0, 1] * d0 + T[1, 1] * d1 + T[2, 1] * d2
     sx, sy, sz, row_time = x, y, z, 0.0
-    # the row tells the time and the time the row; a second look is within a hundredth of a pixel
+    # row and time depend on each other; two iterations converge to a hundredth of a pixel
     for _ in range(2):
         row_time = (K[1] * sy / sz + K[3]) / height - 0.5
         sx, sy, sz = displaced_point(x, y, z, -(delay + row_time * readout_time), twist)
@@ -208,9 +208,9 @@ def in_camera(
 def plane_variance(
     nx: float, ny: float, nz: float, x: float, y: float, z: float, K: Float64
 ) -> float:
-    """Variance, m², of a measured point x, y, z along a normal, both in the optical frame.
+    """Variance of a measured point x, y, z along a normal, both in the optical frame, m².
 
-    Depth noise along the ray, and lateral blur.
+    It consists of depth noise along the ray and lateral blur.
     """
     along = depth_sigma(z) * (nx * x + ny * y + nz * z) / z
     lateral = _LATERAL_SIGMA_PX * z / K[0]

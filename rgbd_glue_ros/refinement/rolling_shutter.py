@@ -1,10 +1,10 @@
-"""How fast the camera moves, from how one frame of it is distorted.
+"""The camera's velocity, from the distortion of a single frame.
 
-The rows of a rolling shutter see the room from where the camera was when each was read, and so
-does depth that is taken later than colour. The difference of two poses has the jitter of both, and
-shows a change of speed late; the distortion shows the speed at the frame itself. As in visual
-odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is found along
-with the pose.
+A rolling shutter takes each row from a different place while the camera moves, and so does depth
+that is taken later than colour. Velocity from the difference of two poses has the jitter of both,
+and shows a change of speed late; the distortion shows the velocity at the frame itself. As in
+visual odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is
+estimated together with the pose.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from rgbd_glue_ros.refinement.residual_rows import (
 )
 from rgbd_glue_ros.types import Float64
 
-# Standard deviation of a velocity that no distortion shows, m/s and rad/s: more than any camera's.
+# Standard deviation of a velocity that causes no distortion, m/s and rad/s: above any camera's.
 _UNSEEN_SPEED = 100.0
 
 
 @dataclass(frozen=True)
 class TwistMeasurement:
-    """The velocity of a camera as one frame shows it.
+    """The velocity of a camera, measured from one frame.
 
     Attributes:
         twist: float64 [6], linear and angular in the camera's frame (m/s, rad/s).
-        covariance: float64 [6, 6] of it; large where nothing is distorted.
+        covariance: float64 [6, 6], its covariance; large if nothing is distorted.
     """
 
     twist: Float64
@@ -44,12 +44,12 @@ class TwistMeasurement:
 def twist_from_distortion(
     refinement: Refinement, problem: RefinementProblem, level: int
 ) -> TwistMeasurement:
-    """The velocity of the camera that takes a frame, whatever the pose.
+    """The velocity of the camera during a frame, with the pose eliminated.
 
     Args:
         refinement: the frame's pose in the model.
-        problem: what it was refined by; its view has the velocity where the search starts.
-        level: of the pyramid.
+        problem: the problem that it was refined with; the twist of its view is the start.
+        level: pyramid level.
     """
     T, source, config = refinement.T_model_source, problem.view, problem.config
     of_level = problem.at_level(level)
@@ -73,7 +73,7 @@ def _pose_and_twist(rows: Rows, seconds: Float64) -> tuple[Float64, Float64]:
 
     Args:
         rows: residuals.
-        seconds: float64 [N], how long after the time of the pose each was seen, and the velocity
-            has moved the camera.
+        seconds: float64 [N], time from the pose to the moment that each residual was seen at,
+            during which the velocity has moved the camera.
     """
     return extended_normal_equations(rows, rows.jacobian * seconds[:, np.newaxis])

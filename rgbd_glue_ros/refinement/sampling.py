@@ -1,4 +1,4 @@
-"""What the images of a frame show at a place: brightness, its gradient, and the surface."""
+"""Samples of a frame's images: brightness, its gradient, and the measured surface."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.depth import sample_depth, surface_tolerance
 from rgbd_glue_ros.types import Float32, Float64, UInt8
 
-# Nearer than this nothing is seen.
+# Points nearer than this are not visible.
 NEAREST_M = 0.05
 
 
 @compiled
 def inside(image: UInt8, u: float, v: float) -> bool:
-    """Whether the brightness at pixel (u, v) and its gradient can be read."""
+    """Whether brightness and gradient can be sampled at pixel (u, v)."""
     height, width = image.shape
     return bool(u >= 1.0 and v >= 1.0 and u < width - 2.0 and v < height - 2.0)
 
@@ -39,7 +39,7 @@ def gradient_at(image: UInt8, u: float, v: float) -> tuple[float, float]:
 def measured_point(
     depth: Float32, K: Float64, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """The measured point on the ray through x, y, z; its z is NaN where depth is unknown."""
+    """The measured point on the ray through x, y, z; its z is NaN if depth is unknown."""
     rx, ry = x / z, y / z
     measured = sample_depth(depth, K[0] * rx + K[2], K[1] * ry + K[3])
     return rx * measured, ry * measured, measured
@@ -47,10 +47,10 @@ def measured_point(
 
 @compiled
 def is_occluded(depth: Float32, K: Float64, x: float, y: float, z: float) -> bool:
-    """Whether depth shows another surface than the point x, y, z, in the depth camera's frame.
+    """Whether depth shows another surface at the point x, y, z, in the depth camera's frame.
 
-    That surface may be nearer, or farther where the point's own has moved away. Where depth is
-    unknown nothing says so.
+    That surface may be nearer, or farther if the point's own has moved away. False if depth is
+    unknown.
     """
     if z < NEAREST_M:
         return False

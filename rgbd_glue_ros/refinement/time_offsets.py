@@ -1,10 +1,10 @@
-"""When a camera's images are really taken, found out while it moves.
+"""The true times of a camera's images, estimated while it moves.
 
 Drivers stamp depth later than colour of the same moment, and rolling shutters read the rows of an
-image one after the other. Where the camera moves, both show as disagreement between planes and
-pixels that no pose explains. So the two times are estimated along with the poses, as an online
-calibration of time offsets does (Li and Mourikis 2014, Qin and Shen 2018): every frame adds the
-information that its residuals hold beyond the pose to a Kalman filter of two constants that drift.
+image one after the other. When the camera moves, both cause a disagreement between planes and
+pixels that no pose explains. So the two times are estimated along with the poses, as in the online
+calibration of time offsets (Li and Mourikis 2014, Qin and Shen 2018): with the pose eliminated, the
+residuals of each frame update a Kalman filter of two slowly drifting constants.
 """
 
 from __future__ import annotations
@@ -25,25 +25,26 @@ from rgbd_glue_ros.refinement.residual_rows import (
 )
 from rgbd_glue_ros.types import Float64
 
-# No driver is later, and no camera of a moving robot reads slower.
+# Limit of both: no driver is later, and no camera of a moving robot reads out more slowly.
 _LIMIT_S = 0.05
 
 PRIMESENSE_FRAMES = "openni"
-"""How OpenNI's drivers, and what was recorded with them, begin the name of the camera's frame."""
+"""Prefix of the camera frame's name in OpenNI's drivers, and in recordings made with them."""
 
-# Kinect v1 and Xtion: planes and pixels of one of each agree best with 15 to 20 ms and 26 ms.
+# Kinect v1 and Xtion: planes and pixels of one of each agree best with a latency of 15 to 20 ms and
+# a readout time of 26 ms.
 _PRIMESENSE_LATENCY_S, _PRIMESENSE_READOUT_TIME_S = 0.017, 0.026
 
 
 @dataclass(frozen=True)
 class TimeOffsets:
-    """What is known of a camera's timing.
+    """The estimated timing of a camera.
 
     Attributes:
         depth_latency: how much later depth is stamped than colour of the same moment, seconds.
-        readout_time: from the first row of an image to the last, seconds; 0 for a global shutter,
-            negative where the last row is read first.
-        covariance: float64 [2, 2] of both, s².
+        readout_time: time from the first row of an image to the last, seconds; 0 for a global
+            shutter, negative if the last row is read first.
+        covariance: float64 [2, 2], covariance of both, s².
     """
 
     depth_latency: float
@@ -52,9 +53,10 @@ class TimeOffsets:
 
     @staticmethod
     def start(config: TimeOffsetsConfig, frame_id: str) -> TimeOffsets:
-        """What is known before the first frame, whose camera has the frame ``frame_id``.
+        """The timing before the first frame, of a camera with the optical frame ``frame_id``.
 
-        A spread of 0 in the configuration is somebody's own calibration, and is left alone.
+        A spread of 0 in the configuration means that the user has calibrated the timing; then it is
+        used as it is.
         """
         if config.spread > 0 and frame_id.startswith(PRIMESENSE_FRAMES):
             return TimeOffsets(_PRIMESENSE_LATENCY_S, _PRIMESENSE_READOUT_TIME_S, np.zeros((2, 2)))
@@ -62,12 +64,12 @@ class TimeOffsets:
 
     @property
     def settled(self) -> bool:
-        """Whether it is known, so that images have nothing to add."""
+        """Whether the timing is known and need not be estimated."""
         return not self.covariance.any()
 
     @property
     def readout_share(self) -> float:
-        """How long an image may take to be read, as a part of what a Kinect's takes."""
+        """The longest plausible readout time of an image, as a multiple of a Kinect's."""
         longest = abs(self.readout_time) + float(np.sqrt(self.covariance[1, 1]))
         return longest / _PRIMESENSE_READOUT_TIME_S
 
@@ -78,7 +80,7 @@ class TimeOffsets:
 
         Args:
             refinement: the frame's pose in the model.
-            problem: what it was refined by; its view has the velocity that it had.
+            problem: the problem that it was refined with; its view has the frame's velocity.
             config: how fast the timing drifts.
         """
         H, g = marginalise_pose(*_terms(refinement, problem))
@@ -90,13 +92,13 @@ class TimeOffsets:
         covariance = np.asarray(np.linalg.inv(np.linalg.inv(predicted) + information), np.float64)
         known = np.array([self.depth_latency, self.readout_time]) - covariance @ gradient
         if not (np.isfinite(known).all() and np.isfinite(covariance).all()):
-            return self  # every later frame would inherit it
+            return self  # otherwise all later frames would inherit it
         latency, readout_time = np.clip(known, -_LIMIT_S, _LIMIT_S)
         return TimeOffsets(float(latency), float(readout_time), covariance)
 
 
 def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64, Float64]:
-    """Hessian [8, 8] and gradient [8] for the pose, the depth's latency and the readout."""
+    """Hessian [8, 8] and gradient [8] for the pose, depth latency and readout time."""
     T, twist, finest = refinement.T_model_source, problem.view.twist, problem.at_level(0)
     planes, pixels = problem.model.planes, problem.model.pixels[0]
     rows = plane_rows(T, finest)
@@ -104,7 +106,7 @@ def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64,
     H, g = extended_normal_equations(rows, then - now, by_readout_time)
     rows = pixel_rows(T, finest, refinement.affine_brightness)
     *_, by_readout_time = _moves(rows, T, twist, pixels.velocity, pixels.row_time)
-    # where a late depth moves along a surface, the depth of a pixel hardly changes
+    # late depth is shifted along the surface, and so hardly changes the depth of a pixel
     by_latency = np.zeros_like(by_readout_time)
     H_pixels, g_pixels = extended_normal_equations(rows, by_latency, by_readout_time)
     return H + H_pixels, g + g_pixels
@@ -113,9 +115,9 @@ def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64,
 def _moves(
     rows: Rows, T: Float64, twist: Float64, velocity: Float64, row_time: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """How residuals change per second of the camera's motion, now and then, and of readout time.
+    """Derivatives of residuals by the times of now and then, and by readout time, per second.
 
-    Now is when the frame was taken, and then when the model's points were seen.
+    "Now" is when the frame was taken, "then" when the model's points were seen.
     """
     now = np.sum(rows.jacobian * (se3.adjoint(T) @ twist), axis=1)
     then = np.sum(rows.jacobian[:, :3] * velocity[rows.point], axis=1)

@@ -13,16 +13,17 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.visual import lift
+from rgbd_glue_ros.features.lifting import KeypointPoints, lift
+from rgbd_glue_ros.features.visual import KeypointFeature
 from rgbd_glue_ros.geometry.fitting import (
     chi_squared,
     distances,
     fit_covariance,
-    procrustes,
-    randomised_procrustes,
     ransac,
 )
 from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.registration.fits import FITS
+from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures, KeypointFeatures
 from rgbd_glue_ros.registration.sc2_pcr import sc2_pcr
 from rgbd_glue_ros.stopwatch import Stopwatch, timed
 from rgbd_glue_ros.types import (
@@ -94,34 +95,6 @@ FALLBACKS: dict[str, Callable[[Correspondences, Config], TransformPrior | None]]
 }
 """The choices of ``glue.fallback`` other than none."""
 
-FITS: dict[str, Callable[[Correspondences, Config, np.random.Generator], Float64 | None]] = {
-    "randomised": lambda C, config, rng: randomised_procrustes(
-        C, config.fit.subsets, config.fit.fraction, rng
-    ),
-    "procrustes": lambda C, _config, _rng: procrustes(C.source, C.target, C.weights),
-    "ransac": lambda C, config, rng: ransac(
-        C, config.glue.inlier_threshold, config.ransac.iterations, rng
-    )[0],
-}
-"""The choices of ``fit.method`` (section 3.3)."""
-
-
-@dataclass(frozen=True)
-class FrameFeatures:
-    """A frame and what was extracted from it.
-
-    Attributes:
-        view: the frame as the features saw it.
-        visual: features of the configured visual kind.
-        geometric: features of the configured geometric kind.
-        stages_ms: wall time of each extraction, milliseconds.
-    """
-
-    view: View
-    visual: Any
-    geometric: Any
-    stages_ms: dict[str, float]
-
 
 @dataclass(frozen=True)
 class _RoughTransform:
@@ -182,8 +155,18 @@ class Glue:
         """The features of a view with the same colours but other depth."""
         return replace(features, view=view, geometric=self._geometric.extract(view))
 
+    def without_images(self, features: FrameFeatures) -> Described:
+        """What registration needs of a frame, with depth at its keypoints alone.
+
+        Visual features that may match any pixel need the images too: theirs are unchanged.
+        """
+        if not isinstance(self._visual, KeypointFeature):
+            return features
+        points = KeypointPoints.of(self._visual.keypoints(features.visual), features.view)
+        return KeypointFeatures(features.visual, features.geometric, points)
+
     def register(
-        self, source: FrameFeatures, target: FrameFeatures, prior: TransformPrior | None = None
+        self, source: Described, target: Described, prior: TransformPrior | None = None
     ) -> RegistrationResult:
         """The transform T_target_source of two frames (sections 3.1 to 3.3).
 
@@ -199,7 +182,8 @@ class Glue:
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
 
-        C_vis = lift(self._visual.match(source.visual, target.visual), source.view, target.view)
+        matches = self._visual.match(source.visual, target.visual)
+        C_vis = lift(matches, source.points_at, target.points_at)
         clock.lap(stages.VISUAL_MATCHING)
         rough = self._rough_transform(C_vis, prior, rng)
         clock.lap(stages.RANSAC)
@@ -247,15 +231,19 @@ class Glue:
         T, agreeing = ransac(C_vis, glue.inlier_threshold, ransac_config.iterations, rng)
         if T is None or agreeing < ransac_config.min_inliers:
             return _RoughTransform(Correspondences.empty(), float("nan"), prior)
-        C_vis_in = assumed_inliers(C_vis, T, glue.inlier_threshold, self._config.k)
+        C_vis_in = self._assumed_inliers(C_vis, T)
         if len(C_vis_in) < glue.min_visual:
             return _RoughTransform(C_vis_in, float("nan"), prior)
         variance = error_variance(C_vis_in, T)
         epsilon = adaptive_threshold(variance, glue.confidence)
         return _RoughTransform(C_vis_in, float(np.sqrt(variance)), TransformPrior(T, epsilon))
 
+    def _assumed_inliers(self, C_vis: Correspondences, T: Float64) -> Correspondences:
+        """Equation 4 with t_in and K of the configuration."""
+        return assumed_inliers(C_vis, T, self.inlier_threshold, self._config.k)
+
     def _filtered(
-        self, source: FrameFeatures, target: FrameFeatures, prior: TransformPrior | None
+        self, source: Described, target: Described, prior: TransformPrior | None
     ) -> _GeometricMatches:
         """C_geo, and what equation 8 leaves of it if the filter is on and has a transform."""
         guide = prior if self._config.glue.filter else None
@@ -265,23 +253,20 @@ class Glue:
 
     def _fall_back(
         self,
-        source: FrameFeatures,
-        target: FrameFeatures,
+        source: Described,
+        target: Described,
         C_vis: Correspondences,
         rough: _RoughTransform,
         geometric: _GeometricMatches,
     ) -> tuple[_RoughTransform, _GeometricMatches]:
         """Filters by a transform from geometric matches alone; unchanged if there is none."""
-        glue = self._config.glue
         unguided = geometric.matches
         if rough.prior is not None:
             unguided = self._geometric.match(source.geometric, target.geometric, None)
-        prior = FALLBACKS[glue.fallback](unguided, self._config)
+        prior = FALLBACKS[self._config.glue.fallback](unguided, self._config)
         if prior is None:
             return rough, geometric
-        C_vis_in = assumed_inliers(
-            C_vis, prior.T_target_source, glue.inlier_threshold, self._config.k
-        )
+        C_vis_in = self._assumed_inliers(C_vis, prior.T_target_source)
         return (
             _RoughTransform(C_vis_in, float("nan"), prior),
             self._filtered(source, target, prior),

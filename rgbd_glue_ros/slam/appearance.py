@@ -13,7 +13,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from rgbd_glue_ros.errors import MissingExtraError
-from rgbd_glue_ros.features.matching import nearest_two
 from rgbd_glue_ros.types import UInt8
 
 DESCRIPTORS = 200
@@ -77,30 +76,6 @@ class SearchTree:
         nobody = 2**31
         scores = self._tree.getScorePerImage(places, bits, nobody, True, MAX_DISTANCE_BITS)
         return _sorted({s.identifier_reference: s.number_of_matches for s in scores})
-
-
-class HammingVotes:
-    """Every descriptor votes for the keyframe with the nearest one: simple, and linear in time."""
-
-    def __init__(self) -> None:
-        self._descriptors: list[UInt8] = []
-        self._numbers: list[int] = []
-
-    def add(self, number: int, descriptors: UInt8) -> None:
-        """Adds a keyframe with binary descriptors [N, 32], strongest first."""
-        strongest = descriptors[:DESCRIPTORS]
-        self._descriptors.append(strongest)
-        self._numbers += [number] * len(strongest)
-
-    def like(self, descriptors: UInt8) -> list[Likeness]:
-        """All keyframes that share a descriptor with these [N, 32], most similar first."""
-        if len(self._numbers) < 2 or not len(descriptors):
-            return []
-        reference = np.concatenate(self._descriptors)
-        nearest, distances = nearest_two(descriptors[:DESCRIPTORS], reference)
-        voted = nearest[distances[:, 0] <= MAX_DISTANCE_BITS]
-        numbers, votes = np.unique(np.array(self._numbers)[voted], return_counts=True)
-        return _sorted(dict(zip(numbers.tolist(), votes.tolist(), strict=True)))
 
 
 def _bits(descriptors: UInt8) -> list[list[bool]]:

@@ -13,7 +13,7 @@ from rgbd_glue_ros.features.voxels import group_means
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import back_project, rectified
-from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigma
+from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigmas
 from rgbd_glue_ros.types import Float32, Float64, Int64, Mask, RgbdFrame, UInt8
 
 VOXEL_M = 0.01
@@ -103,8 +103,7 @@ def write_ply(path: Path, cloud: ColoredCloud) -> None:
 
 def _edges(depth: Float32) -> Mask:
     """Where depth [H, W] differs from a neighbour's by more than noise and slope explain."""
-    noise = np.vectorize(depth_sigma, otypes=[np.float32])(depth)
-    allowed = np.maximum(DEPTH_EDGE_SIGMAS * noise, _SLOPE * depth)
+    allowed = np.maximum(DEPTH_EDGE_SIGMAS * depth_sigmas(depth), _SLOPE * depth)
     edge = np.zeros(depth.shape, bool)
     for axis in (0, 1):
         for step in (-1, 1):

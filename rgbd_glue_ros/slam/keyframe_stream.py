@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
+from typing import Any
 
+from rgbd_glue_ros.files.stamp_text import format_stamp
+from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_POSE
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
+
+logger = logging.getLogger(__name__)
+
+MOST_WAITING = 100
+"""Poses that wait for their edges, and edges that wait for their poses, of each at most: as many
+as one of the two topics may be ahead of the other."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +37,22 @@ class NewKeyframe:
 
 
 class KeyframeStream:
-    """Numbers the keyframes by the edges that name them."""
+    """Numbers the keyframes by the edges that name them.
+
+    Of messages that are lost the counterparts wait in vain: the oldest are left out.
+    """
 
     def __init__(self) -> None:
         self._poses: dict[int, Float64] = {}
         self._edges: dict[int, PoseGraphEdge] = {}
         self._stamps: dict[int, int] = {}
         self._newest_ns: int | None = None
+        self._missed: set[str] = set()
+
+    @property
+    def waiting(self) -> int:
+        """Number of poses and edges that wait for their counterparts."""
+        return len(self._poses) + len(self._edges)
 
     def add_pose(self, stamp_ns: int, T_odom_child: Float64) -> list[NewKeyframe]:
         """Adds the pose [4, 4] of a keyframe; returns the keyframes that are now complete.
@@ -46,7 +65,10 @@ class KeyframeStream:
         self._newest_ns = stamp_ns
         self._poses[stamp_ns] = T_odom_child
         edge = self._edges.pop(stamp_ns, None)
-        return [] if edge is None else self._completed(stamp_ns, edge)
+        if edge is None:
+            self._leave_out_oldest(self._poses, KEYFRAME_EDGES, "edge")
+            return []
+        return self._completed(stamp_ns, edge)
 
     def add_edge(
         self, stamp_ns: int, edge: PoseGraphEdge
@@ -64,8 +86,24 @@ class KeyframeStream:
             return [], edge
         if stamp_ns not in self._poses:
             self._edges[stamp_ns] = edge
+            self._leave_out_oldest(self._edges, KEYFRAME_POSE, "pose")
             return [], None
         return self._completed(stamp_ns, edge), None
+
+    def _leave_out_oldest(self, waiting: dict[int, Any], topic: str, missing: str) -> None:
+        """Bounds what waits for messages of a topic, and says once what did not come."""
+        if len(waiting) <= MOST_WAITING:
+            return
+        oldest_ns = next(iter(waiting))
+        del waiting[oldest_ns]
+        if topic not in self._missed:
+            self._missed.add(topic)
+            logger.warning(
+                "%s: the %s of the keyframe at %s s did not come while %d others did not either: "
+                "it is left out of the map. Messages are lost on the way, or two odometries "
+                "publish (said once)",
+                *(topic, missing, format_stamp(oldest_ns), MOST_WAITING),
+            )
 
     def _completed(self, stamp_ns: int, edge: PoseGraphEdge) -> list[NewKeyframe]:
         is_anew = not self._stamps or edge.child in self._stamps

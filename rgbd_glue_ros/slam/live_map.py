@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config
@@ -19,7 +18,8 @@ from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame, Trajectory
+from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe
+from rgbd_glue_ros.types import Float64, PoseGraph, PoseGraphEdge, RgbdFrame, Trajectory
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class _New:
     """
 
     number: int
-    keyframe: MapKeyframe
+    keyframe: StoredKeyframe
     edges: tuple[PoseGraphEdge, ...]
 
 
@@ -77,10 +77,15 @@ class LiveMap:
         self._config = config
         self._before = before
         self._glue = Glue(config)
-        self.clear()
+        self._begin()
 
     def clear(self) -> None:
-        """Starts over, from the existing map if there is one."""
+        """Starts over, from the existing map if there is one; that costs time if anything came."""
+        if self._is_as_it_began:
+            return
+        self._begin()
+
+    def _begin(self) -> None:
         self._mapper = Mapper(self._config, self._glue, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
@@ -91,6 +96,7 @@ class LiveMap:
         self.T_map_odom: Float64 | None = np.eye(4)
         if self._before is not None:
             self._restore(self._before)
+        self._is_as_it_began = True
 
     @property
     def is_placed(self) -> bool:
@@ -111,13 +117,14 @@ class LiveMap:
             InputError: its images are none that can be compared, and its edges are kept; or there
                 is no optimum with it, and it is left out.
         """
+        self._is_as_it_began = False
         row = len(self._mapper.keyframes) + len(self._waiting)
         try:
             keyframe = self._keyframe(row, keyed)
         except Exception:
             self.skip(number, keyed.edges)
             raise
-        new = _New(number, keyframe, keyed.edges)
+        new = _New(number, self._mapper.stored(keyframe), keyed.edges)
         if self._before is None or self._rows:
             self._add([new])
             return
@@ -135,6 +142,7 @@ class LiveMap:
             edges: to earlier keyframes, by the odometry's numbers; the first leads from it to
                 those that come.
         """
+        self._is_as_it_began = False
         if edges:
             self._skipped.add(number, edges[0])
 
@@ -144,6 +152,7 @@ class LiveMap:
         Returns:
             Whether it was found; ``T_map_odom`` is then that of the keyframe.
         """
+        self._is_as_it_began = False
         keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
         loops = self._mapper.recognised(keyframe)
         if not loops:
@@ -227,6 +236,7 @@ class LiveMap:
         """
         known = self._by_rows(edge)
         if known is not None:
+            self._is_as_it_began = False
             self._solve((known,))
             self._mapper.add_edges((known,))
 
@@ -253,7 +263,7 @@ class LiveMap:
             self._optimiser.add_edge(edge)
         self.poses = self._optimiser.update()
 
-    def _T_map_odom(self, keyframe: MapKeyframe, loop: PoseGraphEdge) -> Float64:
+    def _T_map_odom(self, keyframe: MapKeyframe | StoredKeyframe, loop: PoseGraphEdge) -> Float64:
         """Where a loop with the map has the odom frame of a keyframe, float64 [4, 4]."""
         T_map_camera = self.poses[loop.parent] @ loop.T_parent_child
         return np.asarray(T_map_camera @ se3.inverse(keyframe.T_odom_camera), np.float64)
@@ -264,7 +274,7 @@ class LiveMap:
         return MapKeyframe.seen(row, stamp_ns, T, view, self._glue, self._config)
 
 
-def _assumed(before: MapKeyframe, keyframe: MapKeyframe) -> PoseGraphEdge:
+def _assumed(before: StoredKeyframe, keyframe: StoredKeyframe) -> PoseGraphEdge:
     """In place of an edge that is not known: where the odometry has both."""
     T = se3.inverse(before.T_odom_camera) @ keyframe.T_odom_camera
     elapsed_ns = keyframe.stamp_ns - before.stamp_ns

@@ -15,23 +15,22 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.messages.image_codecs import decode, encode_png
 from rgbd_glue_ros.slam.map_check import check_edges, covariances, numbers, transforms
+from rgbd_glue_ros.slam.packed_view import PackedView, packed
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
     EdgeOrigin,
     Float32,
     Float64,
+    PoseGraph,
     PoseGraphEdge,
     Trajectory,
     UInt8,
     View,
 )
-
-ENDING = ".rgbdmap"
 
 _FORMAT_NAME = "rgbd_glue_ros map "
 _FORMAT = f"{_FORMAT_NAME}1"
@@ -56,12 +55,12 @@ class SavedMap:
 
     Attributes:
         graph: T_map_camera of the keyframes, and the edges between them.
-        views: images of each keyframe.
+        views: images of each keyframe, compressed.
         name: what to call it in a message: its file.
     """
 
     graph: PoseGraph
-    views: tuple[View, ...]
+    views: tuple[PackedView, ...]
     name: str = "the map"
 
     def __len__(self) -> int:
@@ -74,7 +73,7 @@ def write_map(path: Path, saved: SavedMap) -> None:
     Raises:
         InputError: the file cannot be written, or a keyframe cannot be stored.
     """
-    edges, views = saved.graph.edges, saved.views
+    edges, views = saved.graph.edges, [packed_view.rest for packed_view in saved.views]
     arrays: dict[str, Any] = {
         "format": np.array(_FORMAT),
         "stamps_ns": saved.graph.keyframes.stamps_ns,
@@ -88,9 +87,10 @@ def write_map(path: Path, saved: SavedMap) -> None:
         "times": np.array([(v.readout_time, v.depth_delay) for v in views]).reshape(-1, 2),
         "contrasts": np.array([v.contrast for v in views]),
     }
-    for i, view in enumerate(views):
-        arrays[f"grey_{i}"] = np.frombuffer(encode_png(view.grey), np.uint8)
-        arrays[f"depth_{i}"] = np.frombuffer(encode_png(_in_units(view.depth)), np.uint8)
+    for i, view in enumerate(saved.views):
+        arrays[f"grey_{i}"] = np.frombuffer(view.grey, np.uint8)
+        units = _in_units(view.depth.unpacked())
+        arrays[f"depth_{i}"] = np.frombuffer(encode_png(units), np.uint8)
     file = BytesIO()
     np.savez(file, **arrays)
     write_whole(path, file.getvalue())
@@ -145,7 +145,8 @@ def _map(arrays: Mapping[str, Any], path: Path) -> SavedMap:
         camera = _camera(cameras[i], grey.shape, i)
         readout_time, depth_delay = times[i].tolist()
         contrast = float(contrasts[i])
-        views.append(View(grey, depth, camera, twists[i], readout_time, depth_delay, contrast))
+        view = View(grey, depth, camera, twists[i], readout_time, depth_delay, contrast)
+        views.append(packed(view))
     return SavedMap(PoseGraph(Trajectory(stamps, poses), edges), tuple(views), str(path))
 
 

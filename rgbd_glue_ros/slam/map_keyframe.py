@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import Model, model_of
-from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
+from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import Float64, View
 
 
@@ -31,7 +32,7 @@ class MapKeyframe:
     model: Model
 
     @staticmethod
-    def of(keyframe: Keyframe, T_odom_camera: Float64) -> MapKeyframe:
+    def of(keyframe: RecentKeyframe, T_odom_camera: Float64) -> MapKeyframe:
         """A keyframe of the odometry, published with the pose ``T_odom_camera`` [4, 4]."""
         model = keyframe.model.moved(se3.inverse(keyframe.T_track_camera))
         return MapKeyframe(

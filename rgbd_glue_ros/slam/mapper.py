@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.features.visual import orb
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config
@@ -18,7 +17,9 @@ from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import Optimum, optimise
-from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory, UInt8
+from rgbd_glue_ros.slam.packed_view import packed
+from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe, WholeKeyframes
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, PoseGraphEdge, Trajectory, UInt8
 
 # Candidates that a keyframe is compared with, by appearance and by proximity: each costs as much as
 # tracking a frame.
@@ -51,8 +52,9 @@ class Mapper:
         self._appearance = appearance
         self._orb = orb(config.features)
         self._before_name = ""
+        self._whole = WholeKeyframes()
         self.session_start = 0
-        self.keyframes: list[MapKeyframe] = []
+        self.keyframes: list[StoredKeyframe] = []
         self.edges: list[PoseGraphEdge] = []
 
     def restore(self, saved: SavedMap) -> None:
@@ -65,12 +67,23 @@ class Mapper:
             keyframes.stamps_ns.tolist(), keyframes.poses, saved.views, strict=True
         ):
             number = len(self.keyframes)
-            keyframe = MapKeyframe.seen(number, stamp_ns, T, view, self._glue, self._config)
+            keyframe = MapKeyframe.seen(
+                number, stamp_ns, T, view.unpacked(), self._glue, self._config
+            )
             self._appearance.add(number, self._descriptors(keyframe))
-            self.keyframes.append(keyframe)
+            step = self._config.refine.grid_step
+            self.keyframes.append(StoredKeyframe.of_view(keyframe, view, step))
         self.edges += saved.graph.edges
         self._before_name = saved.name
         self.session_start = len(self.keyframes)
+
+    def stored(self, keyframe: MapKeyframe) -> StoredKeyframe:
+        """A keyframe that was ``MapKeyframe.seen``, for ``keyframes``."""
+        view = packed(keyframe.features.view)
+        stored = StoredKeyframe.of_view(keyframe, view, self._config.refine.grid_step)
+        # it is compared next
+        self._whole.remember(stored, keyframe)
+        return stored
 
     def add_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
         """Adds edges measured by the odometry."""
@@ -82,7 +95,7 @@ class Mapper:
         self.edges = [edge for edge in self.edges if id(edge) not in removed]
 
     def add(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
-        """Adds a keyframe, and searches for similar places.
+        """Adds a keyframe of the odometry, and searches for similar places.
 
         Args:
             keyframe: its number is the next one.
@@ -91,21 +104,24 @@ class Mapper:
         Returns:
             The loops found.
         """
+        stored = StoredKeyframe.with_model(keyframe)
+        self._whole.remember(stored, keyframe)
         # so that it has its number whatever becomes of the search
-        self.keyframes.append(keyframe)
-        return self.find_loops(keyframe, config)
+        self.keyframes.append(stored)
+        return self.find_loops(stored, config)
 
-    def find_loops(self, keyframe: MapKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
+    def find_loops(self, stored: StoredKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
         """Looks for places that a keyframe looks like, which later ones may look like from now on.
 
         Args:
-            keyframe: of ``keyframes``; to be looked for once.
+            stored: of ``keyframes``; to be looked for once.
             config: as of ``add``.
 
         Returns:
             The loops found, which are among ``edges``.
         """
         self._config = config
+        keyframe = self._whole.of(stored)
         descriptors = self._descriptors(keyframe)
         alike = self._appearance.like(descriptors)
         self._appearance.add(keyframe.number, descriptors)
@@ -124,10 +140,11 @@ class Mapper:
             if self._is_earlier(likeness.number, keyframe.number)
             and likeness.matches >= _MIN_MATCHES
         ]
+        linked = self._linked_to(keyframe.number)
         edges = [
-            loop_edge(self.keyframes[number], keyframe, self._glue, self._config)
+            loop_edge(self._whole.of(self.keyframes[number]), keyframe, self._glue, self._config)
             for number in candidates[:_MOST_ALIKE]
-            if not self._is_linked(number, keyframe.number)
+            if number not in linked
         ]
         return tuple(edge for edge in edges if edge is not None)
 
@@ -169,7 +186,7 @@ class Mapper:
 
     def saved(self, graph: PoseGraph) -> SavedMap:
         """The map for a file, with the poses of ``graph``, which has all keyframes."""
-        return SavedMap(graph, tuple(keyframe.features.view for keyframe in self.keyframes))
+        return SavedMap(graph, tuple(keyframe.view for keyframe in self.keyframes))
 
     def finish(self) -> Optimum:
         """The optimum, after also comparing keyframes that it places near each other.
@@ -185,7 +202,7 @@ class Mapper:
         return optimise(self.graph)
 
     def compare_near(
-        self, child: MapKeyframe, poses: Mapping[int, Float64]
+        self, child: StoredKeyframe, poses: Mapping[int, Float64]
     ) -> tuple[PoseGraphEdge, ...]:
         """Compares a keyframe with the nearest earlier ones that it is not linked to.
 
@@ -201,10 +218,15 @@ class Mapper:
         earlier = [n for n in poses if n < last]
         apart = se3.differences(np.array([poses[n] for n in earlier]).reshape(-1, 4, 4), T_child)
         near = [earlier[row] for row in np.argsort(apart, kind="stable") if apart[row] < _NEAR]
-        unlinked = [n for n in near if not self._is_linked(n, child.number)]
+        linked = self._linked_to(child.number)
+        unlinked = [n for n in near if n not in linked]
         edges = [
             loop_edge(
-                self.keyframes[n], child, self._glue, self._config, se3.inverse(poses[n]) @ T_child
+                self._whole.of(self.keyframes[n]),
+                self._whole.of(child),
+                self._glue,
+                self._config,
+                se3.inverse(poses[n]) @ T_child,
             )
             for n in unlinked[:_NEAREST]
         ]
@@ -216,8 +238,9 @@ class Mapper:
         """Whether the odometry has not already compared the two."""
         return parent < max(self.session_start, child - self._config.odometry.window)
 
-    def _is_linked(self, parent: int, child: int) -> bool:
-        return any(edge.parent == parent and edge.child == child for edge in self.edges)
+    def _linked_to(self, child: int) -> set[int]:
+        """The parents of all edges to a keyframe."""
+        return {edge.parent for edge in self.edges if edge.child == child}
 
     def _descriptors(self, keyframe: MapKeyframe) -> UInt8:
         """ORB descriptors [N, 32], strongest first."""

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import MissingExtraError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, residual_covariance
-from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
+from rgbd_glue_ros.trajectories.pose_graph import residual_covariance
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, PoseGraphEdge, Trajectory
 
 INLIER_PROBABILITY = 0.99
 """A correct loop's residual is below the threshold with this probability."""

@@ -12,11 +12,10 @@ from rgbd_glue_ros.types.frames import RgbdFrame, View
 from rgbd_glue_ros.types.imu import ImuCalibration, ImuSamples, ImuUse
 from rgbd_glue_ros.types.odometry import (
     DepthSummary,
-    EdgeOrigin,
     OdometryEstimate,
-    PoseGraphEdge,
     TrackingState,
 )
+from rgbd_glue_ros.types.pose_graph import EdgeOrigin, PoseGraph, PoseGraphEdge
 from rgbd_glue_ros.types.registration import (
     Correspondences,
     RegistrationResult,
@@ -40,6 +39,7 @@ __all__ = [
     "LensModel",
     "Mask",
     "OdometryEstimate",
+    "PoseGraph",
     "PoseGraphEdge",
     "RegistrationResult",
     "RegistrationStatus",

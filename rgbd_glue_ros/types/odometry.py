@@ -1,4 +1,4 @@
-"""Results of the odometry: after a frame, and between keyframes."""
+"""Results of the odometry after a frame."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from rgbd_glue_ros.types.arrays import Float64
+from rgbd_glue_ros.types.pose_graph import PoseGraphEdge
 from rgbd_glue_ros.types.registration import RegistrationResult
 
 
@@ -15,35 +16,6 @@ class TrackingState(Enum):
     INITIALIZING = "initializing"
     TRACKING = "tracking"
     LOST = "lost"
-
-
-class EdgeOrigin(Enum):
-    """What measured the transform between two keyframes."""
-
-    TRACKING = "the child was tracked from the parent"
-    ASSUMED = "the camera was lost in between, and hardly moved as far as the covariance says"
-    REVISIT = "the child saw again what the parent, a much earlier anchor, had seen"
-    LOOP = "recognised by appearance and verified by registration"
-
-
-@dataclass(frozen=True, eq=False)
-class PoseGraphEdge:
-    """A measured transform between two keyframes.
-
-    Attributes:
-        parent: number of the keyframe whose frame the transform maps to.
-        child: number of the keyframe whose frame it maps from.
-        T_parent_child: float64 [4, 4].
-        covariance: float64 [6, 6] of T_parent_child (x y z rx ry rz; m, rad; perturbation on the
-            left, in the parent's frame), positive definite.
-        origin: what measured it.
-    """
-
-    parent: int
-    child: int
-    T_parent_child: Float64
-    covariance: Float64
-    origin: EdgeOrigin = EdgeOrigin.TRACKING
 
 
 @dataclass(frozen=True)

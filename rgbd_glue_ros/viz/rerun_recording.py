@@ -13,7 +13,6 @@ import numpy as np
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.files.user_paths import expanded
 from rgbd_glue_ros.files.writing import not_written
@@ -30,6 +29,7 @@ from rgbd_glue_ros.types import (
     EdgeOrigin,
     Float64,
     OdometryEstimate,
+    PoseGraph,
     RegistrationResult,
     RgbdFrame,
     TrackingState,

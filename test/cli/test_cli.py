@@ -24,7 +24,7 @@ from rgbd_glue_ros.cli import commands, params, parser
 from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.cli.replay import summary
 from rgbd_glue_ros.errors import MissingExtraError
-from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
+from rgbd_glue_ros.trajectories.tum import read_tum, write_tum
 from rgbd_glue_ros.types import Trajectory
 
 

@@ -41,7 +41,10 @@ def test_its_help_shows_how_ros_arguments_are_given(node: str, example: str) -> 
         (["--camara", "oak_d"], "--camara: no such option, did you mean --camera?"),
         (["rgb"], "rgb: unexpected argument"),
         (["--ros-args", "-p", "glue.k:=3", "--", "rgb"], "rgb: unexpected argument"),
-        (["--camera", "oak"], "camera 'oak': is not known; did you mean oak_d? Else take one of"),
+        (
+            ["--camera", "oak"],
+            "camera 'oak': is not known; did you mean oak_d? Otherwise use one of",
+        ),
         (["--camera", "absent.yaml"], "absent.yaml: cannot be read"),
     ],
 )

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_tum, write_tum
 from rgbd_glue_ros.evaluation.trajectory_errors import (
     evaluate,
     interpolated,
@@ -26,6 +25,7 @@ from rgbd_glue_ros.evaluation.trajectory_errors import (
     path_length,
 )
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.trajectories.tum import read_tum, write_tum
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,

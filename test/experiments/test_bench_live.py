@@ -15,6 +15,7 @@ from rgbd_glue_ros.experiments.replay.replay import replay
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import load_preset
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings.first_frames import first_frames
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
@@ -31,7 +32,7 @@ def test_the_same_bag_gives_the_same_poses_through_the_node_over_dds_and_through
     ros_domain: int, tmp_path: Path
 ) -> None:
     with open_recording(bundled_bag()) as sequence:
-        offline = replay(sequence, load_preset("live"), tmp_path, limit=FRAMES).trajectory
+        offline = replay(first_frames(sequence, FRAMES), load_preset("live"), tmp_path).trajectory
     recording = PlayedBag.load(bundled_bag())
     parameters = {
         "camera_axes": "optical",

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.experiments.demo import demo as module
 from rgbd_glue_ros.experiments.demo.demo import Progress, bundled_bag, demo
 from rgbd_glue_ros.experiments.demo.node_process import private_domain
 from rgbd_glue_ros.experiments.demo.played import PlayedBag
+from rgbd_glue_ros.trajectories.tum import read_tum
 
 
 def ignore(_: Progress) -> None:

@@ -11,11 +11,12 @@ import pytest
 from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import read_graph
-from rgbd_glue_ros.evaluation.trajectory import read_tum
-from rgbd_glue_ros.experiments.mapping.mapping import map_recording
+from rgbd_glue_ros.experiments.mapping.mapping import MapOutputs, map_recording
 from rgbd_glue_ros.parameters import Config, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings.first_frames import first_frames
+from rgbd_glue_ros.trajectories.pose_graph import read_graph
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import EdgeOrigin, OdometryEstimate
 
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
@@ -66,7 +67,7 @@ def test_a_recording_too_dark_for_a_keyframe_is_refused(tmp_path: Path) -> None:
         open_recording(make_bag.FOLDER) as recording,
         pytest.raises(InputError, match="none of its 3 frames was tracked"),
     ):
-        map_recording(recording, blind, tmp_path, limit=3)
+        map_recording(first_frames(recording, 3), blind, tmp_path)
 
 
 def test_where_time_goes_back_the_longest_part_is_mapped(tmp_path: Path) -> None:
@@ -89,11 +90,12 @@ def test_a_map_that_cannot_be_written_in_the_end_costs_no_other_result(tmp_path:
         assert room.parent.is_dir()
         room.mkdir(exist_ok=True)
 
+    outputs = MapOutputs(save_map=room)
     with (
         open_recording(make_bag.FOLDER) as recording,
         pytest.raises(InputError, match="exists and is not a file"),
     ):
-        map_recording(recording, config(), out, limit=30, on_frame=occupy, save_map=room)
+        map_recording(first_frames(recording, 30), config(), out, on_frame=occupy, outputs=outputs)
     figures = json.loads((out / "metrics.json").read_text())
     assert figures["map_points"] > 10_000
     assert figures["loops"]["found"] >= 0
@@ -106,10 +108,11 @@ def test_a_map_in_the_place_of_a_result_is_refused_before_the_first_frame(
     name: str, tmp_path: Path
 ) -> None:
     seen: list[OdometryEstimate] = []
+    outputs = MapOutputs(save_map=tmp_path / name)
     with (
         open_recording(make_bag.FOLDER) as recording,
         pytest.raises(InputError, match="is a result of this run itself"),
     ):
-        map_recording(recording, config(), tmp_path, on_frame=seen.append, save_map=tmp_path / name)
+        map_recording(recording, config(), tmp_path, on_frame=seen.append, outputs=outputs)
     assert not seen
     assert not list(tmp_path.iterdir())

@@ -213,7 +213,7 @@ def test_a_node_finds_out_which_way_is_up_by_the_imu_that_is_played(
     path = with_imu_at_rest(tmp_path / "bag", list(recorded_frames()[:10]))
     with node_in(ros_domain) as node, playing(ros_domain, str(path)) as player:
         node.wait_for_line("Gravity: odom is level", PATIENCE_S)
-        node.wait_for_line("Turning with /imu", PATIENCE_S)
+        node.wait_for_line("Using the IMU on /imu", PATIENCE_S)
         said, faults = player.communicate()
         assert player.returncode == 0, faults
     assert "/depth/image, /imu\n" in said

@@ -11,8 +11,7 @@ import pytest
 from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import read_graph
-from rgbd_glue_ros.evaluation.trajectory import read_tum
+from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.replay import (
     KEYFRAMES,
     KEYFRAMES_GTSAM,
@@ -22,7 +21,12 @@ from rgbd_glue_ros.experiments.replay.replay import (
     TRAJECTORY,
     replay,
 )
+from rgbd_glue_ros.experiments.replay.run_record import Provenance
 from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values
+from rgbd_glue_ros.recordings.first_frames import first_frames
+from rgbd_glue_ros.recordings.other_truth import with_ground_truth
+from rgbd_glue_ros.trajectories.pose_graph import read_graph
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import (
     OdometryEstimate,
     RgbdFrame,
@@ -35,7 +39,7 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
 ) -> None:
     config = with_values(Config(), {"seed": 7})
     inputs = InputConfig(depth_scale=0.0002)
-    replay(Pan(40), config, tmp_path / "out" / "pan", inputs=inputs)
+    replay(Pan(40), config, tmp_path / "out" / "pan", provenance=Provenance(inputs))
     folder = tmp_path / "out" / "pan"
     assert sorted(path.name for path in folder.iterdir()) == sorted(
         [TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES, KEYFRAMES_GTSAM]
@@ -65,7 +69,7 @@ def test_the_truth_may_be_given_and_the_frames_limited(tmp_path: Path) -> None:
     truth = sequence.ground_truth
     moved = Trajectory(truth.stamps_ns, truth.poses.copy())
     moved.poses[:, 0, 3] *= 2
-    run = replay(sequence, Config(), tmp_path, ground_truth=moved, limit=6)
+    run = replay(first_frames(with_ground_truth(sequence, moved), 6), Config(), tmp_path)
     figures = json.loads((tmp_path / METRICS).read_text())
     assert figures["frames"] == len(run.frames) == 6
     # the truth is twice as long: errors are half the distances to the middle, at the ends 3.75 cm
@@ -77,7 +81,7 @@ def test_truth_of_another_time_is_said_and_the_rest_is_written(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     elsewhen = Trajectory(np.array([10**18]), np.eye(4)[None])
-    replay(Pan(3), Config(), tmp_path, ground_truth=elsewhen)
+    replay(with_ground_truth(Pan(3), elsewhen), Config(), tmp_path)
     assert f"{Pan(3).name}: no error against ground truth: only 0 poses" in caplog.text
     assert "ape" not in json.loads((tmp_path / METRICS).read_text())
 
@@ -121,8 +125,9 @@ def test_a_signal_in_the_middle_of_a_frame_waits_for_the_frame(tmp_path: Path) -
 
         def close(self) -> None: ...
 
+    outputs = FurtherOutputs([Interrupts()])
     with pytest.raises(KeyboardInterrupt):
-        replay(Pan(20), Config(), tmp_path, on_frame=done.append, sinks=[Interrupts()])
+        replay(Pan(20), Config(), tmp_path, on_frame=done.append, outputs=outputs)
     assert len(done) == 5
     assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
 
@@ -139,8 +144,9 @@ def test_a_signal_while_results_are_written_waits_for_them(tmp_path: Path) -> No
             signal.raise_signal(signal.SIGINT)
             finished.append(self)
 
+    outputs = FurtherOutputs([Interrupts(), Interrupts()])
     with pytest.raises(KeyboardInterrupt):
-        replay(Pan(3), Config(), tmp_path, sinks=[Interrupts(), Interrupts()])
+        replay(Pan(3), Config(), tmp_path, outputs=outputs)
     assert len(finished) == 2
     assert (tmp_path / REPORT).is_file()
 

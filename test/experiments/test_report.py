@@ -11,10 +11,10 @@ import pytest
 from rigs.pages import Page
 from rigs.pan import Pan
 
-from rgbd_glue_ros.evaluation.run_record import FrameRecord, Run, metrics
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.experiments.replay.moments import worst
 from rgbd_glue_ros.experiments.replay.report import render
+from rgbd_glue_ros.experiments.replay.run_record import FrameRecord, Run, metrics
 from rgbd_glue_ros.experiments.replay.series import errors_since_start, with_gaps
 from rgbd_glue_ros.experiments.replay.thumbnails import WIDTH, Thumbnails, thumbnail
 from rgbd_glue_ros.experiments.report.colophon import Colophon

@@ -13,10 +13,10 @@ from rigs.pan import Pan
 from rosbags.highlevel import AnyReader
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
+from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.replay import replay
-from rgbd_glue_ros.experiments.replay.sinks import FrameSink
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.messages.images import color_from_message
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -29,9 +29,8 @@ FRAMES = 40
 @pytest.fixture(scope="module")
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
     folder = tmp_path_factory.mktemp("replay")
-    sinks: list[FrameSink] = [BagSink(folder / "bag")]
-    cloud = folder / "cloud.ply"
-    run = replay(Pan(FRAMES), load_preset("live"), folder / "out", sinks=sinks, cloud=cloud)
+    outputs = FurtherOutputs([BagSink(folder / "bag")], folder / "cloud.ply")
+    run = replay(Pan(FRAMES), load_preset("live"), folder / "out", outputs=outputs)
     return folder, run
 
 
@@ -122,8 +121,8 @@ def test_the_cloud_is_a_wall_at_its_distance_and_the_report_shows_it(
 def test_where_time_goes_back_the_bag_has_all_poses_and_the_path_of_the_last_part(
     tmp_path: Path,
 ) -> None:
-    sinks: list[FrameSink] = [BagSink(tmp_path / "bag")]
-    replay(Pan(4, rounds=(6,)), Config(), tmp_path / "out", sinks=sinks)
+    outputs = FurtherOutputs([BagSink(tmp_path / "bag")])
+    replay(Pan(4, rounds=(6,)), Config(), tmp_path / "out", outputs=outputs)
     found = messages(tmp_path / "bag")
     assert len(found["/pose"]) == 10
     assert len(found["/path"][-1].poses) == 6
@@ -132,6 +131,7 @@ def test_where_time_goes_back_the_bag_has_all_poses_and_the_path_of_the_last_par
 
 def test_where_time_goes_back_the_cloud_is_that_of_the_longest_part(tmp_path: Path) -> None:
     for name, pan in (("alone", Pan(20)), ("among", Pan(4, rounds=(20, 6)))):
-        replay(pan, Config(), tmp_path / name, cloud=tmp_path / f"{name}.ply")
+        outputs = FurtherOutputs(cloud=tmp_path / f"{name}.ply")
+        replay(pan, Config(), tmp_path / name, outputs=outputs)
     clouds = [(tmp_path / f"{name}.ply").read_bytes() for name in ("alone", "among")]
     assert clouds[0] == clouds[1]

@@ -14,7 +14,8 @@ from rigs.room import CAMERA, room_view, small_room_view, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.visual import VisualMatches, lift
+from rgbd_glue_ros.features.lifting import KeypointPoints, lift, points_of
+from rgbd_glue_ros.features.visual import KeypointFeature, VisualMatches
 from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
@@ -108,7 +109,7 @@ def test_two_views_of_a_room_are_matched_mostly_right_and_again_with_the_same_bi
         feature.match(feature.extract(source), feature.extract(target)) for _ in range(2)
     )
     check(pixels, source, target)
-    matches = lift(pixels, source, target)
+    matches = lift(pixels, points_of(source), points_of(target))
     assert len(matches) > 20
     assert (distances(true_transform(), matches) < 0.05).mean() > 0.6
     np.testing.assert_array_equal(pixels.source_uv, again.source_uv)
@@ -157,7 +158,27 @@ def test_without_depth_matches_are_found_and_none_is_lifted(features: Any, name:
     described = feature.extract(flat)
     matches = feature.match(described, described)
     assert len(matches) > 50
-    assert len(lift(matches, flat, flat)) == 0
+    assert len(lift(matches, points_of(flat), points_of(flat))) == 0
+
+
+@pytest.mark.parametrize("name", SOMETHING)
+def test_its_matches_are_of_its_keypoints_and_have_the_points_of_the_whole_image(
+    features: Any, name: str
+) -> None:
+    feature = features(name)
+    views = [small_room_view(time) for time in TIMES]
+    described = [feature.extract(view) for view in views]
+    pixels = feature.match(*described)
+    assert isinstance(feature, KeypointFeature)
+    kept = [
+        KeypointPoints.of(feature.keypoints(one), view)
+        for one, view in zip(described, views, strict=True)
+    ]
+    whole = lift(pixels, *map(points_of, views))
+    of_keypoints = lift(pixels, *(points.at for points in kept))
+    np.testing.assert_array_equal(of_keypoints.source, whole.source)
+    np.testing.assert_array_equal(of_keypoints.target, whole.target)
+    np.testing.assert_array_equal(of_keypoints.weights, whole.weights)
 
 
 # geometric

@@ -21,7 +21,8 @@ from rgbd_glue_ros.features.geometric import (
     VoxelFpfh,
     nearest_matches,
 )
-from rgbd_glue_ros.features.visual import OpenCvFeature, VisualMatches, lift
+from rgbd_glue_ros.features.lifting import lift, points_of
+from rgbd_glue_ros.features.visual import OpenCvFeature, VisualMatches
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.geometry.fitting import distances
@@ -105,7 +106,7 @@ def test_most_matches_of_two_views_are_right(name: str) -> None:
     feature = VISUAL[name](CONFIG)
     source, target = views()
     pixels = feature.match(feature.extract(source), feature.extract(target))
-    matches = lift(pixels, source, target)
+    matches = lift(pixels, points_of(source), points_of(target))
     assert len(matches) > 0.6 * len(pixels)
     assert (distances(true_transform(), matches) < 0.05).mean() > 0.6
 
@@ -133,7 +134,7 @@ def test_matches_are_lifted_where_both_depths_are_known() -> None:
     target = View(target.grey, depth, target.intrinsics)
     uv = np.array([[100, 100], [200, 100], [-5, 0], [300.5, 200.25]], np.float32)
     weights = np.array([0.1, 0.2, 0.3, 0.4])
-    lifted = lift(VisualMatches(uv, uv, weights), source, target)
+    lifted = lift(VisualMatches(uv, uv, weights), points_of(source), points_of(target))
     np.testing.assert_array_equal(lifted.weights, [0.2, 0.4])
     for points in (lifted.source, lifted.target):
         np.testing.assert_allclose(project(points, CAMERA), uv[[1, 3]], atol=1e-9)

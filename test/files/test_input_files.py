@@ -15,13 +15,13 @@ import yaml
 from rigs.paths import ROOT
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.files.bounded_yaml import document
 from rgbd_glue_ros.files.reading import inside, open_file, read_bytes
 from rgbd_glue_ros.parameters import Config, load_yaml
 from rgbd_glue_ros.recordings import open_recording, read_calibration
 from rgbd_glue_ros.recordings.image_sequence import read_image
 from rgbd_glue_ros.recordings.sens import SensSequence
+from rgbd_glue_ros.trajectories.tum import read_tum
 
 
 def pipe(folder: Path) -> Path:

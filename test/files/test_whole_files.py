@@ -14,11 +14,11 @@ import pytest
 from rigs.disks import full_after
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, write_graph
-from rgbd_glue_ros.evaluation.trajectory import TumWriter, read_tum, write_tum
 from rgbd_glue_ros.files.writing import NewFolder, ResultFolder, json_text, write_whole
 from rgbd_glue_ros.slam.cloud import ColoredCloud, write_ply
-from rgbd_glue_ros.types import Trajectory
+from rgbd_glue_ros.trajectories.pose_graph import write_graph
+from rgbd_glue_ros.trajectories.tum import TumWriter, read_tum, write_tum
+from rgbd_glue_ros.types import PoseGraph, Trajectory
 
 LONG = Trajectory(np.arange(1, 1001, dtype=np.int64) * 10**9, np.tile(np.eye(4), (1000, 1, 1)))
 SHORT = Trajectory(LONG.stamps_ns[:2], LONG.poses[:2])

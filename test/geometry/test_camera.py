@@ -21,6 +21,7 @@ from rgbd_glue_ros.geometry.depth import (
     DEPTH_EDGE_SIGMAS,
     depth_at,
     depth_sigma,
+    depth_sigmas,
     limit_depth,
     sample_depth,
 )
@@ -105,6 +106,15 @@ def test_depth_noise_grows_with_the_square_of_the_distance() -> None:
     assert depth_sigma(2.4) == pytest.approx(0.0012 + 0.0019 * 2**2)
     assert depth_sigma(4.4) - depth_sigma(0.4) == pytest.approx(
         4 * (depth_sigma(2.4) - depth_sigma(0.4))
+    )
+
+
+def test_depth_noise_of_an_image_is_that_of_each_pixel() -> None:
+    depth = np.array([[0.4, 1.0, NAN], [2.4, 8.0, 4.4]], np.float32)
+    sigmas = depth_sigmas(depth)
+    assert sigmas.dtype == np.float32
+    np.testing.assert_array_equal(
+        sigmas, np.array([[depth_sigma(z) for z in row] for row in depth], np.float32)
     )
 
 

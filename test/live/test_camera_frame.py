@@ -14,10 +14,12 @@ from rgbd_glue_ros.live.camera_frame import CameraFrame, explain_moved_camera
 from rgbd_glue_ros.types import RgbdFrame
 
 
-def test_one_frame_of_another_camera_is_refused_and_the_second_in_turn_believed() -> None:
+def test_one_frame_of_another_camera_is_refused_and_a_second_one_in_a_row_accepted() -> None:
     camera = CameraFrame()
     assert camera.changes_to("left") is None
-    with pytest.raises(InputError, match="names the camera frame 'right', and those before 'left'"):
+    with pytest.raises(
+        InputError, match="names the camera frame 'right', the images before 'left'"
+    ):
         camera.changes_to("right")
     assert camera.changes_to("left") is None
     with pytest.raises(InputError):
@@ -26,7 +28,7 @@ def test_one_frame_of_another_camera_is_refused_and_the_second_in_turn_believed(
     assert camera.changes_to("right") is None
 
 
-def test_two_cameras_in_turn_are_one_camera_and_one_that_is_refused() -> None:
+def test_of_two_alternating_cameras_one_is_refused() -> None:
     camera = CameraFrame()
     assert camera.changes_to("left") is None
     for _ in range(5):
@@ -43,7 +45,7 @@ def test_two_cameras_in_turn_are_one_camera_and_one_that_is_refused() -> None:
         ((0, 0, 0, 0, 0.1, 0), "by 0.000 m and 5.7 degrees"),
     ],
 )
-def test_a_camera_that_moves_on_its_robot_is_told_and_how_far(
+def test_a_camera_that_moves_on_its_robot_is_reported_with_the_distance(
     twist: tuple[float, ...], said: str | None
 ) -> None:
     T = se3.exp(np.array([0.2, 0, 0.5, 0, 0.3, 0]))
@@ -51,7 +53,7 @@ def test_a_camera_that_moves_on_its_robot_is_told_and_how_far(
     assert explained is None if said is None else explained and said in explained
 
 
-def test_images_that_name_no_camera_are_of_the_one_before() -> None:
+def test_images_without_a_camera_name_belong_to_the_last_camera() -> None:
     camera = CameraFrame()
     image, depth = np.zeros((240, 320), np.uint8), np.ones((240, 320), np.float32)
     unnamed = RgbdFrame(0, image, depth, VGA_HALVED)

@@ -44,7 +44,7 @@ def test_the_common_cameras_have_presets() -> None:
 
 
 @pytest.mark.parametrize("name", camera_names())
-def test_a_preset_names_the_driver_and_all_that_the_node_subscribes_to(name: str) -> None:
+def test_a_preset_names_the_driver_and_all_subscribed_topics(name: str) -> None:
     camera = load_camera(name)
     assert {"color", "depth", "camera_info"} <= set(camera.topics)
     assert all(topic.startswith("/") for topic in camera.topics.values())
@@ -59,7 +59,7 @@ def test_colour_and_depth_of_a_preset_are_both_rectified_or_both_not(name: str) 
 
 
 @pytest.mark.parametrize("name", camera_names())
-def test_a_bag_with_the_topics_of_a_preset_is_read_without_being_told(
+def test_a_bag_with_the_topics_of_a_preset_is_read_without_options(
     name: str, tmp_path: Path
 ) -> None:
     topics = load_camera(name).topics
@@ -112,14 +112,16 @@ def test_a_preset_is_in_the_documentation(name: str) -> None:
     assert f"`{name}`" in (FOLDER.parents[1] / "docs" / "integration.md").read_text("utf-8")
 
 
-def test_an_unknown_camera_is_refused_with_the_names_of_those_that_are() -> None:
-    with pytest.raises(InputError, match=r"camera 'd435': is not known; take one of azure_kinect,"):
+def test_an_unknown_camera_is_refused_with_the_known_names() -> None:
+    with pytest.raises(InputError, match=r"camera 'd435': is not known; use one of azure_kinect,"):
         load_camera("d435")
 
 
 @pytest.mark.parametrize("name", ["d400", "D400", "realsense_d40"])
-def test_an_unknown_camera_is_told_which_one_may_be_meant(name: str) -> None:
-    with pytest.raises(InputError, match=r"did you mean realsense_d400\? Else take one of azure"):
+def test_for_an_unknown_camera_a_similar_name_is_suggested(name: str) -> None:
+    with pytest.raises(
+        InputError, match=r"did you mean realsense_d400\? Otherwise use one of azure"
+    ):
         load_camera(name)
 
 
@@ -141,7 +143,7 @@ def test_a_preset_with_a_misspelt_name_or_a_bad_value_is_refused(
         load_camera("mine")
 
 
-def test_topics_that_are_given_win_over_those_of_the_camera() -> None:
+def test_given_topics_override_those_of_the_camera() -> None:
     camera = load_camera("azure_kinect")
     assert remappings(camera, {"color": "", "depth": "/mine"}) == [
         ("rgb/image", "/rgb/image_raw"),

@@ -53,7 +53,7 @@ except KeyboardInterrupt:
 
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize(("program", "code"), [(WAITS, 0), (IS_INTERRUPTED, 130)])
-def test_signals_that_keep_coming_end_a_program_once_and_in_order(
+def test_repeated_signals_end_a_program_once_and_in_order(
     program: str, code: int, order: tuple[signal.Signals, ...]
 ) -> None:
     for _ in range(ATTEMPTS):
@@ -81,7 +81,7 @@ def _handlers_as_before() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
-def test_a_signal_that_comes_later_interrupts_what_is_done_about_the_first(
+def test_a_later_signal_interrupts_the_handling_of_the_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     interrupt = InterruptOnce()
@@ -98,7 +98,7 @@ def test_a_signal_that_comes_later_interrupts_what_is_done_about_the_first(
 
 @pytest.mark.usefixtures("_handlers_as_before")
 @pytest.mark.parametrize("number", END_SIGNALS)
-def test_a_signal_within_a_computation_is_deferred_to_its_end(number: signal.Signals) -> None:
+def test_a_signal_during_a_computation_is_deferred_to_its_end(number: signal.Signals) -> None:
     interrupt = InterruptOnce()
     done = []
     with pytest.raises(KeyboardInterrupt), uninterrupted():  # noqa: PT012
@@ -134,7 +134,7 @@ def test_a_second_request_interrupts_a_computation_that_may_be_stuck(
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
-def test_results_written_for_an_interrupt_are_interrupted_by_the_next_request(
+def test_writing_results_after_an_interrupt_is_interrupted_by_the_next_request(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     InterruptOnce()
@@ -151,7 +151,7 @@ def test_results_written_for_an_interrupt_are_interrupted_by_the_next_request(
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
-def test_handlers_of_others_and_threads_are_left_alone() -> None:
+def test_other_handlers_and_threads_are_left_alone() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     before = [signal.getsignal(n) for n in END_SIGNALS]
@@ -171,7 +171,7 @@ def test_handlers_of_others_and_threads_are_left_alone() -> None:
 
 @pytest.mark.usefixtures("_handlers_as_before")
 @pytest.mark.parametrize("take_over", [InterruptOnce, EndSignals])
-def test_a_process_that_is_to_outlive_its_terminal_goes_on_ignoring_its_end(
+def test_a_process_under_nohup_continues_to_ignore_sighup(
     take_over: type[InterruptOnce | EndSignals],
 ) -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -182,7 +182,7 @@ def test_a_process_that_is_to_outlive_its_terminal_goes_on_ignoring_its_end(
 
 
 @pytest.mark.usefixtures("_handlers_as_before")
-def test_a_deferred_signal_interrupts_between_two_functions_that_are_compiled() -> None:
+def test_a_deferred_signal_interrupts_between_the_compilation_of_two_functions() -> None:
     InterruptOnce()
 
     @compiled

@@ -56,7 +56,7 @@ def test_a_robot_can_start_anywhere_and_moves_the_same(seed: int) -> None:
 
 
 @given(SEEDS)
-def test_where_up_is_known_odom_is_level_and_starts_at_the_same_place(seed: int) -> None:
+def test_if_up_is_known_odom_is_level_and_starts_at_the_same_place(seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = Extrinsics.of_robot(random_transform(rng))
     up = rng.normal(size=3)
@@ -75,7 +75,7 @@ def test_where_up_is_known_odom_is_level_and_starts_at_the_same_place(seed: int)
     ],
     ids=["level", "looking down by 0.4 rad", "rolled"],
 )
-def test_a_levelled_camera_looks_ahead_along_x(up: list[float], ahead: list[float]) -> None:
+def test_a_levelled_camera_looks_forward_along_x(up: list[float], ahead: list[float]) -> None:
     level = Extrinsics.of_camera("body").levelled(np.array(up))
     np.testing.assert_allclose(level.T_fixed_odom[:3, 2], ahead, atol=1e-12)
 
@@ -85,7 +85,7 @@ def test_a_camera_that_starts_upside_down_is_turned_over() -> None:
     np.testing.assert_allclose(level.T_fixed_odom[:3, 1], [0, 0, 1], atol=1e-12)
 
 
-def test_a_robot_that_turns_on_the_spot_stays_at_the_origin_though_its_camera_does_not() -> None:
+def test_a_robot_that_turns_on_the_spot_stays_at_the_origin_while_its_camera_moves() -> None:
     # the camera looks forward from 0.3 m in front of base_link, 0.5 m above the ground
     config = parse_extrinsics("base_link", "0.3 0 0.5 0 0 0", "body")
     T_base_camera = parse_pose("", "0.3 0 0.5 0 0 0") @ T_BODY_OPTICAL
@@ -95,7 +95,7 @@ def test_a_robot_that_turns_on_the_spot_stays_at_the_origin_though_its_camera_do
     np.testing.assert_allclose(config.pose(T_odom_camera), turn, atol=1e-12)
 
 
-def test_the_twist_of_a_turning_robot_has_no_linear_part_though_its_cameras_has() -> None:
+def test_the_twist_of_a_turning_robot_has_no_linear_part_while_its_cameras_has() -> None:
     config = parse_extrinsics("base_link", "0.3 0 0.5 0 0 0", "body")
     # turning left about base_link moves the camera to its left (-x optical) at 0.3 m/s
     camera = np.array([-0.3, 0, 0, 0, -1.0, 0])
@@ -113,7 +113,7 @@ def test_the_twist_is_the_derivative_of_the_published_pose_in_the_child_frame(se
     )
 
 
-def test_the_pose_covariance_is_that_of_perturbed_poses_drawn_at_random() -> None:
+def test_the_pose_covariance_is_that_of_randomly_perturbed_poses() -> None:
     rng = np.random.default_rng(1)
     extrinsics = Extrinsics(random_transform(rng), random_transform(rng))
     T = random_transform(rng)
@@ -159,11 +159,11 @@ def test_rotation_noise_of_the_camera_becomes_position_noise_of_a_robot_behind_i
     np.testing.assert_allclose(published, expected, atol=1e-15)
 
 
-def test_a_robot_frame_without_an_extrinsic_is_refused_and_not_taken_as_the_identity() -> None:
-    with pytest.raises(InputError, match="where the camera sits in 'base_link' is not known"):
+def test_a_robot_frame_without_extrinsics_is_refused_instead_of_assuming_the_identity() -> None:
+    with pytest.raises(InputError, match="the camera's pose in 'base_link' is unknown"):
         parse_extrinsics("base_link", "", "body")
 
 
-def test_an_extrinsic_without_a_robot_frame_is_refused() -> None:
+def test_extrinsics_without_a_robot_frame_are_refused() -> None:
     with pytest.raises(InputError, match="frame_id, which is not set"):
         parse_extrinsics("", "0 0 0 0 0 0", "body")

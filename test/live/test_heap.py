@@ -49,7 +49,7 @@ def page_faults(*arguments: str) -> int:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="sets what glibc alone has")
-def test_a_thread_that_makes_images_frame_after_frame_takes_no_new_memory() -> None:
+def test_a_thread_that_allocates_images_for_every_frame_reuses_memory() -> None:
     assert page_faults("keep") < 100 < page_faults()
 
 
@@ -78,7 +78,7 @@ print(after / before, gc.collect())
 """
 
 
-def test_what_is_loaded_costs_no_time_in_collections_and_later_garbage_is_collected() -> None:
+def test_loaded_objects_cost_no_collection_time_and_later_garbage_is_collected() -> None:
     command = [sys.executable, "-c", COLLECTIONS]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     share, collected = done.stdout.split()

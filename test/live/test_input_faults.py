@@ -34,7 +34,7 @@ def silence(closest_miss_ns: int | None = None, **received: int | None) -> str:
 def test_a_topic_without_publisher_is_named_with_the_remedy_to_remap() -> None:
     line = silence(color=150, depth=None, info=150)
     assert "/depth (depth) has no publisher" in line
-    assert "/color (color) by /camera (best effort): 150 messages (30.0 Hz)" in line
+    assert "/color (color) from /camera (best effort): 150 messages (30.0 Hz)" in line
     assert "depth is missing: start the camera, or remap" in line
 
 
@@ -44,26 +44,26 @@ def test_a_topic_that_is_published_but_does_not_arrive_points_at_type_and_qos() 
     assert "type and QoS" in line
 
 
-def test_stamps_too_far_apart_are_said_with_both_times() -> None:
+def test_stamps_too_far_apart_are_reported_with_both_intervals() -> None:
     line = silence(closest_miss_ns=31 * MS, color=150, depth=150, info=150)
     assert "31.0 ms apart" in line
     assert "up to 20.0 ms" in line
 
 
-def test_images_that_miss_one_another_for_a_short_queue_ask_for_a_longer_one() -> None:
+def test_images_that_miss_each_other_in_a_short_queue_ask_for_a_longer_one() -> None:
     inputs = [Input(c, f"/{c.value}", ("/camera",), 150, 30.0) for c in Channel]
     line = explain_silence(inputs, 160 * MS, 20 * MS, queue_needed=21)
     assert "set sync_queue_size:=21" in line
     assert "approx_sync_max_interval" not in line
 
 
-def test_stamps_that_go_back_from_message_to_message_are_told_as_that() -> None:
+def test_stamps_that_go_backward_from_message_to_message_are_reported() -> None:
     inputs = [Input(c, f"/{c.value}", ("/camera",), 150, 30.0) for c in Channel]
     line = explain_silence(inputs, 160 * MS, 20 * MS, 0, [Channel.COLOR, Channel.DEPTH])
-    assert "the stamps of color and depth go back from message to message" in line
+    assert "the stamps of color and depth go backward from message to message" in line
 
 
-def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
+def test_an_interval_above_half_a_period_is_reported_with_both_times() -> None:
     line = explain_interval(18 * MS, 33 * MS)
     assert line is not None
     assert "18.0 ms apart" in line
@@ -75,7 +75,7 @@ def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
     ("received", "missing", "words"),
     [
         # gaps in the stamps, of colour alone
-        ((130, 150, 150), (20, 0, 0), ["20 of 150 color messages never came"]),
+        ((130, 150, 150), (20, 0, 0), ["20 of 150 color messages never arrived"]),
         # best effort without the profile: infos arrive, and most gaps are too wide to be counted
         (
             (34, 36, 150),
@@ -83,7 +83,7 @@ def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
             ["116 of 150 color", "114 of 150 depth", "FASTRTPS_DEFAULT_PROFILES_FILE=/p.xml"],
         ),
         # gaps in the stamps of all, and as many of colour's own again
-        ((110, 130, 130), (40, 20, 20), ["20 of 130 color messages never came"]),
+        ((110, 130, 130), (40, 20, 20), ["20 of 130 color messages never arrived"]),
         ((130, 130, 130), (20, 20, 20), None),
         # stamps that jitter look like gaps
         ((150, 150, 150), (7, 5, 0), None),
@@ -94,7 +94,7 @@ def test_a_distance_above_half_a_frame_is_said_with_both_times() -> None:
         ((150, 150, 150), (0, 0, 38), None),
     ],
 )
-def test_a_loss_of_more_than_a_tenth_is_said_with_what_mends_it(
+def test_a_loss_of_more_than_a_tenth_is_reported_with_the_remedy(
     received: tuple[int, ...], missing: tuple[int, ...], words: list[str] | None
 ) -> None:
     line = explain_losses(
@@ -109,7 +109,7 @@ def test_a_loss_of_more_than_a_tenth_is_said_with_what_mends_it(
         assert all(word in line for word in words)
 
 
-def test_gaps_that_all_streams_have_are_the_sources_and_no_loss_on_the_way() -> None:
+def test_gaps_in_all_streams_come_from_the_source_and_are_not_losses() -> None:
     gaps = dict.fromkeys(Channel, 15)
     line = explain_gaps(dict.fromkeys(Channel, 132), gaps) or ""
     assert "15 of 147 frames were never sent" in line
@@ -119,10 +119,12 @@ def test_gaps_that_all_streams_have_are_the_sources_and_no_loss_on_the_way() -> 
     assert explain_gaps(dict.fromkeys(Channel, 0), dict.fromkeys(Channel, 0)) is None
 
 
-def test_frames_that_come_too_fast_are_said_with_the_parameter_that_makes_them_smaller() -> None:
+def test_frames_that_come_too_fast_are_reported_with_the_parameter_that_makes_them_smaller() -> (
+    None
+):
     line = explain_slowness(67, 83, 33_333_333, 1280)
     assert line is not None
-    assert "83 of 150 frames were left out, since they come faster at 30 Hz" in line
+    assert "83 of 150 frames were dropped, since they come faster at 30 Hz" in line
     assert "max_width:=640" in line
     small = explain_slowness(67, 83, 33_333_333, 640)
     assert small is not None
@@ -130,14 +132,14 @@ def test_frames_that_come_too_fast_are_said_with_the_parameter_that_makes_them_s
     learned = explain_slowness(20, 130, 33_333_333, 640, ["features.visual:=xfeat"])
     assert learned is not None
     assert "processes them (4.0 Hz)" in learned
-    assert "features.visual:=xfeat takes most of it" in learned
+    assert "features.visual:=xfeat takes most of the time" in learned
     assert "features.matcher_keypoints" in learned
     assert explain_slowness(140, 10, 33_333_333, 1280) is None
     assert explain_slowness(0, 0, 0, 0) is None
 
 
-def test_before_the_first_frame_is_done_a_bound_of_the_rate_is_told() -> None:
+def test_before_the_first_frame_is_processed_a_bound_of_the_rate_is_reported() -> None:
     learned = "features.visual:=alike", "features.geometric:=fcgf"
     told = explain_slowness(0, 30, 33_333_333, 640, learned) or ""
     assert "processes them (below 1.0 Hz)" in told
-    assert "features.visual:=alike and features.geometric:=fcgf take most of it" in told
+    assert "features.visual:=alike and features.geometric:=fcgf take most of the time" in told

@@ -9,9 +9,10 @@ import pytest
 from rigs.pose_graphs import random_graph
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph, read_graph
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
+from rgbd_glue_ros.trajectories.pose_graph import read_graph
+from rgbd_glue_ros.types import PoseGraph
 
 T_CAMERA_BASE = se3.exp(np.array([0.1, 0.2, -0.3, 0.4, -0.5, 0.6]))
 
@@ -38,7 +39,7 @@ def test_a_saved_graph_is_read_from_both_files(tmp_path: Path) -> None:
             np.testing.assert_allclose(edge.covariance, expected.covariance, atol=1e-10)
 
 
-def test_an_edge_moved_to_the_robot_agrees_with_its_poses_and_perturbs_alike() -> None:
+def test_an_edge_moved_to_the_robot_agrees_with_its_poses_and_covariance() -> None:
     written = random_graph(11, 4, noise=0.0)
     edge = written.edges[1]
     moved = moved_edge(edge, T_CAMERA_BASE)
@@ -54,7 +55,7 @@ def test_an_edge_moved_to_the_robot_agrees_with_its_poses_and_perturbs_alike() -
     assert other == pytest.approx(one, rel=1e-6)
 
 
-def test_an_edge_of_a_keyframe_that_is_not_known_is_left_out() -> None:
+def test_an_edge_of_an_unknown_keyframe_is_left_out() -> None:
     written = random_graph(12, 9)
     live = KeyframeGraph()
     for number in (0, 1, 6):

@@ -23,7 +23,7 @@ def matches(*points: tuple[float, float, float]) -> Correspondences:
     return Correspondences(at, at, np.ones(len(at)))
 
 
-def test_every_kind_of_match_has_its_colour_where_the_frame_sees_the_point() -> None:
+def test_every_kind_of_match_is_drawn_in_its_colour_at_the_point_in_the_frame() -> None:
     left, middle, right = (-0.3, 0.2, 2.0), (0.0, 0.2, 2.0), (0.3, 0.2, 2.0)
     result = RegistrationResult(
         np.eye(4),
@@ -45,7 +45,7 @@ def test_every_kind_of_match_has_its_colour_where_the_frame_sees_the_point() -> 
         np.testing.assert_array_equal(image[v, u], rgb)
 
 
-def test_a_grey_frame_and_one_without_a_registration_get_a_picture_too() -> None:
+def test_a_grey_frame_and_one_without_a_registration_get_an_image_too() -> None:
     frame = room_frame(0.0)
     for color in (frame.color, frame.color[:, :, 0]):
         seen = type(frame)(frame.stamp_ns, color, frame.depth, frame.intrinsics)

@@ -28,13 +28,13 @@ def test_latency_percentiles_and_rate_are_those_of_the_frames_counted() -> None:
     assert summary.rate_hz == pytest.approx(25)
 
 
-def test_the_rate_falls_to_zero_when_no_frame_comes_any_more() -> None:
+def test_the_rate_falls_to_zero_when_frames_stop() -> None:
     monitor = Monitor()
     monitor.processed(POSE, 0, MS)
     assert monitor.summary(3600_000 * MS).rate_hz == 0
 
 
-def test_frames_without_a_pose_and_dropped_frames_are_told_apart() -> None:
+def test_frames_without_a_pose_and_dropped_frames_are_counted_separately() -> None:
     monitor = Monitor()
     monitor.processed(NO_POSE, 0, MS)
     monitor.dropped(Drop.SUPERSEDED)
@@ -50,7 +50,7 @@ def test_frames_without_a_pose_and_dropped_frames_are_told_apart() -> None:
     assert "2 because a newer frame came" in str(summary)
 
 
-def test_a_summary_is_read_back_from_the_values_that_diagnostics_carry() -> None:
+def test_a_summary_is_read_back_from_diagnostics_values() -> None:
     monitor = Monitor()
     monitor.processed(POSE, 0, 12 * MS)
     monitor.dropped(Drop.FAILED)
@@ -62,7 +62,7 @@ def test_a_summary_before_the_first_frame_can_be_printed() -> None:
     assert str(Monitor().summary(0)) == "0 frames, 0 tracked; dropped none"
 
 
-def test_a_fault_is_news_once_and_the_memory_of_faults_is_bounded() -> None:
+def test_a_fault_is_new_only_once_and_the_memory_of_faults_is_bounded() -> None:
     monitor = Monitor(lambda: 0)
     assert monitor.is_news("/rgb/image", "100 bytes instead of 900")
     assert not monitor.is_news("/rgb/image", "120 bytes instead of 900")
@@ -70,7 +70,7 @@ def test_a_fault_is_news_once_and_the_memory_of_faults_is_bounded() -> None:
     assert sum(news) == MAX_FAULTS - 1
 
 
-def test_after_a_flood_of_faults_a_new_one_is_news_again() -> None:
+def test_after_a_flood_of_faults_a_new_one_is_reported_again() -> None:
     now_ns = 0
     monitor = Monitor(lambda: now_ns)
     assert sum(monitor.is_news("/rgb/image", "x" * i) for i in range(500)) == MAX_FAULTS
@@ -80,7 +80,7 @@ def test_after_a_flood_of_faults_a_new_one_is_news_again() -> None:
     assert not monitor.is_news("/depth", "cut off")
 
 
-def test_the_age_of_the_last_pose_goes_by_the_clock_whatever_frames_say() -> None:
+def test_the_age_of_the_last_pose_is_measured_by_the_clock_not_by_stamps() -> None:
     now_ns = 5000 * MS
     monitor = Monitor(lambda: now_ns)
     assert monitor.values(now_ns + 700 * MS)["without_pose_s"] == "0.700"
@@ -93,7 +93,7 @@ def test_the_age_of_the_last_pose_goes_by_the_clock_whatever_frames_say() -> Non
     assert not monitor.is_overdue(now_ns + 500 * MS)
 
 
-def test_frames_that_come_and_are_all_refused_are_told_with_the_last_error() -> None:
+def test_frames_that_are_all_refused_are_reported_with_the_last_error() -> None:
     monitor = Monitor(lambda: 0)
     monitor.processed(POSE, 0, 0)
     monitor.is_news("/rgb/image", "bayer_rggb8 is not known")
@@ -101,20 +101,20 @@ def test_frames_that_come_and_are_all_refused_are_told_with_the_last_error() -> 
     assert monitor.why_refused(1000 * MS) == ""
     why = monitor.why_refused(7000 * MS)
     assert why == (
-        "no pose for 7 s, since a message could not be used: /rgb/image: bayer_rggb8 is not known"
+        "no pose for 7 s, because a message could not be used: /rgb/image: bayer_rggb8 is not known"
     )
     monitor.processed(NO_POSE, 0, 7000 * MS)
     assert monitor.why_refused(7000 * MS) == ""
 
 
-def test_frames_that_somebody_asked_to_leave_out_are_no_error() -> None:
+def test_frames_skipped_on_request_are_not_an_error() -> None:
     monitor = Monitor(lambda: 0)
     monitor.dropped(Drop.PAUSED)
     monitor.dropped(Drop.TOO_SOON)
     assert monitor.why_refused(7000 * MS) == ""
 
 
-def test_what_is_known_of_an_imu_is_told_with_units_and_nothing_of_one_that_sends_nothing() -> None:
+def test_the_imu_calibration_is_reported_with_units_unless_there_are_no_samples() -> None:
     monitor = Monitor()
     assert not [name for name in monitor.values(0) if name.startswith("imu")]
     known = ImuCalibration(

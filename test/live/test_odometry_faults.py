@@ -26,20 +26,26 @@ def said(*received: int | None) -> str | None:
         ((None, None, None), "/pose, /keyframe/pose and /keyframe/edges have no publisher: start"),
         ((150, None, None), "/keyframe/pose and /keyframe/edges have no publisher"),
         ((150, 3, None), "/keyframe/edges has no publisher"),
-        ((0, 0, 0), f"no message of /pose came from {BY}: the odometry has no pose"),
-        ((0, 7, 8), "no message of /pose came"),
-        ((150, 0, 0), f"no message of /keyframe/pose came from {BY}: they come as the camera mo"),
-        ((150, 2, 0), f"no message of /keyframe/edges came from {BY}: see whether type and QoS"),
+        ((0, 0, 0), f"no message on /pose arrived from {BY}: the odometry has no pose"),
+        ((0, 7, 8), "no message on /pose arrived"),
+        (
+            (150, 0, 0),
+            f"no message on /keyframe/pose arrived from {BY}: they are created as the camera mo",
+        ),
+        (
+            (150, 2, 0),
+            f"no message on /keyframe/edges arrived from {BY}: check whether type and QoS",
+        ),
     ],
 )
-def test_the_topic_that_is_missing_is_named_with_what_to_do(
+def test_the_missing_topic_is_named_with_the_remedy(
     received: tuple[int | None, ...], line: str
 ) -> None:
     assert line in str(said(*received))
 
 
 @pytest.mark.parametrize("received", [(150, 7, 20), (150, 1, 0), (1, 7, 20)])
-def test_nothing_is_said_where_poses_come_and_the_camera_may_be_at_rest(
+def test_nothing_is_reported_if_poses_arrive_and_the_camera_may_be_at_rest(
     received: tuple[int, ...],
 ) -> None:
     assert said(*received) is None

@@ -35,12 +35,12 @@ def seen_by_camera(robot: PlanarExtrinsics, T_start_robot: Float64) -> Float64:
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -3.0])
-def test_what_moves_in_the_plane_is_published_as_without_it(yaw: float) -> None:
+def test_motion_in_the_plane_is_published_as_without_the_constraint(yaw: float) -> None:
     robot, T = wheeled(), on_plane(2.0, -1.0, yaw)
     np.testing.assert_allclose(robot.pose(seen_by_camera(robot, T)), T, atol=1e-12)
 
 
-def test_drift_in_height_and_tilt_is_left_out() -> None:
+def test_drift_in_height_and_tilt_is_removed() -> None:
     robot = wheeled()
     drift = se3.from_rotation_translation(
         Rotation.from_euler("ZYX", [0.0, 0.04, -0.03]).as_matrix(), np.array([0.0, 0.0, 0.2])
@@ -50,7 +50,7 @@ def test_drift_in_height_and_tilt_is_left_out() -> None:
     np.testing.assert_allclose(published, T, atol=1e-12)
 
 
-def test_a_plane_that_the_initial_pose_tilts_is_kept_to_all_the_same() -> None:
+def test_motion_stays_in_a_plane_that_the_initial_pose_tilts() -> None:
     start = se3.exp(np.array([1.0, 2.0, 3.0, 0.2, -0.1, 0.5]))
     robot = wheeled()
     T_odom_camera = seen_by_camera(robot, on_plane(1.0, 0.5, 0.3))
@@ -62,14 +62,14 @@ def test_a_plane_that_the_initial_pose_tilts_is_kept_to_all_the_same() -> None:
     np.testing.assert_allclose(across @ covariance[:3, :3] @ across, 1e-6, rtol=1e-6)
 
 
-def test_the_twist_is_that_of_wheels() -> None:
+def test_the_twist_has_only_forward_sideways_and_yaw_components() -> None:
     robot, rng = wheeled(), np.random.default_rng(0)
     camera = rng.normal(size=6)
     free = parse_extrinsics("base_footprint", CAMERA_POSE, "body").twist(camera)
     np.testing.assert_array_equal(robot.twist(camera), free * [1, 1, 0, 0, 0, 1])
 
 
-def test_covariances_stay_invertible_and_keep_what_is_in_the_plane() -> None:
+def test_covariances_stay_invertible_and_are_unchanged_within_the_plane() -> None:
     robot, rng = wheeled(), np.random.default_rng(1)
     root = rng.normal(size=(6, 6)) * 1e-2
     covariance = root @ root.T

@@ -30,7 +30,7 @@ class Station:
         self.done.append(item)
 
 
-def test_while_one_item_is_in_work_only_the_newest_waits() -> None:
+def test_while_one_item_is_processed_only_the_newest_waits() -> None:
     station = Station()
     worker = NewestWorker(station.work, station.dropped.append)
     worker.submit(1)
@@ -44,7 +44,7 @@ def test_while_one_item_is_in_work_only_the_newest_waits() -> None:
     assert station.done == [1, 4]
 
 
-def test_of_items_that_come_at_once_an_idle_worker_takes_the_first_and_the_newest() -> None:
+def test_an_idle_worker_takes_the_first_and_the_newest_of_items_that_arrive_together() -> None:
     station = Station()
     worker = NewestWorker(station.work, station.dropped.append)
     station.go_on.release(2)
@@ -57,7 +57,7 @@ def test_of_items_that_come_at_once_an_idle_worker_takes_the_first_and_the_newes
     assert station.dropped == [2]
 
 
-def test_an_exception_is_logged_and_the_next_item_is_worked_on(
+def test_an_exception_is_logged_and_the_next_item_is_processed(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     station = Station()
@@ -73,7 +73,7 @@ def test_an_exception_is_logged_and_the_next_item_is_worked_on(
     assert station.done == [5]
 
 
-def test_closing_finishes_the_item_in_work_and_drops_the_one_that_waits() -> None:
+def test_closing_finishes_the_current_item_and_drops_the_waiting_one() -> None:
     station = Station()
     worker = NewestWorker(station.work, station.dropped.append)
     worker.submit(1)
@@ -85,7 +85,7 @@ def test_closing_finishes_the_item_in_work_and_drops_the_one_that_waits() -> Non
     assert station.done == [1]
 
 
-def test_a_full_queue_makes_the_submitter_wait_and_drops_nothing() -> None:
+def test_a_full_queue_blocks_the_submitter_and_drops_nothing() -> None:
     station = Station()
     worker = QueueWorker(station.work, size=2)
     for item in (1, 2, 3):  # one in work, two that wait
@@ -109,7 +109,7 @@ def test_a_full_queue_makes_the_submitter_wait_and_drops_nothing() -> None:
     assert station.done == [1, 2, 3, 4]
 
 
-def test_closing_frees_a_submitter_that_waits() -> None:
+def test_closing_releases_a_waiting_submitter() -> None:
     station = Station()
     worker = QueueWorker(station.work, size=1)
     worker.submit(1)

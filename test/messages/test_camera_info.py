@@ -71,7 +71,7 @@ LENSES: list[tuple[str, tuple[float, ...], LensModel, tuple[float, ...]]] = [
 
 
 @pytest.mark.parametrize(("model", "d", "lens", "expected"), LENSES)
-def test_a_lens_is_known_by_the_family_of_its_name_and_what_its_coefficients_say(
+def test_a_lens_model_is_recognised_by_any_of_its_names_and_its_coefficients(
     model: str, d: tuple[float, ...], lens: LensModel, expected: tuple[float, ...]
 ) -> None:
     camera = intrinsics_from_message(info(model, d), "/info")
@@ -82,7 +82,7 @@ def test_a_lens_is_known_by_the_family_of_its_name_and_what_its_coefficients_say
     ("model", "d"),
     [("wobbly", D5), ("equidistant", D5), ("plumb_bob", (0.1,) * 15), ("fov", (0.9,))],
 )
-def test_a_lens_that_cannot_be_undone_is_refused_with_the_names_that_can(
+def test_an_unsupported_lens_model_is_refused_with_the_supported_names(
     model: str, d: tuple[float, ...]
 ) -> None:
     with pytest.raises(InputError, match=r"are not supported; rectify .* plumb_bob, .*equidistant"):
@@ -99,7 +99,9 @@ def test_a_lens_that_cannot_be_undone_is_refused_with_the_names_that_can(
     ],
     ids=lambda camera: camera.lens.name,
 )
-def test_every_lens_survives_the_way_through_a_message(camera: CameraIntrinsics) -> None:
+def test_every_lens_model_survives_the_round_trip_through_a_message(
+    camera: CameraIntrinsics,
+) -> None:
     assert intrinsics_from_message(camera_info(camera, HEAD), "/info") == camera
 
 
@@ -136,7 +138,7 @@ SIZES: dict[str, tuple[CameraInfo, str]] = {
 
 
 @pytest.mark.parametrize("name", SIZES)
-def test_the_camera_is_that_of_the_image_as_it_came(name: str) -> None:
+def test_the_camera_is_that_of_the_unrectified_image(name: str) -> None:
     camera = camera_of(*SIZES[name])
     assert (camera.width, camera.height) == (64, 48)
     np.testing.assert_allclose(camera.matrix, CAMERA.matrix)
@@ -145,15 +147,15 @@ def test_the_camera_is_that_of_the_image_as_it_came(name: str) -> None:
 @pytest.mark.parametrize(
     ("message", "cause"),
     [
-        (camera_info(replace(CAMERA, width=0, height=0, cx=90.0), HEAD), "tells no size"),
-        (camera_info(replace(CAMERA, width=32, height=24), HEAD), "is not that of its own size"),
+        (camera_info(replace(CAMERA, width=0, height=0, cx=90.0), HEAD), "has no size"),
+        (camera_info(replace(CAMERA, width=32, height=24), HEAD), "does not fit its own size"),
         (replace(PLAIN, width=0), "an image of 0x48 pixels"),
         (replace(PLAIN, k=np.zeros(9), p=np.zeros(12)), "is not calibrated"),
-        (replace(PLAIN, k=PLAIN.k + 2.5 * np.eye(9)[1]), "K has a skew of 2.5 pixels, and"),
-        (camera_info(replace(CAMERA, width=64, height=40), HEAD), "64x40 pixels, but /color of"),
+        (replace(PLAIN, k=PLAIN.k + 2.5 * np.eye(9)[1]), "K has a skew of 2.5 pixels, which"),
+        (camera_info(replace(CAMERA, width=64, height=40), HEAD), "64x40 pixels, but /color has"),
     ],
 )
-def test_an_info_that_cannot_be_of_the_image_is_refused(message: CameraInfo, cause: str) -> None:
+def test_an_info_that_does_not_fit_the_image_is_refused(message: CameraInfo, cause: str) -> None:
     with pytest.raises(InputError, match=r"^/info: ") as error:
         camera_of(message)
     assert cause in str(error.value)
@@ -193,23 +195,23 @@ def test_cropping_shifts_and_binning_scales_the_camera() -> None:
         ({"k": np.array([60.0, 0, 31, 0, 60, 23, 9, 0, 1])}, "not fx 0 cx, 0 fy cy, 0 0 1"),
         (
             {"k": np.array([60.0, 0, 31, 0, 9e4, 23, 0, 0, 1])},
-            "fx = 60, fy = 90000, cx = 31, cy = 23 of K are no camera's whose images have 64x48",
+            "fx = 60, fy = 90000, cx = 31, cy = 23 of K are implausible for images of 64x48",
         ),
-        ({"d": np.array([np.nan] * 5)}, "D holds"),
+        ({"d": np.array([np.nan] * 5)}, "D is"),
         ({"distortion_model": "equidistant"}, "distortion model 'equidistant' are not supported"),
         ({"width": 0}, "an image of 0x48 pixels"),
         ({"roi": RegionOfInterest(30, 0, 40, 48)}, "is not within 64x48"),
         ({"binning_x": 65}, "an image of 0x48 pixels"),
     ],
 )
-def test_a_camera_info_that_makes_no_sense_is_refused(changes: dict[str, Any], cause: str) -> None:
+def test_an_invalid_camera_info_is_refused(changes: dict[str, Any], cause: str) -> None:
     info: CameraInfo = replace(camera_info(LENSED, HEAD), **changes)
     with pytest.raises(InputError, match=r"^/info: ") as caught:
         intrinsics_from_message(info, "/info")
     assert cause in str(caught.value)
 
 
-def test_of_a_rectified_image_p_is_the_camera_and_distortion_is_gone() -> None:
+def test_the_camera_of_a_rectified_image_is_p_without_distortion() -> None:
     info = camera_info(LENSED, HEAD)
     p = np.array([50.0, 0, 30, 0, 0, 50, 20, 0, 0, 0, 1, 0])
     color, depth = color_image(rig.RGB, HEAD), depth_image(rig.DEPTH, HEAD)
@@ -224,6 +226,6 @@ def test_of_a_rectified_image_p_is_the_camera_and_distortion_is_gone() -> None:
     assert frame.intrinsics == LENSED
 
 
-def test_an_unknown_model_without_distortion_is_no_matter() -> None:
+def test_an_unknown_model_without_distortion_is_accepted() -> None:
     info = replace(camera_info(LENSED, HEAD), distortion_model="", d=np.zeros(0))
     assert intrinsics_from_message(info, "/info").distortion == ()

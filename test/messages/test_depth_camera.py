@@ -59,26 +59,26 @@ def test_an_info_of_another_frame_than_the_depth_image_is_not_its_camera() -> No
     assert taken_by("color_optical", "depth_optical") is None
 
 
-def test_depth_in_another_frame_was_taken_by_the_camera_of_its_info_where_that_frame_is() -> None:
+def test_depth_in_another_frame_has_the_camera_of_its_info_at_the_pose_of_that_frame() -> None:
     camera = taken_by("depth_optical", "depth_optical")
     assert camera.intrinsics == DEPTH
     assert np.array_equal(camera.T_color_depth, T_COLOR_DEPTH)
 
 
-def test_depth_in_the_frame_of_colour_with_another_lens_was_taken_at_the_same_place() -> None:
+def test_depth_in_the_frame_of_colour_with_another_lens_has_the_pose_of_colour() -> None:
     camera = taken_by("color_optical", "color_optical", DEPTH)
     assert camera.intrinsics == DEPTH
     assert np.array_equal(camera.T_color_depth, np.eye(4))
 
 
-def test_a_place_that_is_given_comes_before_that_of_frames() -> None:
+def test_a_given_pose_overrides_that_of_frames() -> None:
     given = se3.exp(np.array([0.1, 0, 0, 0, 0, 0]))
     for frame in ("color_optical", "depth_optical", ""):
         camera = taken_by(frame, frame, given=given)
         assert np.array_equal(camera.T_color_depth, given)
 
 
-def test_depth_that_is_registered_for_its_info_alone_is_noted() -> None:
+def test_depth_that_is_registered_only_because_of_its_info_is_reported() -> None:
     for frame, camera, is_noted in (
         ("color_optical", DEPTH, True),
         ("", DEPTH, True),
@@ -90,20 +90,20 @@ def test_depth_that_is_registered_for_its_info_alone_is_noted() -> None:
         assert note is None or "set depth_camera_pose" in note
 
 
-def test_unregistered_depth_without_an_info_is_refused_with_what_to_switch_on() -> None:
+def test_unregistered_depth_without_an_info_is_refused_with_what_to_enable() -> None:
     with pytest.raises(InputError) as caught:
         taken_by("depth_optical", None)
     said = str(caught.value)
     assert said.startswith(
         "/depth: is not registered to colour: its frame is depth_optical, that of /color "
-        "color_optical; switch registration on in the driver (realsense2_camera: align_depth.enable"
+        "color_optical; enable registration in the driver (realsense2_camera: align_depth.enable"
     )
     assert "name the depth camera's info (depth_info_topic, now /depth/info)" in said
     assert "\n" not in said
 
 
-def test_unregistered_depth_from_an_unknown_place_is_refused() -> None:
-    with pytest.raises(InputError, match="where depth_optical is in color_optical is not known"):
+def test_unregistered_depth_with_an_unknown_pose_is_refused() -> None:
+    with pytest.raises(InputError, match="the pose of depth_optical in color_optical is unknown"):
         taken_by("depth_optical", "depth_optical", T=None)
 
 
@@ -127,9 +127,9 @@ def test_a_frame_of_another_depth_camera_has_depth_at_the_pixels_of_colour() -> 
     np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 2.5, rtol=1e-5)
 
 
-def test_a_depth_info_of_another_aspect_than_its_image_is_refused() -> None:
+def test_a_depth_info_with_another_aspect_ratio_than_its_image_is_refused() -> None:
     color = color_image(np.zeros((48, 64), np.uint8), header(5, "color_optical"))
     depth = depth_image(np.ones((64, 80), np.float32), header(5, "color_optical"))
     camera = taken_by("color_optical", "color_optical", replace(DEPTH, width=96))
-    with pytest.raises(InputError, match=r"^/depth/info: is of 96x64 pixels, but /depth of 80x64"):
+    with pytest.raises(InputError, match=r"^/depth/info: has 96x64 pixels, but /depth has 80x64"):
         frame_from_messages(color, depth, camera_info(COLOR, header(0, "")), TOPICS, camera)

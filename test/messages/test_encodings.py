@@ -115,13 +115,13 @@ def test_grey_is_the_same_in_every_encoding(encoding: str, pixels: NDArray[Any])
 
 @pytest.mark.parametrize("encoding", ["yuv422", "nv12", "bayer_rggb16"])
 def test_an_image_with_fewer_bytes_than_its_encoding_needs_is_refused(encoding: str) -> None:
-    with pytest.raises(InputError, match=r"^/color: .*(step is|cut off)"):
+    with pytest.raises(InputError, match=r"^/color: .*(step is|truncated)"):
         color_from_message(message(encoding, repeated(R)[..., 0]), "/color")
 
 
 def test_an_odd_width_that_a_subsampled_encoding_cannot_have_is_refused() -> None:
     odd = Image(HEAD, HEIGHT, 31, "yuv422", 0, 64, np.zeros(64 * HEIGHT, np.uint8))
-    with pytest.raises(InputError, match="even sides"):
+    with pytest.raises(InputError, match="sides must be even"):
         color_from_message(odd, "/color")
 
 
@@ -156,7 +156,7 @@ def test_depth_is_the_same_in_every_encoding_and_unit(encoding: str) -> None:
     np.testing.assert_allclose(depth, expected, atol=0.0006)
 
 
-def test_what_overflowed_16_bits_is_unknown() -> None:
+def test_values_that_overflowed_16_bits_are_unknown() -> None:
     pixels = np.full((HEIGHT, WIDTH), 65535, np.uint16)
     assert np.isnan(depth_from_message(message("16UC1", pixels), "/depth", 0.0001)).all()
 
@@ -181,7 +181,7 @@ COMPRESSED_DEPTHS: dict[str, tuple[str, bytes]] = {
 
 
 @pytest.mark.parametrize("name", COMPRESSED_DEPTHS)
-def test_compressed_depth_is_known_by_its_bytes(name: str) -> None:
+def test_compressed_depth_is_recognised_by_its_bytes(name: str) -> None:
     text, data = COMPRESSED_DEPTHS[name]
     compressed = CompressedImage(HEAD, text, np.frombuffer(data, np.uint8))
     depth = depth_from_message(compressed, "/depth")
@@ -201,14 +201,14 @@ def test_compressed_depth_is_known_by_its_bytes(name: str) -> None:
         ("", ".webp"),
     ],
 )
-def test_compressed_colour_is_known_by_its_bytes(text: str, extension: str) -> None:
+def test_compressed_colour_is_recognised_by_its_bytes(text: str, extension: str) -> None:
     data = cv2.imencode(extension, repeated(B, G, R))[1].tobytes()
     image = color_from_message(CompressedImage(HEAD, text, np.frombuffer(data, np.uint8)), "/color")
     np.testing.assert_allclose(image.reshape(-1, 3), [[R, G, B]] * image[..., 0].size, 0, 3)
 
 
 @pytest.mark.parametrize("extension", [".webp", ".tiff"])
-def test_a_compressed_image_that_is_cut_off_is_refused(extension: str) -> None:
+def test_a_truncated_compressed_image_is_refused(extension: str) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
     data = cv2.imencode(extension, noise)[1].tobytes()
     read: Callable[[bytes], object] = lambda part: color_from_message(  # noqa: E731

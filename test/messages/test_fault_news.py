@@ -5,7 +5,7 @@ from __future__ import annotations
 from rgbd_glue_ros.messages.fault_news import MAX_FAULTS, FaultNews
 
 
-def test_what_comes_again_after_all_was_well_is_news_again() -> None:
+def test_a_fault_that_returns_after_a_time_without_faults_is_new_again() -> None:
     news = FaultNews(lambda: 0)
     assert news.is_news("/depth", "7 of 10 are missing")
     assert not news.is_news("/depth", "8 of 10 are missing")

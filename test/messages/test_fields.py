@@ -29,7 +29,7 @@ def test_rclpy_messages_are_filled_and_read_like_plain_ones() -> None:
     assert stamp_ns(info.header.stamp) == stamp_ns(HEAD.stamp)
 
 
-def test_whole_millimetres_are_read_as_they_were_written_and_what_is_too_far_is_unknown() -> None:
+def test_whole_millimetres_survive_a_round_trip_and_depth_that_is_too_far_becomes_unknown() -> None:
     depth = np.array([[0.001, 1.2344, 65.534], [65.535, 70.0, np.nan]], np.float32)
     image = millimetre_image(depth, HEAD)
     assert (image.encoding, image.step, len(image.data)) == ("16UC1", 6, 12)

@@ -48,7 +48,7 @@ def test_a_frame_has_the_stamp_and_frame_of_its_colour_image() -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), [(32, 24), (128, 96), (96, 72), (64, 48)])
-def test_depth_of_another_size_is_resampled_as_opencv_does_about_pixel_centres(
+def test_depth_of_another_size_is_resampled_about_pixel_centres_as_in_opencv(
     width: int, height: int
 ) -> None:
     expected = cv2.resize(DEPTH, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
@@ -80,11 +80,11 @@ def test_a_camera_info_of_another_size_is_scaled_about_pixel_centres() -> None:
     assert frame.intrinsics.matrix == pytest.approx(CAMERA.matrix)
 
 
-def test_sizes_of_another_aspect_are_refused() -> None:
+def test_sizes_with_another_aspect_ratio_are_refused() -> None:
     color, depth = color_image(RGB, HEAD), depth_image(DEPTH, HEAD)
     info = camera_info(CAMERA, HEAD)
-    with pytest.raises(InputError, match=r"^/depth: is of 64x36 pixels, but /color of 64x48"):
+    with pytest.raises(InputError, match=r"^/depth: has 64x36 pixels, but /color has 64x48"):
         frame_from_messages(color, depth_image(DEPTH[:36], HEAD), info, TOPICS)
     wide = camera_info(replace(CAMERA, width=128), HEAD)
-    with pytest.raises(InputError, match=r"^/info: is of 128x48 pixels, but /color of 64x48"):
+    with pytest.raises(InputError, match=r"^/info: has 128x48 pixels, but /color has 64x48"):
         frame_from_messages(color, depth, wide, TOPICS)

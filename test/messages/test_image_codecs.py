@@ -33,12 +33,12 @@ def jpeg_claiming(width: int, height: int) -> bytes:
     return bytes(jpeg)
 
 
-def test_png_comes_back_bit_for_bit_in_16_bits_and_in_colour() -> None:
+def test_png_is_lossless_in_16_bits_and_in_colour() -> None:
     assert np.array_equal(decode(encode_png(GREY), "here"), GREY)
     assert np.array_equal(decode(encode_png(BGR), "here"), BGR)
 
 
-def test_jpeg_comes_back_as_opencv_decodes_it() -> None:
+def test_jpeg_is_decoded_as_by_opencv() -> None:
     data = encode_jpeg(BGR)
     expected = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
     assert np.array_equal(decode(data, "here"), expected)
@@ -59,7 +59,7 @@ def test_jpeg_of_every_kind_of_scan_is_read() -> None:
 @pytest.mark.parametrize("data", [encode_png(GREY), encode_jpeg(BGR)], ids=["png", "jpeg"])
 @given(fraction=st.floats(0, 1, exclude_max=True))
 @settings(max_examples=60, deadline=None)
-def test_an_image_cut_off_anywhere_is_refused(data: bytes, fraction: float) -> None:
+def test_an_image_truncated_anywhere_is_refused(data: bytes, fraction: float) -> None:
     with pytest.raises(InputError, match=r"^/topic: "):
         decode(data[: int(fraction * len(data))], "/topic")
 
@@ -74,27 +74,27 @@ def test_a_png_with_one_wrong_byte_is_refused(position: int, flip: int) -> None:
 
 
 @pytest.mark.parametrize("claiming", [png_claiming, jpeg_claiming])
-def test_a_header_that_claims_an_absurd_size_is_refused_before_memory_is_taken(
+def test_a_header_with_an_absurd_size_is_refused_before_memory_is_allocated(
     claiming: Callable[[int, int], bytes],
 ) -> None:
-    with pytest.raises(InputError, match=re.escape("65000x65000 pixels; give one of at least")):
+    with pytest.raises(InputError, match=re.escape("65000x65000 pixels; give one with at least")):
         decode(claiming(65000, 65000), "/topic")
     with pytest.raises(InputError, match=f"at most {MAX_PIXELS} pixels"):
         decode(claiming(0, 480), "/topic")
 
 
-def test_a_png_whose_pixels_are_fewer_than_its_header_says_is_refused() -> None:
+def test_a_png_with_fewer_pixels_than_its_header_says_is_refused() -> None:
     with pytest.raises(InputError, match="cannot be decoded"):
         decode(png_claiming(64, 96), "/topic")
 
 
 @pytest.mark.parametrize("data", [b"", b"GIF89a" + bytes(100), bytes(1000)])
-def test_bytes_that_are_no_image_are_refused(data: bytes) -> None:
-    with pytest.raises(InputError, match="neither PNG nor JPEG"):
+def test_bytes_that_are_not_an_image_are_refused(data: bytes) -> None:
+    with pytest.raises(InputError, match="not PNG, JPEG"):
         decode(data, "/topic")
 
 
-def test_refusals_are_not_announced_on_stderr_too(capfd: pytest.CaptureFixture[str]) -> None:
+def test_refusals_write_nothing_to_stderr(capfd: pytest.CaptureFixture[str]) -> None:
     for data in (encode_png(GREY)[:-1], encode_jpeg(BGR)[:-1], png_claiming(65000, 65000)):
         with pytest.raises(InputError):
             decode(data, "/topic")

@@ -22,7 +22,7 @@ SAMPLES = ImuSamples(
 )
 
 
-def test_what_is_written_into_messages_is_read_out_of_them() -> None:
+def test_samples_written_to_messages_are_read_back() -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     readings = []
     for index in range(len(SAMPLES)):
@@ -36,7 +36,7 @@ def test_what_is_written_into_messages_is_read_out_of_them() -> None:
         np.testing.assert_array_equal(getattr(got, name), getattr(SAMPLES, name))
 
 
-def test_a_driver_that_leaves_the_acceleration_zero_has_no_accelerometer() -> None:
+def test_zero_acceleration_means_that_there_is_no_accelerometer() -> None:
     zero = fields.Vector3(0.0, 0.0, 0.0)
     message = replace(fields.imu(SAMPLES, 0, ""), linear_acceleration=zero)
     assert np.isnan(imu_reading(message, 0, "imu").linear_acceleration).all()
@@ -51,11 +51,11 @@ def test_measurements_that_are_not_finite_are_refused() -> None:
 
 def test_a_message_of_another_type_is_refused() -> None:
     image = fields.header(0, "")
-    with pytest.raises(InputError, match="is of type Header"):
+    with pytest.raises(InputError, match="has the type Header"):
         imu_reading(image, 0, "imu")  # type: ignore[arg-type]
 
 
-def test_readings_are_sorted_and_of_equal_stamps_the_first_is_taken() -> None:
+def test_readings_are_sorted_and_of_equal_stamps_the_first_is_kept() -> None:
     readings = [
         ImuReading(stamp, np.full(3, float(value)), np.full(3, float(value)))
         for stamp, value in ((30, 1), (10, 2), (30, 3), (20, 4))
@@ -66,7 +66,7 @@ def test_readings_are_sorted_and_of_equal_stamps_the_first_is_taken() -> None:
     assert len(imu_samples([])) == 0
 
 
-def test_samples_in_other_axes_are_turned_and_those_of_a_while_are_cut_out() -> None:
+def test_samples_are_rotated_to_other_axes_and_selected_by_time() -> None:
     quarter = se3.exp(np.array([0, 0, 0, 0, 0, np.pi / 2]))[:3, :3]
     turned = SAMPLES.rotated(quarter)
     np.testing.assert_allclose(turned.angular_velocity[0], [-0.2, 0.1, 0.3], atol=1e-15)
@@ -74,7 +74,7 @@ def test_samples_in_other_axes_are_turned_and_those_of_a_while_are_cut_out() -> 
     np.testing.assert_array_equal(SAMPLES.between(11, 29).stamps_ns, [20])
 
 
-def test_of_samples_that_come_again_the_first_are_kept() -> None:
+def test_of_repeated_samples_the_first_are_kept() -> None:
     joined = SAMPLES.between(0, 20).with_later(SAMPLES)
     np.testing.assert_array_equal(joined.stamps_ns, SAMPLES.stamps_ns)
 
@@ -88,6 +88,6 @@ def test_of_samples_that_come_again_the_first_are_kept() -> None:
         ({"linear_acceleration": np.zeros((3, 3), np.float32)}, "linear_acceleration: is float32"),
     ],
 )
-def test_arrays_that_are_no_samples_are_refused(change: dict[str, Any], said: str) -> None:
+def test_arrays_that_are_not_samples_are_refused(change: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         replace(SAMPLES, **change)

@@ -24,12 +24,12 @@ def test_six_numbers_are_urdfs_roll_pitch_yaw_and_seven_a_quaternion() -> None:
 @pytest.mark.parametrize(
     "text", ["1 2 3", "a b c d e f", "0 0 0 0 0 nan", "0 0 0 0 0 0 0", "0 0 0 0 0 0 2"]
 )
-def test_a_pose_that_is_none_is_refused_with_the_form_it_should_have(text: str) -> None:
+def test_an_invalid_pose_is_refused_with_the_expected_form(text: str) -> None:
     with pytest.raises(InputError, match="x y z roll pitch yaw"):
         parse_pose("camera_pose", text)
 
 
-def test_a_pose_message_holds_the_transform() -> None:
+def test_a_pose_message_contains_the_transform() -> None:
     T = se3.exp(np.array([1.0, 2.0, 3.0, 0.3, -0.2, 0.1]))
     message = pose_stamped(T, HEAD)
     assert pose_from_message(message, "/pose") == pytest.approx(T, abs=1e-12)

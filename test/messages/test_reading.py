@@ -21,9 +21,9 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 
 def test_a_message_of_another_type_is_refused() -> None:
     info: Any = camera_info(CAMERA, HEAD)
-    with pytest.raises(InputError, match="is of type CameraInfo; give a topic of Image or Com"):
+    with pytest.raises(InputError, match="has the type CameraInfo; give a topic of Image or Com"):
         color_from_message(info, "/color")
-    with pytest.raises(InputError, match="is of type Image; give a topic of CameraInfo"):
+    with pytest.raises(InputError, match="has the type Image; give a topic of CameraInfo"):
         intrinsics_from_message(raw(RGB, "rgb8"), "/info")  # type: ignore[arg-type]
 
 

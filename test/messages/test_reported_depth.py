@@ -65,7 +65,7 @@ REPORTS: dict[str, Report] = {
         pinhole(64, 48, 61),
         pinhole(64, 48, 38),
         topic=ALIGNED,
-        noted="registered to colour by its name",
+        noted="registered to colour according to its name",
     ),
     # K of zeros, and a good P
     "depthai-ros#598": Report(pinhole(128, 72, 100), pinhole(128, 72, 100), info=NO_K),
@@ -74,18 +74,21 @@ REPORTS: dict[str, Report] = {
         pinhole(128, 72, 80),
         info=NO_K,
         is_by_info=True,
-        noted="its camera another one by",
+        noted="its camera is another one according to",
     ),
     # nothing in the info of depth
     "rtabmap_ros#147": Report(
         pinhole(64, 48, 57),
         pinhole(64, 48, 57),
         info=UNCALIBRATED,
-        noted="is not calibrated; /camera/depth/image_raw is taken as registered",
+        noted="is not calibrated; /camera/depth/image_raw is assumed registered",
     ),
     # a square preview of colour, cut out of what depth sees whole
     "depthai-ros#643": Report(
-        pinhole(50, 50, 40), pinhole(128, 72, 60), is_by_info=True, noted="its camera another one"
+        pinhole(50, 50, 40),
+        pinhole(128, 72, 60),
+        is_by_info=True,
+        noted="its camera is another one",
     ),
     # the same, squeezed
     "rtabmap_ros#1245": Report(
@@ -97,13 +100,16 @@ REPORTS: dict[str, Report] = {
     "depthai-ros#426": Report(pinhole(128, 80, 80), pinhole(128, 80, 80), depth_size=(85, 53)),
     # sensors of a simulator, not registered, in one frame
     "rtabmap#880": Report(
-        pinhole(64, 48, 55), pinhole(128, 72, 65), is_by_info=True, noted="its camera another one"
+        pinhole(64, 48, 55),
+        pinhole(128, 72, 65),
+        is_by_info=True,
+        noted="its camera is another one",
     ),
     "rtabmap_ros#183": Report(
-        pinhole(64, 48, 61), pinhole(48, 36, 38), is_by_info=True, noted="its camera another one"
+        pinhole(64, 48, 61), pinhole(48, 36, 38), is_by_info=True, noted="its camera is another one"
     ),
     "OrbbecSDK_ROS2#3": Report(
-        pinhole(192, 108, 139), pinhole(128, 80, 90), is_by_info=True, noted="its camera another"
+        pinhole(192, 108, 139), pinhole(128, 80, 90), is_by_info=True, noted="its camera is another"
     ),
     # what P holds beyond a camera matrix
     "ros_astra_camera#147": Report(
@@ -124,7 +130,7 @@ def frame_of(report: Report) -> tuple[CameraInfo, CameraInfo, FrameTopics]:
 
 
 @pytest.mark.parametrize("name", REPORTS)
-def test_depth_in_the_frame_of_colour_is_read_whatever_its_info_is_like(name: str) -> None:
+def test_depth_in_the_frame_of_colour_is_read_whatever_its_info_contains(name: str) -> None:
     report = REPORTS[name]
     info, depth_info, topics = frame_of(report)
     width, height = report.color_size or (report.color.width, report.color.height)
@@ -144,7 +150,7 @@ def test_depth_in_the_frame_of_colour_is_read_whatever_its_info_is_like(name: st
 
 
 @pytest.mark.parametrize("T_color_depth", [None, np.eye(4)])
-def test_depth_in_a_frame_that_nothing_places_is_refused_with_the_word_that_takes_it(
+def test_depth_in_a_frame_with_unknown_pose_is_refused_with_the_parameter_that_accepts_it(
     T_color_depth: Float64 | None,
 ) -> None:
     """As depthai-ros#628 has it of a simulator: registered depth in a frame that is on no tree."""
@@ -153,7 +159,7 @@ def test_depth_in_a_frame_that_nothing_places_is_refused_with_the_word_that_take
     color = color_image(np.zeros((48, 64), np.uint8), header(1, ONE))
     depth = depth_image(np.full((48, 64), WALL_M, np.float32), header(1, OTHER))
     if T_color_depth is None:
-        with pytest.raises(InputError, match="if it is registered all the same, set depth_is"):
+        with pytest.raises(InputError, match="if it is registered nevertheless, set depth_is"):
             find_depth_camera(color, depth, info, depth_info, lambda *_: None, topics)
     else:
         found = find_depth_camera(color, depth, info, depth_info, lambda *_: T_color_depth, topics)

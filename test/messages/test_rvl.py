@@ -70,18 +70,18 @@ def test_bytes_written_by_compressed_depth_image_transport_are_read() -> None:
         elements=st.sampled_from([0, 0, 0, 1, 7, 900, 901, 65535]) | st.integers(0, 65535),
     )
 )
-def test_what_an_encoder_of_the_papers_words_writes_is_read_back(image: Image) -> None:
+def test_output_of_an_encoder_written_from_the_paper_is_read_back(image: Image) -> None:
     assert np.array_equal(decode_rvl(encode(image), "/depth"), image)
 
 
-def test_a_picture_of_a_camera_is_read_back() -> None:
+def test_a_camera_image_is_read_back() -> None:
     v, u = np.mgrid[:48, :64]
     image = np.where((u - 30) ** 2 + (v - 20) ** 2 < 200, 0, 900 + 3 * u + v).astype(np.uint16)
     assert np.array_equal(decode_rvl(encode(image), "/depth"), image)
 
 
 @given(st.data())
-def test_bytes_that_were_changed_or_cut_off_are_refused_or_give_an_image_of_that_size(
+def test_changed_or_truncated_bytes_are_refused_or_give_an_image_of_that_size(
     data: st.DataObject,
 ) -> None:
     image = np.arange(60, dtype=np.uint16).reshape(6, 10)
@@ -97,7 +97,7 @@ def test_bytes_that_were_changed_or_cut_off_are_refused_or_give_an_image_of_that
 @pytest.mark.parametrize(
     ("data", "cause"),
     [
-        (b"", "cut off: 0 bytes"),
+        (b"", "truncated: 0 bytes"),
         (struct.pack("<II", 60_000, 60_000), "an image of 60000x60000 pixels"),
         (struct.pack("<II", 0, 48), "an image of 0x48 pixels"),
         (struct.pack("<II", 6, 4), "damaged RVL of 8 bytes for 6x4 pixels"),
@@ -110,6 +110,6 @@ def test_bytes_that_were_changed_or_cut_off_are_refused_or_give_an_image_of_that
         (struct.pack("<II", 2, 2) + encode(np.ones((4, 6), np.uint16))[8:], "damaged RVL"),
     ],
 )
-def test_what_is_no_image_is_refused(data: bytes, cause: str) -> None:
+def test_invalid_data_are_refused(data: bytes, cause: str) -> None:
     with pytest.raises(InputError, match=f"^/depth: .*{cause}"):
         decode_rvl(data, "/depth")

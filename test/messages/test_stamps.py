@@ -33,7 +33,7 @@ START = 1_700_000_000 * NANOSECONDS
         ("header", [5, 0, 7], [5, 0, 7]),
     ],
 )
-def test_a_message_is_of_its_header_unless_that_bears_no_stamp(
+def test_a_message_has_the_stamp_of_its_header_unless_that_is_zero(
     source: str, stamps: list[int], expected: list[int]
 ) -> None:
     taken = StampSource(source)
@@ -46,11 +46,13 @@ def test_a_message_is_of_its_header_unless_that_bears_no_stamp(
     [
         (31 * MS, "31.0 ms apart at best, and pair up to 20.0 ms: synchronise"),
         (31 * MS, "raise approx_sync_max_interval"),
-        (START, "1700000000.0 s apart at best, so they are of two clocks"),
+        (START, "1700000000.0 s apart at best, so they come from two clocks"),
         (START, "set stamps to receipt"),
     ],
 )
-def test_far_apart_and_of_two_clocks_are_two_diagnoses(distance_ns: int, said: str) -> None:
+def test_far_apart_stamps_and_two_clocks_get_different_diagnoses(
+    distance_ns: int, said: str
+) -> None:
     assert said in explain_miss(distance_ns, 20 * MS)
 
 
@@ -69,7 +71,7 @@ def of_two_clocks() -> list[Recorded]:
     ]
 
 
-def test_a_bag_without_stamps_goes_by_those_of_its_recording(
+def test_a_bag_without_stamps_uses_the_times_of_recording(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bag = write_rosbag2(tmp_path / "bag", [stamped(m, 0) for m in recorded(FRAMES)])
@@ -78,15 +80,15 @@ def test_a_bag_without_stamps_goes_by_those_of_its_recording(
     assert "images have no stamp; their time of recording is used" in caplog.text
 
 
-def test_streams_of_two_clocks_pair_by_receipt_when_that_is_asked_for(tmp_path: Path) -> None:
+def test_streams_of_two_clocks_pair_by_receipt_on_request(tmp_path: Path) -> None:
     bag = write_rosbag2(tmp_path / "bag", of_two_clocks())
-    with open_recording(bag) as recording, pytest.raises(InputError, match="of two clocks"):
+    with open_recording(bag) as recording, pytest.raises(InputError, match="from two clocks"):
         list(recording)
     with open_recording(bag, inputs=InputConfig(stamps="receipt")) as recording:
         assert [frame.stamp_ns for frame in recording] == [frame.stamp_ns for frame in FRAMES]
 
 
-def test_a_recording_pairs_what_lies_apart_as_far_as_it_is_told_to(tmp_path: Path) -> None:
+def test_a_recording_pairs_images_up_to_the_given_interval(tmp_path: Path) -> None:
     late = [
         stamped(m, m.stamp_ns + 30 * MS) if m.topic == DEPTH else m for m in recorded(FRAMES[:1])
     ]
@@ -98,7 +100,7 @@ def test_a_recording_pairs_what_lies_apart_as_far_as_it_is_told_to(tmp_path: Pat
     assert frame.depth_delay_ns == 30 * MS
 
 
-def test_frames_of_ros_1_lose_their_slash(tmp_path: Path) -> None:
+def test_frames_of_ros_1_lose_their_leading_slash(tmp_path: Path) -> None:
     slashed = [replace(frame, frame_id="/openni_rgb_optical_frame") for frame in FRAMES]
     with open_recording(write_rosbag2(tmp_path / "bag", recorded(slashed))) as recording:
         assert {frame.frame_id for frame in recording} == {"openni_rgb_optical_frame"}

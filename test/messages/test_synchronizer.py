@@ -35,7 +35,7 @@ def triples(stamps: list[int], depth_offset: int = 0) -> list[Event]:
     ]
 
 
-def test_equal_stamps_match_as_soon_as_all_three_are_there() -> None:
+def test_equal_stamps_match_as_soon_as_all_three_have_arrived() -> None:
     sync: Synchronizer[str] = Synchronizer(0, 10)
     assert sync.add(Channel.COLOR, 7, "color") == []
     assert sync.add(Channel.INFO, 7, "info") == []
@@ -66,7 +66,7 @@ def test_each_image_goes_to_its_nearest_partner_not_to_the_first_within_reach() 
     assert sync.counts[Channel.COLOR].unmatched == 1
 
 
-def test_images_further_apart_than_allowed_are_dropped_counted_and_the_distance_told() -> None:
+def test_images_too_far_apart_are_dropped_and_counted_and_their_interval_is_reported() -> None:
     matches, sync = synchronized(triples([0, PERIOD, 2 * PERIOD], depth_offset=15 * MS), 10 * MS)
     assert matches == []
     assert sync.closest_miss_ns == 15 * MS
@@ -150,7 +150,7 @@ def test_every_image_is_in_a_match_a_duplicate_or_left_out() -> None:
         assert counts.received == len(matches) + counts.duplicates + counts.left_out
 
 
-def test_a_reordered_image_still_finds_its_partner_until_time_has_passed_it() -> None:
+def test_a_reordered_image_still_finds_its_partner_until_a_later_one_is_used() -> None:
     events = [
         *triples([0]),
         (Channel.COLOR, 2 * PERIOD),
@@ -166,7 +166,7 @@ def test_a_reordered_image_still_finds_its_partner_until_time_has_passed_it() ->
     assert sync.counts[Channel.COLOR].late == 1
 
 
-def test_a_looping_bag_matches_in_every_round_and_says_so_once_a_round() -> None:
+def test_a_looping_bag_matches_in_every_round_and_reports_one_restart_per_round() -> None:
     once = triples([i * PERIOD for i in range(90)])
     matches, sync = synchronized(once * 3)
     assert len(matches) == 270
@@ -175,7 +175,7 @@ def test_a_looping_bag_matches_in_every_round_and_says_so_once_a_round() -> None
 
 
 @pytest.mark.parametrize("glitch", [Channel.COLOR, Channel.DEPTH, Channel.INFO])
-def test_one_stamp_from_the_far_future_costs_a_few_frames_and_no_more(glitch: Channel) -> None:
+def test_one_stamp_from_the_far_future_costs_only_a_few_frames(glitch: Channel) -> None:
     """Were epochs counted per channel, a single wild stamp would stop everything for good."""
     stamps = [i * PERIOD for i in range(30)]
     before, after = triples(stamps[:10]), triples(stamps[10:])
@@ -203,7 +203,7 @@ def test_a_camera_info_sent_only_once_serves_all_images() -> None:
     assert {m.info for m in matches} == {0}
 
 
-def test_a_rare_camera_info_is_waited_for_once_and_then_no_more() -> None:
+def test_pairs_wait_only_once_for_a_rare_camera_info() -> None:
     sync: Synchronizer[int] = Synchronizer(0, 5)
     sync.add(Channel.INFO, -1, -1)
     arrivals = []
@@ -213,7 +213,7 @@ def test_a_rare_camera_info_is_waited_for_once_and_then_no_more() -> None:
     assert arrivals == [0] * 5 + [6] + [1] * 14
 
 
-def test_an_image_gets_the_camera_info_of_its_own_stamp_although_it_comes_last() -> None:
+def test_an_image_gets_the_camera_info_with_its_stamp_even_if_that_arrives_last() -> None:
     stamps = [i * PERIOD for i in range(5)]
     events = sorted(triples(stamps), key=lambda e: (e[0] is Channel.INFO, e[1]))
     matches, _ = synchronized(events, queue_size=10)
@@ -273,7 +273,7 @@ def test_wrong_stamps_of_one_frame_cost_no_other_frame_however_the_channels_inte
 
 @pytest.mark.parametrize("jump_ns", [-(10**18), -20 * PERIOD, 10**18])
 @given(data=st.data())
-def test_a_jump_of_time_costs_no_frame_however_the_channels_interleave(
+def test_a_jump_in_time_costs_no_frame_however_the_channels_interleave(
     jump_ns: int, data: st.DataObject
 ) -> None:
     before = [2 * 10**18 + i * PERIOD for i in range(4)]
@@ -285,7 +285,7 @@ def test_a_jump_of_time_costs_no_frame_however_the_channels_interleave(
 
 @given(st.sets(st.integers(12, 60), max_size=3), st.integers(0, 2**32 - 1))
 @example({46, 47, 48}, 2746)
-def test_messages_that_never_came_are_counted_by_the_gaps_in_the_stamps(
+def test_messages_that_never_arrived_are_counted_from_gaps_in_the_stamps(
     lost: set[int], seed: int
 ) -> None:
     jitter = random.Random(seed)
@@ -294,7 +294,7 @@ def test_messages_that_never_came_are_counted_by_the_gaps_in_the_stamps(
     assert sync.counts[Channel.COLOR].missing == len(lost)
 
 
-def test_a_message_out_of_order_is_not_missing_and_a_pause_of_the_camera_is_no_loss() -> None:
+def test_a_message_out_of_order_is_not_missing_and_a_pause_of_the_camera_is_not_a_loss() -> None:
     stamps = [i * PERIOD for i in range(20)]
     stamps[12], stamps[13] = stamps[13], stamps[12]
     later = [stamps[-1] + 10_000 * MS + i * PERIOD for i in range(5)]
@@ -328,7 +328,7 @@ def test_depth_that_comes_late_with_the_right_stamps_needs_a_longer_queue(
         assert len(synchronized(events, queue_size=needed)[0]) == 60 - frames_late
 
 
-def test_a_bag_that_begins_anew_needs_no_longer_queue() -> None:
+def test_a_restarting_bag_needs_no_longer_queue() -> None:
     once = [(c, i * PERIOD) for i in range(300) for c in Channel]
     matches, sync = synchronized([*once, *once, *once], queue_size=10)
     assert len(matches) == 900

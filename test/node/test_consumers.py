@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
 
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, PoseGraph, read_graph
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, SAVE_GRAPH_SERVICE
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.types import EdgeOrigin, Float64
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, read_graph
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
@@ -91,7 +91,7 @@ def matrix(covariance: Any) -> Float64:
 
 
 @pytest.mark.slow
-def test_robot_localization_finds_frames_numbers_and_a_rotation(drive: Drive) -> None:
+def test_robot_localization_gets_frames_finite_numbers_and_a_unit_quaternion(drive: Drive) -> None:
     for odom in drive.odoms:
         assert (odom.header.frame_id, odom.child_frame_id) == ("odom", "base_link")
         q = odom.pose.pose.orientation
@@ -106,7 +106,7 @@ def test_robot_localization_finds_frames_numbers_and_a_rotation(drive: Drive) ->
             assert np.linalg.eigvalsh(found).min() > 0
 
 
-def test_rtabmap_gets_a_covariance_for_its_links_that_it_believes(drive: Drive) -> None:
+def test_rtabmap_gets_a_covariance_that_it_accepts_for_its_links(drive: Drive) -> None:
     """It takes the largest twist covariance since its last node, here of every ten frames."""
     for start in range(0, len(drive.odoms), 10):
         since_node = drive.odoms[start : start + 10]
@@ -139,7 +139,7 @@ def test_slam_toolbox_finds_a_transform_at_the_stamp_of_every_image(drive: Drive
         )
 
 
-def test_edges_name_their_keyframes_and_agree_with_the_poses_of_these(drive: Drive) -> None:
+def test_edges_name_their_keyframes_and_agree_with_the_keyframe_poses(drive: Drive) -> None:
     poses = [pose_from_message(message, "keyframe/pose") for message in drive.keyframes]
     stamps = [stamp_ns(message.header.stamp) for message in drive.keyframes]
     assert len(poses) >= 3
@@ -158,7 +158,7 @@ def test_edges_name_their_keyframes_and_agree_with_the_poses_of_these(drive: Dri
     assert set(children) == set(range(1, len(poses)))
 
 
-def test_the_graph_is_saved_for_both_solvers_as_it_was_published(drive: Drive) -> None:
+def test_the_saved_graphs_for_both_solvers_match_the_published_one(drive: Drive) -> None:
     assert drive.answer.success
     assert "keyframes_gtsam.g2o (GTSAM)" in drive.answer.message
     for graph in drive.graphs.values():

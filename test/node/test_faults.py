@@ -109,7 +109,7 @@ def read_as_the_node_does(sent: Triple) -> RgbdFrame:
 
 
 @pytest.mark.parametrize("name", [*RAW, *COMPRESSED])
-def test_a_malformed_frame_is_refused_with_one_line_of_readable_length(name: str) -> None:
+def test_a_malformed_frame_is_refused_with_one_short_line(name: str) -> None:
     frame = recorded_frames()[0]
     sent = frame_messages(frame, is_compressed=name in COMPRESSED and name not in INFOS)
     {**RAW, **COMPRESSED}[name](sent, np.random.default_rng(0))
@@ -179,7 +179,7 @@ CAMERA_INFOS = st.builds(
     depth_info=st.none() | CAMERA_INFOS,
 )
 @settings(max_examples=500)
-def test_whatever_the_fields_hold_they_make_a_frame_or_are_refused(
+def test_messages_with_any_field_values_make_a_frame_or_are_refused(
     color: AnyImage, depth: AnyImage, info: CameraInfo, depth_info: CameraInfo | None
 ) -> None:
     topics = FrameTopics("/color", "/depth", "/info")
@@ -205,7 +205,7 @@ def test_whatever_the_fields_hold_they_make_a_frame_or_are_refused(
         pytest.param(COMPRESSED, 200, id="compressed-long"),
     ],
 )
-def test_malformed_frames_change_neither_the_poses_of_the_good_ones_nor_the_memory(
+def test_malformed_frames_change_neither_the_poses_of_good_frames_nor_memory_use(
     ros_domain: int, breakers: Mapping[str, Breaker], rounds: int
 ) -> None:
     is_compressed = breakers is COMPRESSED

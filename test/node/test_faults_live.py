@@ -69,7 +69,7 @@ def process(program: str, *arguments: object) -> Iterator[subprocess.Popen[str]]
 
 
 @pytest.mark.slow
-def test_a_driver_that_is_killed_and_comes_back_with_another_reliability_is_heard_again(
+def test_a_killed_driver_that_restarts_with_another_reliability_is_received_again(
     ros_domain: int,
 ) -> None:
     with node_in(ros_domain), Rig(ros_domain) as listener:
@@ -82,7 +82,7 @@ def test_a_driver_that_is_killed_and_comes_back_with_another_reliability_is_hear
 
 
 @pytest.mark.slow
-def test_two_publishers_of_the_same_images_are_told_and_each_stamp_gets_one_pose(
+def test_two_publishers_of_the_same_images_are_reported_and_each_stamp_gets_one_pose(
     ros_domain: int,
 ) -> None:
     with node_in(ros_domain) as node, Rig(ros_domain) as rig:
@@ -99,7 +99,7 @@ def test_two_publishers_of_the_same_images_are_told_and_each_stamp_gets_one_pose
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gap_s", [10, 3600])
-def test_after_a_gap_of_time_in_motion_the_pose_goes_on_where_the_camera_is(
+def test_after_a_gap_in_time_during_motion_the_pose_continues_at_the_true_place(
     ros_domain: int, gap_s: int
 ) -> None:
     frames = [
@@ -121,7 +121,7 @@ def test_after_a_gap_of_time_in_motion_the_pose_goes_on_where_the_camera_is(
 
 
 @pytest.mark.slow
-def test_a_camera_that_is_unplugged_for_ten_seconds_is_missed_and_taken_up_again(
+def test_a_camera_unplugged_for_ten_seconds_is_reported_and_then_tracked_again(
     ros_domain: int,
 ) -> None:
     with node_in(ros_domain) as node:
@@ -258,7 +258,7 @@ def is_answered_in_time(player: Player, recording: PlayedBag) -> bool:
 
 
 @pytest.mark.slow
-def test_120_frames_a_second_are_thinned_to_the_newest_without_a_growing_latency(
+def test_at_120_frames_per_second_only_the_newest_are_processed_and_latency_does_not_grow(
     ros_domain: int,
 ) -> None:
     recording = there_and_back(PlayedBag.load(bundled_bag()), 4)
@@ -272,7 +272,7 @@ def test_120_frames_a_second_are_thinned_to_the_newest_without_a_growing_latency
 
 
 @pytest.mark.slow
-def test_on_half_a_core_frames_are_left_out_and_the_latency_stays_bounded(ros_domain: int) -> None:
+def test_on_half_a_core_frames_are_dropped_and_the_latency_stays_bounded(ros_domain: int) -> None:
     recording = there_and_back(PlayedBag.load(bundled_bag()), 1)
     core = {min(os.sched_getaffinity(0))}
     with (
@@ -286,7 +286,7 @@ def test_on_half_a_core_frames_are_left_out_and_the_latency_stays_bounded(ros_do
 
 
 @pytest.mark.slow
-def test_a_subscriber_that_never_reads_holds_up_nothing(ros_domain: int) -> None:
+def test_a_subscriber_that_never_reads_blocks_nothing(ros_domain: int) -> None:
     recording = there_and_back(PlayedBag.load(bundled_bag()), 2)
     with (
         playing(ros_domain, recording) as (node, player),
@@ -307,7 +307,7 @@ def test_a_subscriber_that_never_reads_holds_up_nothing(ros_domain: int) -> None
 
 
 @pytest.mark.slow
-def test_a_bag_in_a_loop_takes_no_more_memory_and_time_as_it_goes_on(ros_domain: int) -> None:
+def test_a_looping_bag_needs_no_more_memory_or_time_as_it_continues(ros_domain: int) -> None:
     recording = small_bag()
     last_ns = recording.messages[-1].stamp_ns
     memory, latency, effort = [], [], []

@@ -27,7 +27,7 @@ from rigs.ros import PATIENCE_S, Rig, corner_frame
 
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [END_SIGNALS, END_SIGNALS[::-1]], ids=str)
-def test_signals_that_keep_coming_end_the_node_with_exit_code_0(
+def test_repeated_signals_end_the_node_with_exit_code_0(
     ros_domain: int, order: tuple[signal.Signals, ...]
 ) -> None:
     with running_node(ros_domain) as node:
@@ -42,7 +42,7 @@ def test_signals_that_keep_coming_end_the_node_with_exit_code_0(
 
 
 @pytest.mark.slow
-def test_a_node_that_could_process_no_frame_ends_with_exit_code_1(ros_domain: int) -> None:
+def test_a_node_that_cannot_process_any_frame_ends_with_exit_code_1(ros_domain: int) -> None:
     environment = {
         **ros_environment(ros_domain),
         "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
@@ -52,7 +52,7 @@ def test_a_node_that_could_process_no_frame_ends_with_exit_code_1(ros_domain: in
         assert node.wait_for_end(PATIENCE_S) == 1
 
 
-def test_a_node_that_is_told_to_end_while_pytorch_computes_ends_with_exit_code_0(
+def test_a_signal_while_pytorch_computes_ends_the_node_with_exit_code_0(
     ros_domain: int,
 ) -> None:
     pytest.importorskip("torch")
@@ -75,7 +75,7 @@ def leave_empty(files: list[Path], folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_a_damaged_cache_of_compiled_code_costs_no_pose(
+def test_with_a_damaged_cache_of_compiled_code_no_pose_is_lost(
     ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     warm_up(load_preset("live"))  # what the private folder lacks comes from beside the sources
@@ -101,7 +101,7 @@ def test_a_damaged_cache_of_compiled_code_costs_no_pose(
         ("ROS_DOMAIN_ID", "abc", "ROS_DOMAIN_ID: is 'abc'; set it to a whole number from 0 to 232"),
     ],
 )
-def test_a_variable_that_keeps_ros_from_starting_is_named_with_what_to_set(
+def test_an_environment_variable_that_keeps_ros_from_starting_is_named_with_the_remedy(
     ros_domain: int, variable: str, value: str, where: str
 ) -> None:
     with shown(NodeProcess({}, {**ros_environment(ros_domain), variable: value})) as node:
@@ -110,7 +110,7 @@ def test_a_variable_that_keeps_ros_from_starting_is_named_with_what_to_set(
         assert not [line for line in node.lines if "Traceback" in line]
 
 
-def test_without_a_home_the_node_runs_and_says_that_its_log_is_in_no_file(
+def test_without_a_home_the_node_runs_and_says_that_there_is_no_log_file(
     ros_domain: int,
 ) -> None:
     nowhere = dict.fromkeys(("HOME", "ROS_LOG_DIR", "ROS_HOME"), "")
@@ -118,13 +118,13 @@ def test_without_a_home_the_node_runs_and_says_that_its_log_is_in_no_file(
     with shown(NodeProcess({}, environment)) as node:
         node.wait_for_line("Warming up", PATIENCE_S)
         first, *_ = node.lines
-        assert "The log is kept in no file" in first
+        assert "The log is not written to a file" in first
         assert "set ROS_LOG_DIR" in first
         # neither ROS nor anything else has more to say
         assert all(line.startswith("[") for line in node.lines)
 
 
-def test_a_parameter_of_ros_itself_that_is_none_is_named(ros_domain: int) -> None:
+def test_an_invalid_parameter_of_ros_itself_is_named(ros_domain: int) -> None:
     with running_node(ros_domain, use_sim_time="maybe") as node:
         node.wait_for_line("ROS arguments: Trying to set parameter 'use_sim_time'", PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 2

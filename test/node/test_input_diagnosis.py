@@ -32,7 +32,7 @@ def told(rig: Rig) -> str:
 
 
 @pytest.mark.slow
-def test_depth_that_is_of_no_use_is_told_once_for_each_cause_and_is_on_the_diagnostics(
+def test_unusable_depth_is_logged_once_for_each_cause_and_reported_in_diagnostics(
     ros_domain: int,
 ) -> None:
     with node_in(ros_domain) as node, Rig(ros_domain) as rig:
@@ -57,7 +57,7 @@ def test_depth_that_is_of_no_use_is_told_once_for_each_cause_and_is_on_the_diagn
 
 
 @pytest.mark.slow
-def test_images_without_a_stamp_are_taken_by_their_receipt_and_that_is_told_once(
+def test_images_without_a_stamp_use_the_time_of_receipt_which_is_logged_once(
     ros_domain: int,
 ) -> None:
     with node_in(ros_domain) as node, Rig(ros_domain) as rig:
@@ -70,12 +70,12 @@ def test_images_without_a_stamp_are_taken_by_their_receipt_and_that_is_told_once
 
         rig.wait(has_poses, "poses")
         for channel in ("color", "depth", "camera_info"):
-            lines = [line for line in node.lines if f"{channel}: bears no stamp" in line]
+            lines = [line for line in node.lines if f"{channel}: has no stamp" in line]
             assert len(lines) == 1
 
 
 @pytest.mark.slow
-def test_a_silence_is_told_once_for_each_cause_however_much_arrives(ros_domain: int) -> None:
+def test_silence_is_logged_once_for_each_cause_however_much_arrives(ros_domain: int) -> None:
     """First images without depth, in numbers that differ, then depth without images."""
     with node_in(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()

@@ -40,7 +40,7 @@ def test_every_parameter_of_the_node_is_an_argument_of_the_launch_file() -> None
 
 
 @pytest.mark.parametrize("camera", ["", *camera_names()])
-def test_the_odometry_alone_is_started_beside_a_camera(camera: str) -> None:
+def test_only_the_odometry_is_started_for_a_camera_by_default(camera: str) -> None:
     (node,) = started(camera=camera, frame_id="base_link", compressed="true")
     assert node.node_package == "rgbd_glue_ros"
     assert node.node_executable == "odometry"
@@ -62,6 +62,6 @@ def test_mapping_is_started_beside_the_odometry_with_the_same_topics_and_paramet
         assert [set(part) for part in node["parameters"]] == [set(compressed), set(parameters)]
 
 
-def test_a_bag_and_rviz_are_started_where_asked_for() -> None:
+def test_a_bag_and_rviz_are_started_on_request() -> None:
     assert len(started(bag="drive")) == 2
     assert len(started(bag="drive", rviz="true")) == 3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +62,7 @@ def running() -> Iterator[Running]:
         ("graph_file", "other.g2o"),
     ],
 )
-def test_what_the_mapping_node_reads_once_is_refused_with_the_reason(
+def test_changes_of_fixed_parameters_of_the_mapping_node_are_refused_with_the_reason(
     running: Running, name: str, value: object
 ) -> None:
     reason = running.rig.set_parameter(NODE_NAME, name, value)
@@ -71,7 +71,7 @@ def test_what_the_mapping_node_reads_once_is_refused_with_the_reason(
     )
 
 
-def test_only_the_file_of_the_map_is_described_as_one_that_can_change(running: Running) -> None:
+def test_only_the_map_file_parameter_is_described_as_changeable(running: Running) -> None:
     names = [p.name for part in (NodeConfig(), Config()) for p in parameters(part)]
     client = AsyncParameterClient(running.rig.node, NODE_NAME)
     running.rig.wait(client.services_are_ready, "the parameter services")
@@ -85,14 +85,12 @@ def test_only_the_file_of_the_map_is_described_as_one_that_can_change(running: R
 
 
 @pytest.mark.parametrize("file", ["", "/", "~nobodyhere/room.rgbdmap", "/dev/null/room.rgbdmap"])
-def test_a_map_that_cannot_be_saved_there_is_answered_in_one_line(
-    running: Running, file: str
-) -> None:
+def test_a_map_that_cannot_be_saved_is_reported_in_one_line(running: Running, file: str) -> None:
     assert not running.rig.set_parameter(NODE_NAME, "save_map_file", file)
     answer = running.rig.trigger(f"/{NODE_NAME}/save_map")
     assert not answer.success
     assert answer.message.startswith("save_map_file: ")
-    running.node.wait_for_line(f"Told to save the map: {answer.message}", PATIENCE_S)
+    running.node.wait_for_line(f"Saving the map: {answer.message}", PATIENCE_S)
 
 
 def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path) -> None:
@@ -117,7 +115,7 @@ def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path)
         ({"stamps": "receipt"}, "stamps: receipt gives an image another stamp in each process, so"),
     ],
 )
-def test_what_makes_no_sense_ends_the_mapping_node_with_exit_code_2_and_a_line(
+def test_invalid_arguments_end_the_mapping_node_with_exit_code_2_and_one_line(
     ros_domain: int, given: dict[str, object], said: str
 ) -> None:
     environment = ros_environment(ros_domain)
@@ -134,13 +132,13 @@ def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: in
     }
     with shown(NodeProcess({}, environment, module="rigs.mapping_without_tf")) as node:
         line = node.wait_for_line("Subscribed", START_S)
-        assert "TF: none" in node.lines[0]
-        assert line.endswith("; publishing /map/path alone, since map -> odom needs tf2_msgs")
+        assert "TF: not available" in node.lines[0]
+        assert line.endswith("; publishing /map/path only, since map -> odom needs tf2_msgs")
         assert node.stop() == 0
 
 
 @pytest.mark.slow
-def test_keyframes_of_images_without_a_stamp_are_left_out_and_why_is_told_once(
+def test_keyframes_of_images_without_a_stamp_are_skipped_and_the_reason_is_logged_once(
     ros_domain: int,
 ) -> None:
     with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
@@ -169,7 +167,7 @@ def test_keyframes_of_images_without_a_stamp_are_left_out_and_why_is_told_once(
                 return any(line in said for said in node.lines)
 
             numbers: list[int] = []
-            why = "no image has its stamp, so it is left out; images bear no stamp"
+            why = "no image has its stamp, so it is skipped; images have no stamp"
             rig.wait(lambda: publish_until(why), "the reason")
             rig.wait(lambda: publish_until("") and len(numbers) > 20, "more keyframes")
         assert len([said for said in node.lines if why in said]) == 1
@@ -178,7 +176,7 @@ def test_keyframes_of_images_without_a_stamp_are_left_out_and_why_is_told_once(
 
 
 @pytest.mark.slow
-def test_what_does_not_come_is_named_topic_by_topic_until_it_does(ros_domain: int) -> None:
+def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: int) -> None:
     with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
         nobody = node.wait_for_line("No frame for 5 s", START_S)
         for topic in ("/rgb/image (color)", "/depth/image (depth)", "/rgb/camera_info"):
@@ -190,20 +188,68 @@ def test_what_does_not_come_is_named_topic_by_topic_until_it_does(ros_domain: in
             poses = rig.publisher(PoseStamped, POSE)
             rig.publisher(PoseStamped, KEYFRAME_POSE)
             rig.publisher(OdometryMessage, KEYFRAME_EDGES)
-            by = "came from /rig (geometry_msgs/msg/PoseStamped, reliable)"
+            by = "arrived from /rig (geometry_msgs/msg/PoseStamped, reliable)"
 
             def logs(line: str) -> bool:
                 return any(line in said for said in node.lines)
 
-            rig.wait(lambda: logs(f"no message of /pose {by}: the odometry has no pose"), "a look")
-            rig.wait(lambda: logs("/rgb/image (color) by /rig"), "a look at images")
+            rig.wait(lambda: logs(f"no message on /pose {by}: the odometry has no pose"), "a look")
+            rig.wait(lambda: logs("/rgb/image (color) from /rig"), "a look at images")
 
             def publish_until(line: str) -> bool:
                 rig.publish(corner_frame(rig.node.get_clock().now().nanoseconds))
                 poses.publish(PoseStamped())
                 return logs(line)
 
-            at_rest = f"no message of /keyframe/pose {by}: they come as the camera moves"
+            at_rest = f"no message on /keyframe/pose {by}: they are created as the camera moves"
             rig.wait(lambda: publish_until(at_rest), "a look at keyframes")
-        for line in (missing, "no message of /pose", at_rest):
+        for line in (missing, "no message on /pose", at_rest):
             assert len([said for said in node.lines if line in said]) == 1
+
+
+@pytest.mark.slow
+def test_images_of_two_clocks_are_told_with_what_the_mapping_node_can_do(ros_domain: int) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        node.wait_for_line("Subscribed", START_S)
+        with Rig(ros_domain) as rig:
+            publishers = (rig.color, rig.depth, rig.info)
+            rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+
+            def publish_until(line: str) -> bool:
+                now = rig.node.get_clock().now().nanoseconds
+                rig.publish(replace(corner_frame(now), depth_delay_ns=3600 * 10**9))
+                rig.spin_for(0.05)
+                return any(line in said for said in node.lines)
+
+            rig.wait(lambda: publish_until("they are of two clocks"), "the diagnosis")
+        (line,) = [said for said in node.lines if "they are of two clocks" in said]
+        assert "have the driver stamp both by one, or record them and map the recording" in line
+        assert "(rgbd-glue map RECORDING --set stamps=receipt)" in line
+        # which it refuses
+        assert "stamps:=receipt" not in line
+
+
+@pytest.mark.slow
+def test_keyframes_whose_edges_are_lost_are_told_in_a_line(ros_domain: int) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        node.wait_for_line("Subscribed", START_S)
+        with Rig(ros_domain) as rig:
+            poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
+            rig.wait(lambda: poses.get_subscription_count() > 1, "the subscription")
+            lost = "keyframe/edges: the edge of the keyframe at 1.000000000 s did not come"
+
+            def publish_until(line: str) -> bool:
+                pose = PoseStamped()
+                numbers.append(len(numbers) + 1)
+                pose.header.stamp.sec = numbers[-1]
+                pose.pose.orientation.w = 1.0
+                poses.publish(pose)
+                rig.spin_for(0.02)
+                return any(line in said for said in node.lines)
+
+            numbers: list[int] = []
+            rig.wait(lambda: publish_until(lost), "the line")
+            for _ in range(20):
+                publish_until("")
+        assert len([said for said in node.lines if "did not come" in said]) == 1
+        assert node.is_running

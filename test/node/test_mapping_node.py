@@ -137,7 +137,7 @@ class Session:
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int) -> None:
+def test_drift_is_corrected_in_the_map_and_odom_stays_unchanged(ros_domain: int) -> None:
     keyframes = drifted()
     frames = recorded_frames()
     with (
@@ -168,7 +168,7 @@ def test_drift_is_taken_out_of_the_map_and_odom_is_left_as_it_is(ros_domain: int
 
 
 @pytest.mark.slow
-def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
+def test_a_node_starts_with_a_saved_map_and_localises_odom_in_it(
     ros_domain: int, tmp_path: FilePath
 ) -> None:
     keyframes, room = drifted()[:4], tmp_path / "new" / "room.rgbdmap"
@@ -196,14 +196,14 @@ def test_a_saved_map_is_begun_with_and_its_places_tell_where_odom_is(
         for keyframe in keyframes[:2]:
             T_odom_camera = se3.inverse(T_start) @ keyframe.keyframe.T_odom_camera
             session.publish(keyframe, T_odom_camera)
-        node.wait_for_line("shows a place of the map", MAPPED_S)
+        node.wait_for_line("shows a known place", MAPPED_S)
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
 
 
 @pytest.mark.slow
-def test_when_a_bag_begins_anew_nothing_waits_for_images_of_the_time_before(
+def test_when_a_bag_restarts_nothing_waits_for_images_from_before(
     ros_domain: int, tmp_path: FilePath
 ) -> None:
     *keyframes, without_images = drifted()[:6]
@@ -226,7 +226,7 @@ def test_when_a_bag_begins_anew_nothing_waits_for_images_of_the_time_before(
 
 
 @pytest.mark.slow
-def test_a_new_map_begins_though_the_first_image_of_the_new_graph_is_missing(
+def test_a_new_map_starts_even_if_the_first_image_of_the_new_graph_is_missing(
     ros_domain: int,
 ) -> None:
     before, rows = drifted()[:3], drifted()[3:6]
@@ -243,14 +243,14 @@ def test_a_new_map_begins_though_the_first_image_of_the_new_graph_is_missing(
         session.publish(first, first.T_odom_camera, images=Images.LOST)
         for keyframe in after:
             session.publish(keyframe, keyframe.T_odom_camera)
-        node.wait_for_line("no image has its stamp, so it is left out", MAPPED_S)
+        node.wait_for_line("no image has its stamp, so it is skipped", MAPPED_S)
         session.wait_for_path_of(len(after))
     stamps = [recorded_frames()[keyframe.row].stamp_ns for keyframe in after]
     assert [stamp_ns(pose.header.stamp) for pose in session.paths[-1].poses] == stamps
 
 
 @pytest.mark.slow
-def test_images_of_keyframes_are_as_small_as_those_of_the_odometry(
+def test_images_of_keyframes_have_the_size_of_those_in_the_odometry(
     ros_domain: int, tmp_path: FilePath
 ) -> None:
     keyframes, room = drifted()[:2], tmp_path / "room.rgbdmap"
@@ -265,11 +265,11 @@ def test_images_of_keyframes_are_as_small_as_those_of_the_odometry(
             session.publish(keyframe, keyframe.keyframe.T_odom_camera)
         session.wait_for_path_of(len(keyframes))
         session.save()
-    assert [view.intrinsics.width for view in read_map(room).views] == [width, width]
+    assert [view.rest.intrinsics.width for view in read_map(room).views] == [width, width]
 
 
 @pytest.mark.slow
-def test_keyframes_whose_images_are_lost_or_useless_cost_no_other_and_no_new_beginning(
+def test_keyframes_with_lost_or_unusable_images_neither_affect_others_nor_restart_the_map(
     ros_domain: int,
 ) -> None:
     keyframes, bad = drifted()[:6], {1: Images.LOST, 3: Images.USELESS, 4: Images.LOST}
@@ -282,7 +282,7 @@ def test_keyframes_whose_images_are_lost_or_useless_cost_no_other_and_no_new_beg
             images = bad.get(number, Images.WHOLE)
             session.publish(keyframe, keyframe.T_odom_camera, images=images)
         session.wait_for_path_of(3)
-        node.wait_for_line("no image has its stamp, so it is left out", START_S)
+        node.wait_for_line("no image has its stamp, so it is skipped", START_S)
         node.wait_for_line("of nobody", START_S)
         first = session.paths[-1]
         # after a reset, with the first keyframe of the new graph lost
@@ -303,7 +303,7 @@ def test_keyframes_whose_images_are_lost_or_useless_cost_no_other_and_no_new_beg
 
 
 @pytest.mark.slow
-def test_edges_that_are_none_are_told_in_a_line_each_and_a_second_mapper_too(
+def test_each_invalid_edge_is_logged_in_one_line_and_so_is_a_second_mapper(
     ros_domain: int,
 ) -> None:
     good, frame = PoseGraphEdge(0, 1, np.eye(4), 1e-4 * np.eye(6)), recorded_frames()[0]
@@ -330,7 +330,7 @@ def test_edges_that_are_none_are_told_in_a_line_each_and_a_second_mapper_too(
         for message in hostile:
             edges.publish(message)
         node.wait_for_line("a covariance is not positive definite", START_S)
-        node.wait_for_line("/rgbd_mapping is the name of 1 more", START_S)
+        node.wait_for_line("/rgbd_mapping is also the name of 1 other", START_S)
         assert len([line for line in node.lines if "is no keyframe" in line]) == 2
         assert all(line.startswith("[") for line in node.lines)
 

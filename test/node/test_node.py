@@ -78,7 +78,7 @@ def test_without_a_robot_frame_a_level_camera_starts_upright_in_an_odom_frame_wi
     np.testing.assert_allclose(T_odom_camera @ here, [0, 0, 0, 1], atol=2e-3)
 
 
-def test_a_camera_at_rest_has_no_velocity_in_its_own_frame_and_covariances_that_are_some(
+def test_a_camera_at_rest_has_zero_velocity_in_its_frame_and_valid_covariances(
     running: Running,
 ) -> None:
     running.rig.pose_of(running.frame())
@@ -97,7 +97,7 @@ def test_a_camera_at_rest_has_no_velocity_in_its_own_frame_and_covariances_that_
         assert 0 < np.trace(matrix) < 100
 
 
-def test_diagnostics_tell_state_rate_latency_drops_and_evidence(running: Running) -> None:
+def test_diagnostics_contain_state_rate_latency_drops_and_evidence(running: Running) -> None:
     for _ in range(2):
         running.rig.pose_of(running.frame())
     running.rig.diagnostics.clear()
@@ -147,11 +147,11 @@ def test_a_truncated_image_is_logged_once_and_the_next_frame_gets_its_pose(
     color.data = color.data[:100]
     for _ in range(3):
         publish_with(running, color)
-        running.node.wait_for_line("data are cut off", PATIENCE_S)
+        running.node.wait_for_line("data are truncated", PATIENCE_S)
         before = len(running.rig.poses)
         running.rig.pose_of(running.frame())
         assert len(running.rig.poses) == before + 1
-    assert len([line for line in running.node.lines if "data are cut off" in line]) == 1
+    assert len([line for line in running.node.lines if "data are truncated" in line]) == 1
 
 
 def test_an_unknown_encoding_is_logged_with_its_topic(running: Running) -> None:
@@ -166,12 +166,12 @@ def test_an_uncalibrated_camera_is_logged_with_the_topic_of_its_info(running: Ru
     assert "/rgb/camera_info" in running.node.wait_for_line("K is all zeros", PATIENCE_S)
 
 
-def test_bytes_that_are_no_message_are_survived(running: Running) -> None:
+def test_the_node_survives_bytes_that_are_not_a_message(running: Running) -> None:
     running.rig.color.publish(b"\x00\x01\x00\x00these bytes are no image")
     running.rig.pose_of(running.frame())
 
 
-def test_a_backward_jump_of_time_starts_anew_and_is_logged(running: Running) -> None:
+def test_a_backward_jump_in_time_restarts_and_is_logged(running: Running) -> None:
     running.rig.pose_of(running.frame())
     earlier = itertools.count(1_600_000_000 * NANOSECONDS, PERIOD_NS)
     running.rig.publish(corner_frame(next(earlier)))  # believed when the next confirms it
@@ -213,7 +213,7 @@ def set_parameter(rig: Rig, name: str, value: object) -> str:
         ("initial_pose", "1 2", "not six or seven finite numbers"),
     ],
 )
-def test_what_cannot_change_while_the_node_runs_is_refused_with_the_reason(
+def test_changes_of_fixed_parameters_are_refused_with_the_reason(
     running: Running, name: str, value: object, reason: str
 ) -> None:
     assert reason in set_parameter(running.rig, name, value)
@@ -221,7 +221,7 @@ def test_what_cannot_change_while_the_node_runs_is_refused_with_the_reason(
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_domain: int) -> None:
+def test_changes_of_live_parameters_apply_from_the_next_frame_on(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(2):
@@ -243,7 +243,7 @@ def test_what_can_change_while_the_node_runs_does_from_the_next_frame_on(ros_dom
 
 
 @pytest.mark.slow
-def test_a_missing_pose_is_explained_by_the_limits_that_hold_now(ros_domain: int) -> None:
+def test_a_missing_pose_is_explained_with_the_current_limits(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0))
@@ -261,7 +261,9 @@ def test_a_missing_pose_is_explained_by_the_limits_that_hold_now(ros_domain: int
 
 
 @pytest.mark.slow
-def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_domain: int) -> None:
+def test_given_values_override_the_preset_and_an_int_is_accepted_for_a_double(
+    ros_domain: int,
+) -> None:
     given = {"preset": "paper", "glue.k": 3, "odom_frame_id": "map"}
     with running_node(ros_domain, **given), Rig(ros_domain) as rig:
         client = AsyncParameterClient(rig.node, "rgbd_odometry")
@@ -284,7 +286,7 @@ def test_overrides_win_over_the_preset_and_an_int_is_taken_for_a_double(ros_doma
         ({"features.visual": "surf"}, "features.visual: 'surf' is not known; give one of none,"),
         ({"glue.k": "many"}, "glue.k: 'many' is not of type float"),
         ({"glue.kk": 7}, "glue.kk: no such parameter; did you mean glue.k?"),
-        ({"guess_frame_id": "wheels"}, "guess_frame_id: needs frame_id, and TF"),
+        ({"guess_frame_id": "wheels"}, "guess_frame_id: needs frame_id and TF"),
     ],
 )
 def test_a_bad_parameter_ends_the_node_with_exit_code_2_and_a_line_that_says_why(
@@ -297,7 +299,7 @@ def test_a_bad_parameter_ends_the_node_with_exit_code_2_and_a_line_that_says_why
 
 
 @pytest.mark.slow
-def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_line(
+def test_invalid_ros_arguments_end_the_node_with_exit_code_2_and_one_line(
     ros_domain: int,
 ) -> None:
     with running_node(ros_domain, "--params-file", "/nowhere.yaml") as node:
@@ -309,7 +311,7 @@ def test_ros_arguments_that_make_no_sense_end_the_node_with_exit_code_2_and_a_li
 @pytest.mark.slow
 @pytest.mark.every_python
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_while_a_frame_is_in_work_ends_the_node_with_exit_code_0(
+def test_a_signal_while_a_frame_is_processed_ends_the_node_with_exit_code_0(
     ros_domain: int, how: signal.Signals
 ) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
@@ -335,7 +337,7 @@ def test_a_robot_starts_at_the_origin_of_odom_wherever_its_camera_is(ros_domain:
 
 
 @pytest.mark.slow
-def test_compressed_topics_are_those_below_the_remapped_base_topics(ros_domain: int) -> None:
+def test_compressed_topics_follow_the_remapped_base_topics(ros_domain: int) -> None:
     given = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
     remapped = {**SUBSCRIBED, Channel.COLOR: "/camera/color", Channel.DEPTH: "/camera/depth"}
     arguments = [
@@ -350,7 +352,7 @@ def test_compressed_topics_are_those_below_the_remapped_base_topics(ros_domain: 
 
 
 @pytest.mark.slow
-def test_a_publisher_that_comes_back_with_another_reliability_is_heard_again(
+def test_a_publisher_that_restarts_with_another_reliability_is_received_again(
     ros_domain: int,
 ) -> None:
     stamps = itertools.count(0, PERIOD_NS)
@@ -366,7 +368,7 @@ def test_a_publisher_that_comes_back_with_another_reliability_is_heard_again(
 
 
 @pytest.mark.slow
-def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
+def test_a_reliable_subscription_explains_why_it_gets_nothing_from_a_best_effort_publisher(
     ros_domain: int,
 ) -> None:
     with (
@@ -375,7 +377,7 @@ def test_a_reliable_subscription_says_why_a_best_effort_publisher_is_not_heard(
     ):
         line = node.wait_for_line("/rgb/image is published by /rig", PATIENCE_S)
         assert "(sensor_msgs/msg/Image, best effort)" in line
-        assert "/rgbd_odometry subscribes reliable (qos:=1)" in line
+        assert "/rgbd_odometry subscribes as reliable (qos:=1)" in line
 
 
 @pytest.mark.slow
@@ -383,12 +385,12 @@ def test_a_subscription_that_asks_for_more_than_is_published_is_named(ros_domain
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.node.create_subscription(PoseStamped, POSE, print, latched)
-        line = node.wait_for_line("/pose is published reliable, volatile", PATIENCE_S)
+        line = node.wait_for_line("/pose is published as reliable, volatile", PATIENCE_S)
         assert "/rig (reliable, transient local)" in line
 
 
 @pytest.mark.slow
-def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: int) -> None:
+def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_invented(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0))
@@ -403,13 +405,13 @@ def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_made_up(ros_domain: i
 
 
 @pytest.mark.slow
-def test_silence_is_explained_with_the_topic_that_is_missing(ros_domain: int) -> None:
+def test_silence_is_explained_by_the_missing_topic(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.node.destroy_publisher(rig.depth)
         line = node.wait_for_line("No frame for 5 s", PATIENCE_S)
         assert "/depth/image (depth) has no publisher" in line
-        assert "/rgb/image (color) by /rig (sensor_msgs/msg/Image, reliable): 0 messages" in line
+        assert "/rgb/image (color) from /rig (sensor_msgs/msg/Image, reliable): 0 messages" in line
 
 
 def call(rig: Rig, service: str) -> None:
@@ -422,12 +424,12 @@ def call(rig: Rig, service: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_reset_starts_anew_at_the_initial_pose_whatever_the_time(ros_domain: int) -> None:
+def test_reset_restarts_at_the_initial_pose_whatever_the_time(ros_domain: int) -> None:
     with running_node(ros_domain, initial_pose="'1 2 3 0 0 0.5'") as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         first = rig.pose_of(corner_frame(PERIOD_NS))
         call(rig, "reset_odom")
-        node.wait_for_line("Told to reset", PATIENCE_S)
+        node.wait_for_line("Reset requested", PATIENCE_S)
         again = rig.pose_of(corner_frame(2 * PERIOD_NS))
         assert again.pose == first.pose
         expected = parse_pose("", "1 2 3 0 0 0.5") @ T_BODY_OPTICAL
@@ -436,18 +438,18 @@ def test_reset_starts_anew_at_the_initial_pose_whatever_the_time(ros_domain: int
 
 
 @pytest.mark.parametrize("file", ["", "/", "~nobodyhere/graph.g2o", "/dev/null/graph.g2o"])
-def test_a_graph_that_cannot_be_saved_there_is_answered_in_one_line(
-    running: Running, file: str
-) -> None:
+def test_a_graph_that_cannot_be_saved_is_reported_in_one_line(running: Running, file: str) -> None:
     assert not set_parameter(running.rig, "graph_file", file)
     answer = running.rig.trigger("/rgbd_odometry/save_graph")
     assert not answer.success
     assert answer.message.startswith("graph_file: ")
-    running.node.wait_for_line(f"Told to save the graph: {answer.message}", PATIENCE_S)
+    running.node.wait_for_line(f"Saving the graph: {answer.message}", PATIENCE_S)
     assert not [line for line in running.node.lines if "Traceback" in line]
 
 
-def test_paused_no_frame_is_processed_and_resumed_the_pose_goes_on(running: Running) -> None:
+def test_no_frame_is_processed_while_paused_and_the_pose_continues_after_resume(
+    running: Running,
+) -> None:
     running.rig.pose_of(running.frame())
     call(running.rig, "pause_odom")
     poses = len(running.rig.poses)
@@ -470,7 +472,7 @@ def test_paused_no_frame_is_processed_and_resumed_the_pose_goes_on(running: Runn
 
 
 @pytest.mark.slow
-def test_frames_faster_than_the_update_rate_are_left_out_and_counted(ros_domain: int) -> None:
+def test_frames_faster_than_the_update_rate_are_skipped_and_counted(ros_domain: int) -> None:
     with running_node(ros_domain, max_update_rate=10) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(7):
@@ -491,7 +493,7 @@ def test_with_exact_synchronisation_only_equal_stamps_pair(ros_domain: int) -> N
 
 
 @pytest.mark.slow
-def test_without_the_newest_frame_first_every_frame_of_a_burst_gets_its_pose(
+def test_without_always_process_most_recent_frame_every_frame_of_a_burst_gets_a_pose(
     ros_domain: int,
 ) -> None:
     given = {"always_process_most_recent_frame": False}
@@ -505,7 +507,7 @@ def test_without_the_newest_frame_first_every_frame_of_a_burst_gets_its_pose(
 
 
 @pytest.mark.slow
-def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int) -> None:
+def test_a_lost_frame_gets_a_null_odometry_if_the_parameter_asks_for_it(ros_domain: int) -> None:
     with running_node(ros_domain, publish_null_when_lost=True) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.pose_of(corner_frame(0))
@@ -522,7 +524,7 @@ def test_a_lost_frame_gets_a_null_odometry_if_that_is_asked_for(ros_domain: int)
 
 
 @pytest.mark.slow
-def test_frames_that_were_never_sent_and_stamps_too_far_apart_are_said(ros_domain: int) -> None:
+def test_frames_that_were_never_sent_and_stamps_too_far_apart_are_reported(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         stamps = [i * PERIOD_NS for i in range(20) if i not in {12, 15}]
@@ -538,7 +540,7 @@ def test_frames_that_were_never_sent_and_stamps_too_far_apart_are_said(ros_domai
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_the_path_is_bounded_and_the_picture_of_the_matches_has_the_frames_stamp(
+def test_the_path_is_bounded_and_the_match_image_has_the_frames_stamp(
     ros_domain: int,
 ) -> None:
     given = {"path_poses": 3, "path_period": 0.05}
@@ -563,7 +565,7 @@ def test_the_path_is_bounded_and_the_picture_of_the_matches_has_the_frames_stamp
 
 
 @pytest.mark.slow
-def test_an_info_that_was_published_once_before_the_node_came_is_heard(ros_domain: int) -> None:
+def test_an_info_published_once_before_the_node_started_is_received(ros_domain: int) -> None:
     with Rig(ros_domain) as rig:
         rig.node.destroy_publisher(rig.info)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -571,7 +573,7 @@ def test_an_info_that_was_published_once_before_the_node_came_is_heard(ros_domai
         frames = (corner_frame(i * PERIOD_NS) for i in itertools.count(1))
         rig.info.publish(frame_messages(next(frames), is_compressed=False).info)
         with running_node(ros_domain) as node:
-            node.wait_for_line("camera_info: subscribing reliable, transient local", PATIENCE_S)
+            node.wait_for_line("camera_info: subscribing as reliable, transient local", PATIENCE_S)
             for publisher in (rig.color, rig.depth):
                 rig.wait(publisher.get_subscription_count, "the subscriptions to images")
             deadline = time.monotonic() + PATIENCE_S

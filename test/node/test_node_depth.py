@@ -50,7 +50,7 @@ def publish(rig: Rig, stamp_ns: int, info: Publisher | None = None) -> None:
 
 
 @pytest.mark.slow
-def test_unregistered_depth_is_refused_with_what_to_switch_on_in_the_driver(
+def test_unregistered_depth_is_refused_with_what_to_enable_in_the_driver(
     ros_domain: int,
 ) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
@@ -64,7 +64,7 @@ def test_unregistered_depth_is_refused_with_what_to_switch_on_in_the_driver(
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_known(
+def test_unregistered_depth_is_registered_if_its_camera_and_pose_are_known(
     ros_domain: int,
 ) -> None:
     x, y, z = PLACE
@@ -78,7 +78,7 @@ def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_kno
         rig.wait_until_matched()
         rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
         publish(rig, 0)
-        node.wait_for_line("/elsewhere/camera_info: no camera info came", PATIENCE_S)
+        node.wait_for_line("/elsewhere/camera_info: no camera info was received", PATIENCE_S)
         stamps = itertools.count(PERIOD_NS, PERIOD_NS)
 
         def has_pose() -> bool:
@@ -94,7 +94,7 @@ def test_unregistered_depth_is_registered_where_its_camera_and_its_place_are_kno
 
 
 @pytest.mark.slow
-def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None:
+def test_the_pose_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None:
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
     from rigs.tf import Robot, transform
 
@@ -112,7 +112,7 @@ def test_the_place_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None
 
 
 @pytest.mark.slow
-def test_depth_that_is_registered_in_spite_of_its_frame_is_taken_as_it_is(
+def test_depth_that_is_registered_despite_its_frame_is_used_unchanged(
     ros_domain: int,
 ) -> None:
     with running_node(ros_domain, depth_is_registered=True), Rig(ros_domain) as rig:

@@ -54,7 +54,7 @@ def first_pose(
 
 
 @pytest.mark.slow
-def test_odom_starts_level_where_an_imu_tells_which_way_is_up(ros_domain: int) -> None:
+def test_odom_starts_level_if_an_imu_measures_which_way_is_up(ros_domain: int) -> None:
     still = at_rest(UP, np.zeros(3), 0, START_NS)
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         T = first_pose(rig, still, OPTICAL_FRAME, node, "Gravity: odom is level")
@@ -66,7 +66,7 @@ def test_odom_starts_level_where_an_imu_tells_which_way_is_up(ros_domain: int) -
 
 
 @pytest.mark.slow
-def test_how_the_imu_is_turned_in_the_camera_may_be_told(ros_domain: int) -> None:
+def test_the_orientation_of_the_imu_may_come_from_a_parameter(ros_domain: int) -> None:
     still = at_rest(R_CAMERA_IMU.T @ UP, np.zeros(3), 0, START_NS)
     given = {"imu_pose": f"'0 0 0 0 0 {np.pi / 2}'"}
     with running_node(ros_domain, **given) as node, Rig(ros_domain) as rig:
@@ -75,16 +75,16 @@ def test_how_the_imu_is_turned_in_the_camera_may_be_told(ros_domain: int) -> Non
 
 
 @pytest.mark.slow
-def test_an_imu_whose_place_is_not_told_is_not_used_and_that_is_said(ros_domain: int) -> None:
+def test_an_imu_with_unknown_orientation_is_not_used_and_that_is_logged(ros_domain: int) -> None:
     still = at_rest(UP, np.zeros(3), 0, START_NS)
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
-        T = first_pose(rig, still, IMU_FRAME, node, f"how {IMU_FRAME} is turned")
+        T = first_pose(rig, still, IMU_FRAME, node, f"no transform from {IMU_FRAME}")
         np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
 
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_how_the_imu_is_turned_may_come_from_tf(ros_domain: int) -> None:
+def test_the_orientation_of_the_imu_may_come_from_tf(ros_domain: int) -> None:
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
     from rigs.tf import Robot, transform
 
@@ -93,17 +93,17 @@ def test_how_the_imu_is_turned_may_come_from_tf(ros_domain: int) -> None:
     with Robot(ros_domain) as rig:
         rig.tell(transform(OPTICAL_FRAME, IMU_FRAME, T_camera_imu))
         with running_node(ros_domain, align_with_gravity=False) as node:
-            T = first_pose(rig, still, IMU_FRAME, node, "Turning with")
+            T = first_pose(rig, still, IMU_FRAME, node, "Using the IMU")
             np.testing.assert_allclose(T[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-6)
 
 
 @pytest.mark.slow
-def test_a_gyroscope_that_turns_while_the_images_stand_still_is_not_used_and_that_is_said(
+def test_a_gyroscope_that_rotates_while_the_images_do_not_is_ignored_and_that_is_logged(
     ros_domain: int,
 ) -> None:
     turning = at_rest(UP, np.array([0.0, 1.0, 0.0]), 0, 2 * NANOSECONDS)
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
-        first_pose(rig, turning, OPTICAL_FRAME, node, "Turning with")
+        first_pose(rig, turning, OPTICAL_FRAME, node, "Using the IMU")
         for i in range(1, 28):
             frame = corner_frame(START_NS + i * PERIOD_NS)
             frame.color[0, 0] = i  # no two images of a camera are the same
@@ -139,7 +139,7 @@ def test_bias_and_time_offset_of_the_imu_are_on_the_diagnostics(ros_domain: int)
         rig.wait(lambda: learnt().get("frames") == str(len(frames)), "diagnostics of all frames")
         told = learnt()
         assert told["imu_use"] == "turns and gravity"
-        node.wait_for_line("Turning with", PATIENCE_S)
+        node.wait_for_line("Using the IMU", PATIENCE_S)
     bias, sigmas = (
         np.array(told[f"imu_{name}_rad_s"].split(), np.float64) for name in ("bias", "bias_sigmas")
     )

@@ -29,7 +29,9 @@ ESCAPED = r"\x1b]0;gone\x07\x1b[2J\r\n[INFO] all is well \u202eexe \x9b31m"
 PERIOD_NS = NANOSECONDS // 30
 
 
-def test_frames_and_files_of_hostile_names_are_told_in_one_printable_line(ros_domain: int) -> None:
+def test_frames_and_files_with_hostile_names_are_logged_in_one_printable_line(
+    ros_domain: int,
+) -> None:
     graph = '"/proc/\\e[2J\\r\\n[INFO] all is well"'
     heard: list[Log] = []
     with running_node(ros_domain, graph_file=graph) as node, Rig(ros_domain) as rig:
@@ -44,9 +46,9 @@ def test_frames_and_files_of_hostile_names_are_told_in_one_printable_line(ros_do
         rig.publish_until_posed(other)
         answer = save.call_async(Trigger.Request())
         rig.wait(answer.done, "the answer")
-        rig.wait(lambda: [log for log in heard if "to save the graph" in log.msg], "the last line")
-        node.wait_for_line("Told to save the graph", PATIENCE_S)
-        switched = node.wait_for_line("The images are of the camera", PATIENCE_S)
+        rig.wait(lambda: [log for log in heard if "Saving the graph" in log.msg], "the last line")
+        node.wait_for_line("Saving the graph", PATIENCE_S)
+        switched = node.wait_for_line("The images are now from the camera", PATIENCE_S)
         assert f"publishing {ESCAPED}" in switched
         for line in node.lines:
             assert line.isprintable()
@@ -60,14 +62,22 @@ def test_frames_and_files_of_hostile_names_are_told_in_one_printable_line(ros_do
 @pytest.mark.parametrize(
     ("told", "home", "why"),
     [
-        ("", "", "kept in no file: HOME is not set; set ROS_LOG_DIR"),
-        ("", "/proc/nobody", "kept in no file: /proc/nobody/.ros/log: No such file or directory"),
-        ("/proc", "/proc", "ROS_LOG_DIR: /proc: No such file or directory; set it to a folder"),
-        ("~/logs", "", "ROS_LOG_DIR: HOME is not set; set it to a folder"),
+        ("", "", "not written to a file: HOME is not set; set ROS_LOG_DIR"),
+        (
+            "",
+            "/proc/nobody",
+            "not written to a file: /proc/nobody/.ros/log: No such file or directory",
+        ),
+        (
+            "/proc",
+            "/proc",
+            "ROS_LOG_DIR: /proc: No such file or directory; set it to a writable folder",
+        ),
+        ("~/logs", "", "ROS_LOG_DIR: HOME is not set; set it to a writable folder"),
         (f"{__file__}/log", "/proc", "log: Not a directory"),
     ],
 )
-def test_why_ros_cannot_keep_its_log_in_a_file_is_known_before_it_starts(
+def test_the_reason_for_no_log_file_is_known_before_ros_starts(
     monkeypatch: pytest.MonkeyPatch, told: str, home: str, why: str
 ) -> None:
     for name, value in (("ROS_LOG_DIR", told), ("ROS_HOME", ""), ("HOME", home)):
@@ -80,7 +90,7 @@ def test_why_ros_cannot_keep_its_log_in_a_file_is_known_before_it_starts(
         assert why in str(explain_no_file())
 
 
-def test_a_folder_for_the_log_is_made_where_it_may_be(
+def test_a_folder_for_the_log_is_created_if_that_is_possible(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     for name, value in (("ROS_LOG_DIR", ""), ("ROS_HOME", ""), ("HOME", str(tmp_path))):
@@ -89,7 +99,7 @@ def test_a_folder_for_the_log_is_made_where_it_may_be(
     assert [*(tmp_path / ".ros/log").iterdir()] == []
 
 
-def test_of_an_error_the_traceback_has_lines_and_its_text_has_none_that_steer(
+def test_a_traceback_keeps_its_lines_and_control_characters_are_escaped(
     ros_domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
     context = Context()

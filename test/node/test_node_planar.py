@@ -35,7 +35,7 @@ DRIVE = [on_plane(0.03 * i, 0.002 * i**2, 0.02 * i) for i in range(8)]
 
 
 @pytest.mark.slow
-def test_a_robot_on_wheels_is_published_in_its_plane(ros_domain: int) -> None:
+def test_a_wheeled_robot_is_published_in_its_plane(ros_domain: int) -> None:
     parameters = {"frame_id": "base_footprint", "camera_pose": f"'{CAMERA_POSE}'", "planar": True}
     T_robot_camera = parse_pose("", CAMERA_POSE) @ T_BODY_OPTICAL
     with NodeProcess(parameters, ros_environment(ros_domain)) as node, Rig(ros_domain) as rig:

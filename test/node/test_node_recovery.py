@@ -37,7 +37,7 @@ def poses_of(rig: Rig, frames: Iterable[RgbdFrame]) -> list[Float64]:
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_a_camera_covered_for_five_seconds_is_found_where_it_was_and_nowhere_else(
+def test_a_camera_covered_for_five_seconds_is_found_only_where_it_was(
     ros_domain: int,
 ) -> None:
     room = recorded_frames()

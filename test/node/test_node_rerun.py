@@ -20,7 +20,7 @@ from rigs.rerun_reader import column, rows_of
 from rigs.ros import Rig, corner_frame
 
 
-def test_the_file_has_every_frame_where_the_node_published_it(
+def test_the_file_contains_every_frame_at_its_published_pose(
     ros_domain: int, tmp_path: Path
 ) -> None:
     file = tmp_path / "live.rrd"

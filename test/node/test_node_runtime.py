@@ -49,7 +49,7 @@ def run(node: Node, faults: list[str], until: Callable[[], bool]) -> None:
     executor.shutdown()
 
 
-def test_the_executor_ends_without_a_fault_however_busy_it_is(node: Node) -> None:
+def test_the_executor_ends_without_an_error_however_busy_it_is(node: Node) -> None:
     calls: list[None] = []
     node.create_timer(1e-4, lambda: calls.append(None))
     faults: list[str] = []
@@ -64,7 +64,7 @@ def test_the_executor_ends_without_a_fault_however_busy_it_is(node: Node) -> Non
     assert not faults
 
 
-def test_the_executor_goes_on_after_a_callback_that_fails(node: Node) -> None:
+def test_the_executor_continues_after_a_failed_callback(node: Node) -> None:
     calls: list[None] = []
 
     def fail() -> None:
@@ -78,11 +78,11 @@ def test_the_executor_goes_on_after_a_callback_that_fails(node: Node) -> None:
     assert len(faults) == len(calls) > 3
 
 
-def test_a_second_node_of_one_name_is_told(node: Node) -> None:
+def test_a_second_node_with_the_same_name_is_reported(node: Node) -> None:
     assert explain_namesakes(node) is None
     namesake = Node("worked")
     deadline = time.monotonic() + PATIENCE_S
     while (line := explain_namesakes(node)) is None:
         assert time.monotonic() < deadline
-    assert line.startswith("/worked is the name of 1 more")
+    assert line.startswith("/worked is also the name of 1 other")
     namesake.destroy_node()

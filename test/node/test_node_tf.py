@@ -28,16 +28,16 @@ PERIOD_NS = NANOSECONDS // 30
 
 
 @pytest.mark.slow
-def test_the_cameras_place_comes_from_tf_once_it_is_there_and_is_never_assumed(
+def test_the_camera_pose_comes_from_tf_once_available_and_is_never_assumed(
     ros_domain: int,
 ) -> None:
     with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.wait_until_matched()
         robot.publish(corner_frame(0))
-        line = node.wait_for_line("there is no transform", PATIENCE_S)
+        line = node.wait_for_line("no transform", PATIENCE_S)
         assert f"from {OPTICAL_FRAME} to base_link" in line
         robot.tell_where_the_camera_is()
-        line = node.wait_for_line("Where the camera is in base_link is to come from TF", PATIENCE_S)
+        line = node.wait_for_line("The camera's pose in base_link will come from TF", PATIENCE_S)
         stamps = iter(range(PERIOD_NS, NANOSECONDS, PERIOD_NS))
         robot.publish_until_posed(map(corner_frame, stamps))
         pose = robot.poses[0]
@@ -51,7 +51,7 @@ def test_the_cameras_place_comes_from_tf_once_it_is_there_and_is_never_assumed(
 
 
 @pytest.mark.slow
-def test_a_static_transform_that_was_told_before_the_node_started_is_known(
+def test_a_static_transform_published_before_the_node_started_is_known(
     ros_domain: int,
 ) -> None:
     with Robot(ros_domain) as robot:
@@ -67,7 +67,7 @@ def test_a_static_transform_that_was_told_before_the_node_started_is_known(
 @pytest.mark.parametrize(
     "given", [{}, {"frame_id": "base_link", "camera_pose": "'0 0 0 0 0 0'", "publish_tf": False}]
 )
-def test_no_tf_is_published_for_an_optical_frame_or_if_it_is_not_wanted(
+def test_no_tf_is_published_for_an_optical_frame_or_if_disabled(
     ros_domain: int, given: dict[str, object]
 ) -> None:
     with running_node(ros_domain, **given), Robot(ros_domain) as robot:
@@ -77,7 +77,7 @@ def test_no_tf_is_published_for_an_optical_frame_or_if_it_is_not_wanted(
 
 
 @pytest.mark.slow
-def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
+def test_with_a_guess_frame_its_motion_is_used_and_its_pose_in_odom_is_published(
     ros_domain: int,
 ) -> None:
     given = {"frame_id": "base_link", "guess_frame_id": "wheels", "wait_for_transform": 5}
@@ -106,7 +106,7 @@ def test_with_a_guess_frame_its_motion_is_taken_and_its_place_in_odom_published(
 
 
 @pytest.mark.slow
-def test_images_of_another_camera_start_anew_with_a_place_of_its_own(ros_domain: int) -> None:
+def test_images_of_another_camera_restart_with_its_own_pose(ros_domain: int) -> None:
     with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.tell(transform("base_link", "rear_camera", parse_pose("", "-0.3 0 0.4 0 0 3")))
@@ -119,15 +119,15 @@ def test_images_of_another_camera_start_anew_with_a_place_of_its_own(ros_domain:
         while len(robot.poses) == before:
             robot.publish(next(rear))
             robot.spin_for(0.1)
-        line = node.wait_for_line("were of", PATIENCE_S)
-        assert f"of the camera 'rear_camera' now, and were of '{OPTICAL_FRAME}'" in line
+        line = node.wait_for_line("before from", PATIENCE_S)
+        assert f"now from the camera 'rear_camera', before from '{OPTICAL_FRAME}'" in line
         node.wait_for_line("the camera is at (-0.300 0.000 0.400) in odom", PATIENCE_S)
         T = pose_from_message(robot.poses[-1], "pose")
         np.testing.assert_allclose(T, np.eye(4), atol=1e-9)
 
 
 @pytest.mark.slow
-def test_a_camera_that_moves_on_the_robot_is_told_while_frames_come(ros_domain: int) -> None:
+def test_a_camera_that_moves_on_the_robot_is_reported_while_frames_arrive(ros_domain: int) -> None:
     with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
@@ -141,7 +141,7 @@ def test_a_camera_that_moves_on_the_robot_is_told_while_frames_come(ros_domain: 
 
 
 @pytest.mark.slow
-def test_one_transform_that_is_none_costs_no_other_of_its_message(ros_domain: int) -> None:
+def test_one_invalid_transform_does_not_affect_others_in_its_message(ros_domain: int) -> None:
     with running_node(ros_domain, frame_id="base_link"), Robot(ros_domain) as robot:
         broken = []
         for name, number in (("short", 1e-320), ("far", 1e300), ("none", float("nan"))):

@@ -18,7 +18,7 @@ PERIOD_NS = NANOSECONDS // 30
 
 
 @pytest.mark.slow
-def test_with_simulated_time_poses_come_while_the_clock_stands_and_diagnostics_go_by_it(
+def test_with_simulated_time_poses_come_while_the_clock_stands_and_diagnostics_use_it(
     ros_domain: int,
 ) -> None:
     with node_in(ros_domain, use_sim_time=True), Rig(ros_domain) as rig:
@@ -39,7 +39,7 @@ def test_with_simulated_time_poses_come_while_the_clock_stands_and_diagnostics_g
 
 
 @pytest.mark.slow
-def test_a_frame_that_comes_twice_or_late_is_counted_and_gives_no_second_pose(
+def test_a_frame_that_arrives_twice_or_late_is_counted_and_gets_no_second_pose(
     ros_domain: int,
 ) -> None:
     with node_in(ros_domain), Rig(ros_domain) as rig:

@@ -43,7 +43,7 @@ def plausible(pose: Refinement, acceptance: Acceptance) -> bool:
         (found(0, 0.0, 0, 0.0), False, False),
     ],
 )
-def test_planes_or_pixels_speak_for_a_pose_and_conclude_together(
+def test_planes_or_pixels_support_a_pose_and_decide_together(
     pose: Refinement, believed: bool, conclusive: bool
 ) -> None:
     assert plausible(pose, USUAL) is believed

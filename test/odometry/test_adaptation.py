@@ -79,7 +79,7 @@ def test_a_camera_of_160x120_pixels_is_tracked() -> None:
     assert radians.max() < 0.03
 
 
-def test_a_camera_of_five_frames_a_second_is_tracked() -> None:
+def test_a_camera_with_five_frames_per_second_is_tracked() -> None:
     metres, radians = errors(track(list(recorded_frames()[::6])), true_poses()[::6])
     assert metres.max() < 0.02
     assert radians.max() < 0.02
@@ -95,7 +95,7 @@ def panned(config: Config) -> list[bool]:
 
 
 @pytest.mark.slow
-def test_a_frame_of_which_little_is_known_becomes_a_keyframe_however_near_it_is() -> None:
+def test_a_frame_with_little_overlap_becomes_a_keyframe_however_near_it_is() -> None:
     far = {"odometry.keyframe_translation": 100.0, "odometry.keyframe_rotation": 100.0}
     by_distance_alone = panned(with_values(Config(), {**far, "odometry.keyframe_overlap": 0.0}))
     assert by_distance_alone == [True] + [False] * 9
@@ -113,7 +113,7 @@ def walls_alone(frame: RgbdFrame) -> RgbdFrame:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("rate_hz", "lost"), [(30, 30), (5, 5), (1, 3)])
-def test_a_new_start_waits_for_time_and_frames_both(rate_hz: int, lost: int) -> None:
+def test_a_restart_waits_for_both_time_and_frames(rate_hz: int, lost: int) -> None:
     frames = [*recorded_frames()[:3], *[walls_alone(recorded_frames()[3])] * 40]
     period_ns = NANOSECONDS // rate_hz
     timed = [replace(frame, stamp_ns=(1 + i) * period_ns) for i, frame in enumerate(frames)]

@@ -20,7 +20,7 @@ def background() -> Iterator[BackgroundThread]:
     thread.close()
 
 
-def test_jobs_are_done_in_the_order_they_were_submitted(background: BackgroundThread) -> None:
+def test_jobs_run_in_the_order_of_submission(background: BackgroundThread) -> None:
     done: list[int] = []
     for i in range(5):
         last = background.submit(done.append, i)
@@ -41,21 +41,21 @@ def test_a_value_waits_for_its_update(background: BackgroundThread) -> None:
     assert value.current() == 3
 
 
-def test_a_value_that_is_replaced_takes_no_update_from_before(background: BackgroundThread) -> None:
+def test_a_replaced_value_ignores_earlier_updates(background: BackgroundThread) -> None:
     value = BackgroundValue(background, 1)
     value.update_later(lambda before: before + 1)
     value.replace(7)
     assert value.current() == 7
 
 
-def test_an_update_that_fails_is_told_to_who_asks(background: BackgroundThread) -> None:
+def test_a_failed_update_raises_when_the_value_is_read(background: BackgroundThread) -> None:
     value = BackgroundValue(background, 0)
     value.update_later(lambda before: 1 // before)
     with pytest.raises(ZeroDivisionError):
         value.current()
 
 
-def test_closing_finishes_what_was_submitted_and_takes_nothing_more() -> None:
+def test_closing_finishes_submitted_jobs_and_accepts_no_more() -> None:
     background = BackgroundThread()
     last = background.submit(int, "5")
     background.close()

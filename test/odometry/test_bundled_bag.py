@@ -60,13 +60,13 @@ def test_the_bundled_bag_holds_every_frame_at_30_hertz(frames: list[RgbdFrame]) 
         assert frame.intrinsics == make_bag.CAMERA
 
 
-def test_its_truth_is_the_path_of_the_camera(poses: Float64) -> None:
+def test_the_ground_truth_of_the_bundled_bag_is_the_path_of_the_camera(poses: Float64) -> None:
     path = [make_bag.true_pose(index) for index in range(make_bag.FRAME_COUNT)]
     np.testing.assert_allclose(poses, path, atol=1e-12)
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 5), (20, 40), (104, 0), (70, 50)])
-def test_depth_carried_from_one_frame_to_another_by_the_truth_agrees_within_noise(
+def test_depth_moved_between_frames_by_ground_truth_agrees_within_noise(
     i: int, j: int, frames: list[RgbdFrame], poses: Float64
 ) -> None:
     source, target = frames[i], frames[j]
@@ -88,7 +88,7 @@ def test_depth_carried_from_one_frame_to_another_by_the_truth_agrees_within_nois
     assert (np.abs(relative) < 4).mean() > 0.9
 
 
-def test_its_depth_has_the_noise_of_structured_light_and_its_holes(
+def test_depth_of_the_bundled_bag_has_the_noise_and_holes_of_structured_light(
     frames: list[RgbdFrame], poses: Float64
 ) -> None:
     for index in SAMPLE:
@@ -101,7 +101,7 @@ def test_its_depth_has_the_noise_of_structured_light_and_its_holes(
 
 
 @pytest.mark.slow
-def test_a_frame_is_made_again_pixel_for_pixel(frames: list[RgbdFrame]) -> None:
+def test_a_frame_is_rendered_again_pixel_for_pixel(frames: list[RgbdFrame]) -> None:
     for index in SAMPLE:
         again = make_bag.make_frame(index)
         np.testing.assert_array_equal(again.depth, frames[index].depth)
@@ -118,7 +118,7 @@ def kept() -> dict[tuple[str, int], bytes]:
 
 @same_encoders
 @pytest.mark.slow
-def test_frames_are_made_again_byte_for_byte(
+def test_frames_are_rendered_again_byte_for_byte(
     kept: dict[tuple[str, int], bytes], tmp_path: Path
 ) -> None:
     # each takes a second: another tenth of them every day
@@ -136,7 +136,7 @@ def test_frames_are_made_again_byte_for_byte(
 
 # with the locked versions alone: sines of another NumPy may differ in their last bit
 @pytest.mark.slow
-def test_its_messages_written_anew_are_the_same_files(
+def test_messages_of_the_bundled_bag_written_again_give_the_same_files(
     kept: dict[tuple[str, int], bytes], tmp_path: Path
 ) -> None:
     topics = AS_REALSENSE

@@ -81,7 +81,7 @@ def alternative(of: PoseProblem, T: Float64) -> Alternative | None:
     return find_alternative(of, pose, None, ACCEPTANCE)
 
 
-def test_the_room_behind_somebody_is_found_and_is_the_larger_part() -> None:
+def test_the_room_behind_a_person_is_found_and_is_the_larger_part() -> None:
     frames = crossed(IN_FRONT, 1, 5)
     of = problem(prepared(frames[0]), prepared(frames[4]))
     truth = true_poses()[4]
@@ -93,7 +93,7 @@ def test_the_room_behind_somebody_is_found_and_is_the_larger_part() -> None:
     assert found.is_larger
 
 
-def test_what_is_seen_of_somebody_contradicts_and_noise_does_not() -> None:
+def test_a_person_in_view_contradicts_the_pose_and_noise_does_not() -> None:
     frames = crossed(IN_FRONT, 1, 5)
     of = problem(prepared(frames[0]), prepared(frames[4]))
     assert is_contradicted(evaluate_pose(true_poses()[4], of))
@@ -122,7 +122,7 @@ def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
     np.testing.assert_allclose(added, sampled.T @ sampled / len(draws), atol=5e-4)
 
 
-def test_a_pose_that_most_planes_contradict_may_be_anywhere_in_reach() -> None:
+def test_a_pose_that_most_planes_contradict_gets_the_covariance_of_its_reach() -> None:
     of = problem(room_view(0.0), room_view(0.0))
     wrong = evaluate_pose(se3.exp(np.array([0, 0, 0.5, 0, 0, 0])), of)
     assert wrong.planes_agreeing < wrong.planes_visible / 2

@@ -44,7 +44,7 @@ def after_views(frames: list[RgbdFrame]) -> DepthColorCheck:
     return check
 
 
-def test_registered_depth_is_found_to_be(caplog: pytest.LogCaptureFixture) -> None:
+def test_registered_depth_is_recognised(caplog: pytest.LogCaptureFixture) -> None:
     check = after_views(list(recorded_frames()[: 12 * ENOUGH : 12]))
     assert check.views == ENOUGH
     assert check.offset_px is None
@@ -55,7 +55,7 @@ def test_registered_depth_is_found_to_be(caplog: pytest.LogCaptureFixture) -> No
     ("scale", "right", "down", "offset_px"),
     [(1.0, 12.0, 0.0, 12.0), (1.0, -6.0, 9.0, 10.8), (1.1, 0.0, 0.0, 14.0), (1.1, 6.0, 0.0, 15.5)],
 )
-def test_depth_that_lies_elsewhere_is_noticed_and_said_once(
+def test_unregistered_depth_is_detected_and_logged_once(
     scale: float, right: float, down: float, offset_px: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     frames = unregistered(scale, right, down)[: 12 * ENOUGH : 12]
@@ -79,7 +79,7 @@ def test_images_of_different_rooms_fit_nowhere() -> None:
         assert check.offset_px is None
 
 
-def test_a_view_with_few_edges_says_nothing() -> None:
+def test_a_view_with_few_edges_is_skipped() -> None:
     frame = recorded_frames()[0]
     wall = replace(frame, depth=np.full_like(frame.depth, 2.0))
     unknown = replace(frame, depth=np.full_like(frame.depth, np.nan))
@@ -88,7 +88,7 @@ def test_a_view_with_few_edges_says_nothing() -> None:
     assert check.offset_px is None
 
 
-def test_only_views_from_elsewhere_count_until_enough_were_seen() -> None:
+def test_only_views_from_different_poses_count_until_there_are_enough() -> None:
     frame, here = recorded_frames()[0], np.eye(4)
     check = DepthColorCheck.start()
     assert check.needs(view(frame), here)
@@ -101,7 +101,9 @@ def test_only_views_from_elsewhere_count_until_enough_were_seen() -> None:
 
 
 @pytest.mark.slow
-def test_the_odometry_trusts_colour_less_once_it_knows(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_odometry_trusts_colour_less_once_depth_is_known_to_be_unregistered(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     frames = unregistered(1.1, 6.0, 0.0)
     # depth that is magnified was taken by a camera that magnifies
     K = frames[0].intrinsics
@@ -120,7 +122,7 @@ def test_the_odometry_trusts_colour_less_once_it_knows(caplog: pytest.LogCapture
     assert len([r for r in caplog.records if "not registered" in r.message]) == 2
 
 
-def test_a_view_whose_depth_is_late_while_the_camera_turns_tells_nothing() -> None:
+def test_a_view_with_late_depth_during_a_turn_is_skipped() -> None:
     late = replace(view(recorded_frames()[0]), depth_delay=0.03)
     turning = replace(late, twist=np.array([0, 0, 0, 0, 0.8, 0]))
     moving = replace(late, twist=np.array([0.8, 0, 0, 0, 0, 0]))

@@ -42,7 +42,7 @@ def missing(depth: Float32) -> str:
     return explain_no_pose(OdometryEstimate(1, TrackingState.INITIALIZING, depth=summary), LIMITS)
 
 
-def test_shares_and_median_are_those_of_the_image() -> None:
+def test_fractions_and_median_are_those_of_the_image() -> None:
     depth = wall(2.0, 0.6)
     depth[:20] = 20.0
     assert summarise_depth(depth, LIMITS) == DepthSummary(0.6, 0.4, 2.0)
@@ -59,7 +59,7 @@ def test_shares_and_median_are_those_of_the_image() -> None:
         (wall(2.0), "too little is visible to start"),
     ],
 )
-def test_a_frame_without_a_pose_says_why(depth: Float32, said: str) -> None:
+def test_a_frame_without_a_pose_gives_the_reason(depth: Float32, said: str) -> None:
     assert said in missing(depth)
 
 
@@ -73,7 +73,7 @@ def test_a_room_in_another_unit_makes_the_unit_doubtful(units: float, is_doubtfu
 
 
 @pytest.mark.parametrize("is_known", [True, False])
-def test_what_is_near_is_no_room_and_what_is_unknown_tells_nothing(is_known: bool) -> None:
+def test_near_depth_is_doubtful_and_unknown_depth_is_not(is_known: bool) -> None:
     table = np.full((50, 80), 0.5 if is_known else np.nan, np.float32)
     assert (doubt_of_scale(table) is not None) is is_known
 

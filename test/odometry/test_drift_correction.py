@@ -15,12 +15,12 @@ from rigs.room import room_view, true_pose
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
-from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe
+from rgbd_glue_ros.odometry.keyframes import Anchor, RecentKeyframe
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.types import Float64, View
 
 CONFIG = Config()
@@ -32,10 +32,10 @@ NONE = np.eye(4)
 DRIFT = se3.exp(np.array([0.04, -0.03, 0.02, 0.01, 0.02, -0.01]))
 
 
-def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> Keyframe:
+def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> RecentKeyframe:
     model = model_of(view, CONFIG.refine.grid_step).moved(T_track_camera)
     features = FrameFeatures(view, None, None, {})
-    return Keyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model)
+    return RecentKeyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model)
 
 
 def anchor(view: View, T_track_camera: Float64, T_odom_track: Float64) -> Anchor:
@@ -46,7 +46,7 @@ def anchor(view: View, T_track_camera: Float64, T_odom_track: Float64) -> Anchor
 
 
 @given(target=transforms(), way=st.floats(0, 0.2), rate=st.floats(0, 1))
-def test_a_pose_is_moved_by_no_more_than_its_part_of_the_cameras_way(
+def test_a_pose_is_corrected_by_at_most_a_fraction_of_the_cameras_motion(
     target: Float64, way: float, rate: float
 ) -> None:
     before, now = NONE, se3.exp(way * np.array([1.0, 0, 0, 0, 1, 0]))
@@ -57,12 +57,12 @@ def test_a_pose_is_moved_by_no_more_than_its_part_of_the_cameras_way(
     np.testing.assert_array_equal(drift.target, target)
 
 
-def test_a_camera_that_stands_still_is_not_moved() -> None:
+def test_the_pose_of_a_camera_at_rest_is_not_corrected() -> None:
     drift = DriftCorrection(NONE, DRIFT).advanced(STEP, STEP, rate=0.5)
     np.testing.assert_allclose(drift.T_odom_track, NONE, atol=1e-12)
 
 
-def test_a_camera_that_moves_on_gets_where_it_is_wanted_and_stays_there() -> None:
+def test_the_correction_of_a_moving_camera_is_completed_and_then_stays() -> None:
     drift, T = DriftCorrection(NONE, DRIFT), NONE
     off = []
     for _ in range(300):
@@ -73,7 +73,7 @@ def test_a_camera_that_moves_on_gets_where_it_is_wanted_and_stays_there() -> Non
     np.testing.assert_array_equal(drift.T_odom_track, DRIFT)
 
 
-def test_drift_that_is_taken_out_changes_nothing() -> None:
+def test_fully_corrected_drift_needs_no_further_correction() -> None:
     drift = DriftCorrection.at(DRIFT)
     advanced = drift.advanced(NONE, STEP, rate=0.01)
     np.testing.assert_array_equal(advanced.T_odom_track, DRIFT)
@@ -89,7 +89,7 @@ def tracked_back(view: View, T: Float64, sigma: float = 0.05) -> DriftCorrection
     return DriftCorrection.at(NONE).after_revisit(keyframe(view, T, sigma), before, *COMPARISON)
 
 
-def test_a_keyframe_beside_an_anchor_shows_what_has_drifted_since() -> None:
+def test_a_keyframe_near_an_anchor_reveals_the_drift_since_then() -> None:
     truth = true_pose(0.5)
     drift = tracked_back(room_view(0.5), DRIFT @ truth)
     metres, radians = 0.004, 0.003
@@ -99,7 +99,7 @@ def test_a_keyframe_beside_an_anchor_shows_what_has_drifted_since() -> None:
     np.testing.assert_array_equal(drift.T_odom_track, NONE)
 
 
-def test_the_anchors_own_drift_is_taken_out_with_it() -> None:
+def test_the_drift_of_the_anchor_itself_is_taken_into_account() -> None:
     """A keyframe and an anchor that drifted alike agree, and both are where the anchor was."""
     before = [
         anchor(room_view(time_s), DRIFT @ true_pose(time_s), T_odom_track=se3.inverse(DRIFT))
@@ -112,7 +112,7 @@ def test_the_anchors_own_drift_is_taken_out_with_it() -> None:
     )
 
 
-def test_what_one_anchor_alone_says_is_an_edge_and_no_drift() -> None:
+def test_a_single_anchor_gives_an_edge_but_no_drift() -> None:
     before = anchor(room_view(0.0), true_pose(0.0), NONE)
     now = keyframe(room_view(0.5), DRIFT @ true_pose(0.5))
     drift = DriftCorrection.at(NONE).after_revisit(now, [before], *COMPARISON)
@@ -120,7 +120,7 @@ def test_what_one_anchor_alone_says_is_an_edge_and_no_drift() -> None:
     assert len(drift.edges) == 1
 
 
-def test_anchors_that_contradict_each_other_show_no_drift() -> None:
+def test_contradicting_anchors_give_no_drift() -> None:
     right = anchor(room_view(0.0), true_pose(0.0), NONE)
     # drifted itself, twice as far the other way
     wrong = anchor(room_view(0.2), true_pose(0.2), se3.inverse(DRIFT) @ se3.inverse(DRIFT))
@@ -129,13 +129,13 @@ def test_anchors_that_contradict_each_other_show_no_drift() -> None:
     np.testing.assert_array_equal(drift.target, NONE)
 
 
-def test_drift_that_the_covariance_denies_is_another_place() -> None:
+def test_drift_beyond_the_covariance_means_another_place() -> None:
     drift = tracked_back(room_view(0.5), DRIFT @ true_pose(0.5), sigma=0.005)
     np.testing.assert_array_equal(drift.target, NONE)
 
 
 @pytest.mark.parametrize(("uncertain_axis", "is_believed"), [(0, False), (2, True)])
-def test_drift_is_judged_by_the_covariance_in_the_frame_in_which_it_was_seen(
+def test_drift_is_compared_with_the_covariance_in_the_frame_of_its_measurement(
     uncertain_axis: int, *, is_believed: bool
 ) -> None:
     """The odom frame is turned by 90 degrees from the track frame: its x axis is that one's z."""
@@ -153,7 +153,7 @@ def test_drift_is_judged_by_the_covariance_in_the_frame_in_which_it_was_seen(
     np.testing.assert_allclose(drift.target, expected, atol=0.005)
 
 
-def test_a_view_in_which_colour_or_planes_disagree_shows_no_drift() -> None:
+def test_a_view_in_which_colour_or_planes_disagree_gives_no_drift() -> None:
     view = room_view(0.5)
     dark = replace(view, grey=np.zeros_like(view.grey))
     hidden = replace(view, depth=np.full_like(view.depth, 0.5))
@@ -191,7 +191,7 @@ def test_a_camera_that_swings_to_and_fro_does_not_drift_away() -> None:
     assert mean_error_of_the_second_swing(0.3) < 0.5 * mean_error_of_the_second_swing(0.0)
 
 
-def test_a_shift_of_what_is_tracked_moves_nothing_that_is_given_out_and_is_taken_back() -> None:
+def test_a_shift_of_the_tracked_pose_does_not_move_the_output_and_is_removed_gradually() -> None:
     T_track_camera = se3.exp(np.array([0.3, 0.1, -0.2, 0.1, 0.2, 0.3]))
     T_shift = se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.01, 0.0]))
     before = DriftCorrection.at(se3.exp(np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.05])))

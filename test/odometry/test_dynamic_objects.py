@@ -44,7 +44,7 @@ def test_in_a_still_room_nothing_moves(before: float, now: float) -> None:
     assert found is None or known(room_view(now).depth) - known(found.depth) < 0.01
 
 
-def test_somebody_who_came_is_taken_out_and_the_room_is_left() -> None:
+def test_a_person_who_appears_is_removed_and_the_room_is_kept() -> None:
     room, view = room_view(NOW), crossed(NOW)
     person = view.depth != room.depth
     assert 0.2 < person.mean() < 0.6
@@ -59,7 +59,7 @@ def test_somebody_who_came_is_taken_out_and_the_room_is_left() -> None:
     np.testing.assert_array_equal(found.grey, view.grey)
 
 
-def test_somebody_who_left_takes_nothing_with_them() -> None:
+def test_a_person_who_leaves_does_not_remove_anything_else() -> None:
     assert (
         without_dynamic_objects(room_view(NOW), true_pose(NOW), [(crossed(NOW), true_pose(NOW))])
         is None
@@ -74,7 +74,7 @@ def test_one_frame_that_saw_the_place_empty_is_enough() -> None:
     assert known(found.depth) < known(crossed(NOW).depth) - 0.2
 
 
-def test_where_nothing_was_known_nothing_is_known_to_have_come() -> None:
+def test_nothing_appears_where_depth_was_unknown_before() -> None:
     blind = replace(room_view(BEFORE), depth=np.full_like(room_view(BEFORE).depth, np.nan))
     assert (
         without_dynamic_objects(crossed(NOW), true_pose(NOW), [(blind, true_pose(BEFORE))]) is None
@@ -82,14 +82,14 @@ def test_where_nothing_was_known_nothing_is_known_to_have_come() -> None:
     assert without_dynamic_objects(crossed(NOW), true_pose(NOW), []) is None
 
 
-def test_when_everything_seems_to_have_moved_it_is_the_pose_that_is_wrong() -> None:
+def test_if_everything_seems_to_have_moved_the_pose_is_wrong() -> None:
     room = room_view(NOW)
     twice = replace(room, depth=2 * room.depth)
     assert without_dynamic_objects(room, true_pose(NOW), [(twice, true_pose(NOW))]) is None
 
 
 @pytest.mark.parametrize("radians", [-0.02, 0.02])
-def test_a_pose_off_by_a_few_pixels_takes_little_of_the_room(radians: float) -> None:
+def test_a_pose_error_of_a_few_pixels_removes_little_of_the_room(radians: float) -> None:
     turned = true_pose(NOW) @ se3.exp(np.array([0, 0, 0, radians, radians, 0]))
     found = without_dynamic_objects(
         room_view(NOW), turned, [(room_view(BEFORE), true_pose(BEFORE))]

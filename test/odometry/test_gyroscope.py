@@ -37,7 +37,7 @@ def true_turn(first_s: float, last_s: float) -> Float64:
 
 
 @pytest.mark.parametrize("last_ms", [33, 67, 250])
-def test_a_constant_velocity_turns_by_itself_times_the_time(last_ms: int) -> None:
+def test_a_constant_velocity_gives_a_turn_of_velocity_times_time(last_ms: int) -> None:
     velocity = np.array([0.3, -1.2, 0.5])
     turn = Gyroscope.start().turn(constant(velocity, range(0, 500, 5)), 0, last_ms * MILLISECOND)
     assert turn is not None
@@ -54,7 +54,7 @@ def test_a_turn_about_changing_axes_is_that_of_the_motion() -> None:
     np.testing.assert_allclose(turn.angular_velocity, true_twist(0.5)[3:], atol=5e-3)
 
 
-def test_what_is_known_of_bias_and_time_offset_is_taken_out() -> None:
+def test_known_bias_and_time_offset_are_corrected() -> None:
     errors = ImuErrors(bias=(0.02, -0.01, 0.015), time_offset=0.04)
     samples = simulated_imu(true_pose, 0.0, 1.0, errors)
     known = replace(Gyroscope.start(), bias=np.array(errors.bias), time_offset=0.04)
@@ -80,7 +80,7 @@ def test_samples_that_do_not_cover_the_time_give_no_turn(samples: ImuSamples) ->
     assert Gyroscope.start().turn(samples, 0, 100 * MILLISECOND) is None
 
 
-def test_of_samples_late_by_a_few_periods_the_last_holds_on_with_less_certainty() -> None:
+def test_if_samples_are_a_few_periods_late_the_last_one_is_held_with_less_certainty() -> None:
     velocity = np.array([0.0, 0.5, 0.0])
     whole, late = (
         Gyroscope.start().turn(constant(velocity, range(0, end, 5)), 0, 100 * MILLISECOND)
@@ -130,7 +130,7 @@ def test_bias_and_time_offset_are_recovered(time_offset: float) -> None:
     assert gyroscope.is_trusted
 
 
-def test_a_gyroscope_with_other_axes_is_not_trusted_until_it_turns_as_the_images_do() -> None:
+def test_a_gyroscope_with_wrong_axes_is_not_trusted_until_it_agrees_with_the_images() -> None:
     samples = simulated_imu(true_pose, -0.2, 4.0, BMI055)
     half_turn = se3.exp(np.array([0, 0, 0, np.pi, 0, 0]))
     assert not learnt(samples, 3.5, half_turn).is_trusted

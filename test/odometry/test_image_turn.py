@@ -52,7 +52,7 @@ def test_a_rendered_turn_is_found(pitch: float, yaw: float) -> None:
     assert off(smeared, pitch, yaw) < TO_HALF_A_BLUR
 
 
-def test_an_image_has_not_turned_from_itself() -> None:
+def test_an_image_has_no_rotation_relative_to_itself() -> None:
     same = view(view_after(np.eye(4), 0))
     assert turn_between(same, same) == pytest.approx(np.eye(3), abs=1e-6)
 

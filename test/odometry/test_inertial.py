@@ -45,20 +45,20 @@ def assert_same_bits(a: Motion, b: Motion) -> None:
     ],
     ids=["no samples", "a gap", "a gyroscope that disagrees with the images"],
 )
-def test_without_a_turn_to_go_by_the_prediction_is_the_same_to_the_bit(inertial: Inertial) -> None:
+def test_without_a_gyroscope_turn_the_prediction_is_bitwise_the_same(inertial: Inertial) -> None:
     assert_same_bits(
         inertial.predicted(MOVING, PERIOD_NS, CONFIG), MOVING.predicted(PERIOD_NS, CONFIG)
     )
 
 
-def test_the_camera_is_expected_where_the_gyroscope_says_that_it_turned_to() -> None:
+def test_the_predicted_rotation_is_that_of_the_gyroscope() -> None:
     predicted = Inertial(turning([-1.0, 2.0, 0.5])).predicted(MOVING, PERIOD_NS, CONFIG)
     rotation = se3.rotation_vector(predicted.T_track_camera)
     np.testing.assert_allclose(rotation, [-0.1, 0.2, 0.05], atol=1e-12)
     np.testing.assert_allclose(predicted.twist, [0.3, -0.2, 0.4, -1.0, 2.0, 0.5], atol=1e-12)
 
 
-def test_a_gyroscope_that_says_what_was_expected_makes_the_velocity_more_certain_alone() -> None:
+def test_a_gyroscope_that_confirms_the_prediction_only_makes_the_velocity_more_certain() -> None:
     plain = MOVING.predicted(PERIOD_NS, CONFIG)
     predicted = Inertial(turning([0.5, -0.3, 0.2])).predicted(MOVING, PERIOD_NS, CONFIG)
     np.testing.assert_allclose(predicted.T_track_camera, plain.T_track_camera, atol=1e-12)
@@ -68,7 +68,7 @@ def test_a_gyroscope_that_says_what_was_expected_makes_the_velocity_more_certain
     assert (np.linalg.eigvalsh(predicted.covariance) > 0).all()
 
 
-def test_samples_that_no_frame_needs_any_more_are_forgotten() -> None:
+def test_samples_that_no_frame_needs_are_discarded() -> None:
     stamps = np.arange(0, 120 * NANOSECONDS, NANOSECONDS // 10, dtype=np.int64)
     samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.zeros((len(stamps), 3)))
     later = Inertial(samples).at_frame(100 * NANOSECONDS)
@@ -76,7 +76,7 @@ def test_samples_that_no_frame_needs_any_more_are_forgotten() -> None:
     assert later.samples.stamps_ns[-1] == stamps[-1]
 
 
-def test_up_is_where_the_accelerometer_says_though_the_camera_turns() -> None:
+def test_the_accelerometer_gives_the_upward_direction_while_the_camera_turns() -> None:
     samples = simulated_imu(true_pose, -1.0, 1.0, ImuErrors())
     up = Inertial(samples).up(NANOSECONDS // 2)
     assert up is not None
@@ -88,7 +88,7 @@ def test_up_is_where_the_accelerometer_says_though_the_camera_turns() -> None:
 @pytest.mark.parametrize(
     "acceleration", [0.0, 1.0, 30.0], ids=["falling", "in units of g", "being thrown"]
 )
-def test_what_is_no_gravity_says_nothing_of_up(acceleration: float) -> None:
+def test_accelerations_other_than_gravity_give_no_upward_direction(acceleration: float) -> None:
     still = turning([0.0, 0.0, 0.0])
     pull = np.full_like(still.linear_acceleration, 0.0)
     pull[:, 1] = -acceleration

@@ -35,7 +35,7 @@ def test_every_keyframe_but_the_first_is_tracked_from_an_earlier_one(
     assert all(edge.parent < edge.child for edge in edges)
 
 
-def test_a_keyframe_that_sees_again_what_an_anchor_saw_has_an_edge_to_it(
+def test_a_keyframe_that_revisits_the_view_of_an_anchor_has_an_edge_to_it(
     estimates: list[OdometryEstimate],
 ) -> None:
     edges = [edge for estimate in estimates for edge in estimate.edges]

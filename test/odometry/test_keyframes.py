@@ -9,15 +9,17 @@ from hypothesis import strategies as st
 from rigs.geometry import random_transform, transforms
 from rigs.room import CAMERA
 
+from rgbd_glue_ros.features.lifting import KeypointPoints
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import LEVELS, Model, Pixels, Planes
-from rgbd_glue_ros.registration.glue import FrameFeatures
+from rgbd_glue_ros.registration.frame_features import FrameFeatures, KeypointFeatures
 from rgbd_glue_ros.types import Float64, View
 
 VIEW = View(np.zeros((2, 2), np.uint8), np.ones((2, 2), np.float32), CAMERA)
 FEATURES = FrameFeatures(VIEW, None, None, {})
+NO_POINTS = KeypointPoints.of(np.empty((0, 2), np.float32), VIEW)
 POINTS = np.array([[0.0, 0, 2], [1, 0, 3]])
 NORMALS = np.array([[0.0, 0, -1], [-0.6, 0, -0.8]])
 STILL, MIDDLE_ROW = np.zeros((2, 3)), np.zeros(2)
@@ -29,7 +31,8 @@ MODEL = Model(
 
 
 def kept(capacity: int, window: int = 5, spacing: float = 0.0) -> Keyframes:
-    return Keyframes(OdometryConfig(keyframes=capacity, window=window, keyframe_spacing=spacing))
+    config = OdometryConfig(keyframes=capacity, window=window, keyframe_spacing=spacing)
+    return Keyframes(config, lambda features: KeypointFeatures(features.visual, None, NO_POINTS))
 
 
 def add(
@@ -44,7 +47,9 @@ def moved(metres: float, radians: float = 0.0) -> Float64:
 
 
 @given(st.integers(1, 5), st.integers(0, 12))
-def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int, n: int) -> None:
+def test_the_number_of_keyframes_is_limited_and_the_oldest_are_removed(
+    capacity: int, n: int
+) -> None:
     keyframes = kept(capacity)
     for i in range(n):
         assert add(keyframes, np.eye(4), stamp_ns=i).number == i
@@ -52,7 +57,16 @@ def test_no_more_are_kept_than_there_is_room_for_and_the_oldest_go(capacity: int
     assert [k.stamp_ns for k in keyframes] == list(range(n))[-capacity:]
 
 
-def test_keyframes_that_are_left_serve_to_relocalise_but_not_to_track() -> None:
+def test_only_keyframes_of_the_window_keep_their_images() -> None:
+    keyframes = kept(capacity=10, window=2)
+    for metres in range(5):
+        add(keyframes, moved(metres))
+    with_images = [k.number for k in keyframes if isinstance(k.features, FrameFeatures)]
+    assert with_images == [3, 4]
+    assert len(keyframes) == 5
+
+
+def test_keyframes_outside_the_window_are_used_for_relocalisation_but_not_for_tracking() -> None:
     keyframes = kept(3)
     for metres in (0.0, 5.0):
         add(keyframes, moved(metres))
@@ -85,7 +99,7 @@ def test_a_keyframe_has_its_model_in_the_track_frame(T: Float64) -> None:
     ],
     ids=["aside", "turned", "equal"],
 )
-def test_those_come_first_that_saw_the_room_from_most_nearly_the_same_pose(
+def test_keyframes_with_the_most_similar_pose_come_first(
     poses: list[Float64], order: list[int]
 ) -> None:
     T = random_transform(np.random.default_rng(0))
@@ -95,7 +109,7 @@ def test_those_come_first_that_saw_the_room_from_most_nearly_the_same_pose(
     assert [k.number for k in keyframes.nearest(T)] == order
 
 
-def test_keyframes_older_than_the_window_are_not_stepped_back_to() -> None:
+def test_tracking_does_not_return_to_keyframes_older_than_the_window() -> None:
     keyframes = kept(5, window=2)
     for way in (0.0, 0.5, 1.0):
         add(keyframes, moved(way))
@@ -104,7 +118,9 @@ def test_keyframes_older_than_the_window_are_not_stepped_back_to() -> None:
 
 
 @given(n=st.integers(0, 9), count=st.integers(0, 4))
-def test_in_turn_the_newest_come_first_and_all_have_their_turn(n: int, count: int) -> None:
+def test_relocalisation_tries_the_newest_keyframes_first_and_then_all_others(
+    n: int, count: int
+) -> None:
     keyframes = kept(9)
     for _ in range(n):
         add(keyframes, np.eye(4))
@@ -113,7 +129,7 @@ def test_in_turn_the_newest_come_first_and_all_have_their_turn(n: int, count: in
     assert set(turns) == (set(range(n)) if count else set())
 
 
-def test_a_keyframe_that_leaves_the_window_becomes_an_anchor_at_its_place_without_drift() -> None:
+def test_a_keyframe_that_leaves_the_window_becomes_an_anchor_at_its_drift_free_pose() -> None:
     keyframes = kept(5, window=1)
     first = add(keyframes, moved(0.0), T_odom_track=moved(9.0))
     assert not keyframes.anchors(moved(0.2), radius=1.0)
@@ -125,7 +141,7 @@ def test_a_keyframe_that_leaves_the_window_becomes_an_anchor_at_its_place_withou
     np.testing.assert_allclose(anchor.T_odom_camera, moved(0.2))
 
 
-def test_the_anchors_near_enough_are_taken_the_earliest_first() -> None:
+def test_anchors_that_are_near_enough_are_used_earliest_first() -> None:
     keyframes = kept(9, window=1)
     for way in (0.0, 0.4, 0.8, 1.2):
         add(keyframes, moved(way))
@@ -139,14 +155,14 @@ def test_the_anchors_near_enough_are_taken_the_earliest_first() -> None:
         assert [a.number for a in keyframes.anchors(moved(where), radius)] == numbers
 
 
-def test_of_keyframes_that_saw_the_same_the_first_stays_as_an_anchor() -> None:
+def test_of_keyframes_with_the_same_view_the_first_stays_as_an_anchor() -> None:
     keyframes = kept(9, window=1, spacing=0.5)
     for way in (0.0, 0.4, 0.8, 0.1, 1.5):
         add(keyframes, moved(way))
     assert [k.number for k in keyframes] == [0, 2, 4]
 
 
-def test_where_room_is_short_the_oldest_anchor_goes_and_the_window_stays() -> None:
+def test_at_the_limit_the_oldest_anchor_is_removed_and_the_window_stays() -> None:
     keyframes = kept(4, window=3)
     for i in range(8):
         add(keyframes, moved(float(i)))

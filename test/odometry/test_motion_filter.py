@@ -40,7 +40,7 @@ def test_a_start_is_a_known_pose_and_an_unknown_velocity(T: Float64) -> None:
     assert (np.diag(motion.covariance)[6:] > 0.1).all()
 
 
-def test_a_moving_camera_is_expected_to_go_on_in_its_own_direction() -> None:
+def test_a_moving_camera_is_predicted_to_continue_in_its_own_direction() -> None:
     # a quarter turn to the left: forward is then along the odom frame's -x
     left = se3.exp(np.array([0, 0, 0, 0, -np.pi / 2, 0]))
     predicted = moving(np.array([0, 0, 0.6, 0, 0, 0]), left).predicted(PERIOD_NS, CONFIG)
@@ -48,7 +48,7 @@ def test_a_moving_camera_is_expected_to_go_on_in_its_own_direction() -> None:
     assert predicted.stamp_ns == PERIOD_NS
 
 
-def test_a_camera_that_was_not_seen_for_long_is_not_expected_to_have_gone_on_for_ever() -> None:
+def test_after_a_long_gap_the_camera_is_not_predicted_to_have_moved_on_forever() -> None:
     predicted = moving(np.array([0, 0, 1.0, 0, 0, 0])).predicted(60 * NANOSECONDS, CONFIG)
     assert np.linalg.norm(predicted.T_track_camera[:3, 3]) < 1.0
     assert np.linalg.norm(predicted.twist) < 0.1
@@ -103,7 +103,7 @@ def test_without_rotation_the_motion_filter_is_the_linear_kalman_filter(seed: in
 
 
 @given(transforms())
-def test_a_precise_measurement_is_taken_as_it_is(T: Float64) -> None:
+def test_a_precise_measurement_is_adopted(T: Float64) -> None:
     near = T @ se3.exp(np.array([0.003, -0.002, 0.001, 0.002, 0.001, -0.003]))
     corrected = moving(np.zeros(6), T).corrected(near, 1e-12 * np.eye(6))
     np.testing.assert_allclose(corrected.T_track_camera, near, atol=1e-6)
@@ -118,7 +118,7 @@ def test_a_vague_measurement_changes_hardly_anything(T: Float64) -> None:
     np.testing.assert_allclose(corrected.covariance, motion.covariance, rtol=1e-3, atol=1e-9)
 
 
-def test_a_camera_that_was_pushed_is_where_it_is_seen() -> None:
+def test_the_pose_of_a_pushed_camera_follows_the_measurement() -> None:
     motion = moving(np.zeros(6))
     pushed = se3.exp(np.array([0.8, 0, 0.3, 0, 0.5, 0]))
     corrected = motion.corrected(pushed, 1e-5 * np.eye(6))
@@ -128,7 +128,7 @@ def test_a_camera_that_was_pushed_is_where_it_is_seen() -> None:
 
 
 @given(st.sampled_from([PERIOD_S, 1.0, 60.0, 3600.0]), st.sampled_from([1e-4, 1e-3, 1e-2]))
-def test_found_again_after_any_time_its_covariance_is_that_of_the_measurement(
+def test_after_relocalisation_the_covariance_is_that_of_the_measurement_whatever_the_gap(
     seconds: float, sigma: float
 ) -> None:
     motion = Motion.start(0, np.eye(4)).predicted(round(seconds * NANOSECONDS), CONFIG)
@@ -141,7 +141,7 @@ def test_found_again_after_any_time_its_covariance_is_that_of_the_measurement(
 
 @given(SEEDS)
 @settings(max_examples=10)
-def test_errors_are_as_great_as_the_covariance_says_where_the_model_holds(seed: int) -> None:
+def test_errors_are_consistent_with_the_covariance_if_the_model_holds(seed: int) -> None:
     """Poses with noise, of a camera whose velocity changes at random as the filter assumes."""
     rng = np.random.default_rng(seed)
     sigma, steps = 0.005, 150
@@ -165,7 +165,7 @@ def test_errors_are_as_great_as_the_covariance_says_where_the_model_holds(seed: 
 
 
 @given(SEEDS)
-def test_a_velocity_that_is_seen_counts_as_in_the_kalman_filter(seed: int) -> None:
+def test_a_measured_velocity_is_weighted_as_in_the_kalman_filter(seed: int) -> None:
     rng = np.random.default_rng(seed)
     predicted = moving(rng.normal(0, 0.5, 6)).predicted(PERIOD_NS, CONFIG)
     R = np.diag(rng.uniform(1e-3, 1.0, 6))
@@ -182,13 +182,13 @@ def test_a_velocity_that_is_seen_counts_as_in_the_kalman_filter(seed: int) -> No
 
 
 @pytest.mark.parametrize("forward", [5.0, np.nan])
-def test_a_velocity_that_cannot_be_is_not_believed(forward: float) -> None:
+def test_an_impossible_velocity_is_rejected(forward: float) -> None:
     predicted = moving(np.zeros(6)).predicted(PERIOD_NS, CONFIG)
     seen = np.array([0, 0, forward, 0, 0, 0])
     assert predicted.corrected_by_twist(seen, np.eye(6) * 1e-2) is predicted
 
 
-def test_noisy_poses_of_a_smooth_motion_come_out_smoother() -> None:
+def test_noisy_poses_of_a_smooth_motion_are_smoothed() -> None:
     rng = np.random.default_rng(0)
     sigma = 0.01
     config = MotionConfig(acceleration=0.5, angular_acceleration=0.5)
@@ -205,7 +205,7 @@ def test_noisy_poses_of_a_smooth_motion_come_out_smoother() -> None:
     assert motion.twist == pytest.approx([0.3, 0, 0.2, 0, 0.3, 0], abs=0.1)
 
 
-def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
+def test_a_camera_relocalised_elsewhere_gets_no_velocity_from_the_jump() -> None:
     """Half a turn in a thirtieth of a second is no motion."""
     motion = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, MotionConfig())
     elsewhere = se3.exp(np.array([0.0, 0, 0, 0, 0, np.pi]))
@@ -229,7 +229,7 @@ def test_a_camera_that_is_found_elsewhere_has_no_velocity_from_there() -> None:
         ([0, 0, 100.0, 0, 0, 0], 60, False),
     ],
 )
-def test_a_camera_gets_so_far_and_no_farther(way: list[float], frames: int, reached: bool) -> None:
+def test_the_reach_of_a_camera_is_limited(way: list[float], frames: int, reached: bool) -> None:
     last = moving(np.array([0.2, 0, 0, 0, 0.3, 0]))
     predicted = last.predicted(frames * PERIOD_NS, CONFIG)
     there = predicted.T_track_camera @ se3.exp(np.array(way))

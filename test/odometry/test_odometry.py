@@ -35,7 +35,8 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
-from rgbd_glue_ros.registration.glue import FrameFeatures, Glue
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
+from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -65,7 +66,7 @@ def tracked() -> tuple[OdometryEstimate, ...]:
     return tuple(track(recorded_frames()))
 
 
-def test_what_a_caller_does_to_an_estimate_changes_no_later_one() -> None:
+def test_a_caller_that_modifies_an_estimate_does_not_affect_later_ones() -> None:
     frames = recorded_frames()[:6]
     with Odometry(PATIENT) as odometry:
         for frame in frames:
@@ -84,7 +85,7 @@ def test_what_a_caller_does_to_an_estimate_changes_no_later_one() -> None:
 
 
 @pytest.mark.slow
-def test_what_images_are_off_in_time_does_not_add_up_over_keyframes() -> None:
+def test_the_timing_error_of_images_does_not_accumulate_over_keyframes() -> None:
     """Each is off by its own error, and no later one by those of others."""
     # a Kinect, whose timing is known
     frames = [replace(f, frame_id="openni_rgb_optical_frame") for f in recorded_frames()]
@@ -104,7 +105,7 @@ def test_what_images_are_off_in_time_does_not_add_up_over_keyframes() -> None:
         assert 0.8 * of_this_image < added < 1.2 * of_this_image + 1e-8
 
 
-def test_an_odometry_that_was_closed_says_so() -> None:
+def test_a_closed_odometry_raises_an_error() -> None:
     odometry = Odometry(PATIENT)
     odometry.process(recorded_frames()[0])
     odometry.close()
@@ -189,14 +190,14 @@ def test_hand_held_motion_is_tracked_to_a_centimetre() -> None:
     assert radians.max() < 0.01
 
 
-def test_every_estimate_carries_the_stamp_of_its_frame_and_the_times_of_its_stages() -> None:
+def test_every_estimate_has_the_stamp_of_its_frame_and_the_times_of_its_stages() -> None:
     for frame, estimate in zip(recorded_frames(), tracked(), strict=True):
         assert estimate.stamp_ns == frame.stamp_ns
         assert min(estimate.stages_ms.values()) >= 0
     assert {"preparation", "ransac", "refinement", "keyframe"} <= {*tracked()[-1].stages_ms}
 
 
-def test_the_same_frames_give_the_same_bits() -> None:
+def test_the_same_frames_give_bitwise_the_same_poses() -> None:
     for one, two in zip(tracked(), track(recorded_frames()[:45]), strict=False):
         np.testing.assert_array_equal(one.T_odom_camera, two.T_odom_camera)
         np.testing.assert_array_equal(one.covariance, two.covariance)
@@ -204,7 +205,7 @@ def test_the_same_frames_give_the_same_bits() -> None:
         assert (one.is_keyframe, one.keyframe_id) == (two.is_keyframe, two.keyframe_id)
 
 
-def test_whenever_the_map_is_updated_before_the_next_frame_the_poses_are_the_same() -> None:
+def test_poses_do_not_depend_on_when_the_map_is_updated_before_the_next_frame() -> None:
     odometry = Odometry(PATIENT)
     for i, frame in enumerate(recorded_frames()[:45]):
         estimate, expected = odometry.track(frame), tracked()[i]
@@ -223,7 +224,7 @@ def test_a_reset_forgets_the_frame_that_the_map_waits_for() -> None:
     assert not odometry.update_map()
 
 
-def test_an_interrupt_waits_for_the_frame_in_work_and_the_odometry_goes_on(
+def test_an_interrupt_waits_for_the_current_frame_and_the_odometry_continues(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     frames = recorded_frames()[:6]
@@ -277,7 +278,7 @@ def test_covariances_are_positive_definite_and_grow_from_keyframe_to_keyframe() 
         assert np.linalg.eigvalsh(estimate.twist_covariance).min() > 0
 
 
-def test_errors_are_within_what_the_covariance_claims() -> None:
+def test_errors_are_consistent_with_the_covariance() -> None:
     squares = []
     for estimate, T in zip(tracked()[1:], true_poses()[1:], strict=True):
         assert estimate.T_odom_camera is not None
@@ -315,7 +316,7 @@ class CountingFeature(OpenCvFeature):
         return super().match(source, target)
 
 
-def test_a_frame_is_described_once_and_a_keyframe_keeps_what_describes_it(
+def test_features_of_a_frame_are_computed_once_and_kept_by_its_keyframe(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What a slow network says of an image is asked for once."""
@@ -342,7 +343,7 @@ def test_grey_images_are_tracked_too() -> None:
     assert metres.max() < 0.02
 
 
-def test_images_may_change_their_size_on_the_way() -> None:
+def test_images_may_change_their_size_during_a_run() -> None:
     small = [_quartered(frame) for frame in recorded_frames()[10:20]]
     metres, _ = errors(track([*recorded_frames()[:10], *small]), true_poses()[:20])
     assert metres.max() < 0.03
@@ -356,7 +357,7 @@ def _quartered(frame: RgbdFrame) -> RgbdFrame:
 
 
 @pytest.mark.slow
-def test_depth_that_is_said_to_be_late_is_moved_to_the_time_of_its_colour() -> None:
+def test_depth_with_a_known_delay_is_moved_to_the_time_of_colour() -> None:
     """In every other frame by 33 ms, in which the camera moves by 13 mm and turns by 0.8 degrees.
 
     A delay that is always the same shifts a keyframe and the frames after it alike; what hurts is
@@ -396,7 +397,7 @@ def test_the_first_second_of_a_real_sequence_is_tracked(name: str, shared_data: 
     assert evaluate(Trajectory(stamps, np.array(poses)), truth).ape.rmse_m < 0.02
 
 
-def test_after_a_gap_in_a_fast_turn_there_is_no_pose_rather_than_a_wrong_one(
+def test_after_a_gap_in_a_fast_turn_there_is_no_pose_instead_of_a_wrong_one(
     shared_data: Path,
 ) -> None:
     """In the 0.7 s that are missing the camera turns by 43 degrees."""
@@ -411,7 +412,7 @@ def test_after_a_gap_in_a_fast_turn_there_is_no_pose_rather_than_a_wrong_one(
 # keyframes
 
 
-def test_a_camera_that_stands_still_does_not_drift_and_needs_one_keyframe() -> None:
+def test_a_camera_at_rest_does_not_drift_and_needs_one_keyframe() -> None:
     rng = np.random.default_rng(0)
     frame = recorded_frames()[0]
     at_rest = numbered(_noisy(frame, rng) for _ in range(60))
@@ -424,7 +425,7 @@ def test_a_camera_that_stands_still_does_not_drift_and_needs_one_keyframe() -> N
     assert sum(estimate.is_keyframe for estimate in estimates) == 1
 
 
-def test_frames_that_come_twice_change_no_pose() -> None:
+def test_repeated_frames_change_no_pose() -> None:
     """The second ones are given the pose of the first ones, and not that of a camera that stops."""
     once = recorded_frames()[:40]
     twice = [
@@ -445,7 +446,7 @@ def test_frames_that_come_twice_change_no_pose() -> None:
         assert not second.is_keyframe
 
 
-def test_a_camera_without_noise_that_stops_is_known_to_stand_still() -> None:
+def test_a_noise_free_camera_that_stops_is_estimated_to_be_at_rest() -> None:
     moving = recorded_frames()[:30]
     still = numbered([*moving, *[moving[-1]] * 30, recorded_frames()[30]])
     *_, before, after = track(still)
@@ -467,7 +468,7 @@ def _noisy(frame: RgbdFrame, rng: np.random.Generator) -> RgbdFrame:
     )
 
 
-def test_keyframes_are_numbered_and_frames_name_the_one_they_are_registered_against() -> None:
+def test_keyframes_are_numbered_and_frames_name_their_keyframe() -> None:
     made = 0
     for estimate in tracked():
         assert 0 <= estimate.keyframe_id <= max(0, made - 1)
@@ -491,7 +492,7 @@ def test_old_keyframes_are_forgotten() -> None:
     assert metres.max() < 0.03
 
 
-def test_at_the_least_threshold_every_frame_becomes_a_keyframe() -> None:
+def test_at_the_smallest_threshold_every_frame_becomes_a_keyframe() -> None:
     least = {"odometry.keyframe_translation": 0.001, "odometry.keyframe_rotation": 0.001}
     estimates = track(recorded_frames()[:4], with_values(PATIENT, least))
     assert [estimate.is_keyframe for estimate in estimates] == [True] * 4
@@ -548,7 +549,7 @@ def test_a_camera_that_was_carried_elsewhere_in_the_dark_is_found_there() -> Non
     assert np.nanmax(metres) < 0.03
 
 
-def test_a_camera_that_was_turned_over_is_found_upside_down() -> None:
+def test_a_camera_that_was_turned_upside_down_is_found() -> None:
     frames = recorded_frames()
     estimates = track(numbered([*frames[:20], *map(turned_over, frames[20:30])]))
     metres, radians = errors(estimates[20:], true_poses()[20:30] @ np.diag([-1, -1, 1, 1]))
@@ -571,7 +572,7 @@ def test_frames_too_far_apart_for_their_stamps_are_tracked() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("somebody", [PasserBy(period=3.5), PasserBy(distance=1.0, period=2.5)])
-def test_somebody_who_walks_by_is_not_followed(somebody: PasserBy) -> None:
+def test_a_person_who_walks_by_is_not_followed(somebody: PasserBy) -> None:
     frames = recorded_frames()
     crossed = [somebody.before(frame, frames[0].stamp_ns) for frame in frames]
     hidden = [(a.depth != b.depth).mean() for a, b in zip(frames, crossed, strict=True)]
@@ -584,7 +585,7 @@ def test_somebody_who_walks_by_is_not_followed(somebody: PasserBy) -> None:
 
 
 @pytest.mark.slow
-def test_in_another_room_no_pose_is_made_up() -> None:
+def test_in_another_room_no_pose_is_invented() -> None:
     frames = recorded_frames()
     estimates = track(numbered([*frames[:20], *another_room(20)]))
     for estimate in estimates[20:]:
@@ -592,7 +593,9 @@ def test_in_another_room_no_pose_is_made_up() -> None:
         assert_no_pose(estimate)
 
 
-def test_after_the_countdown_a_new_start_is_made_at_the_last_pose_and_its_doubt_said() -> None:
+def test_after_the_countdown_the_odometry_restarts_at_the_last_pose_with_a_grown_covariance() -> (
+    None
+):
     config = with_values(Config(), {"odometry.reset_countdown": 5, "odometry.reset_delay": 0})
     frames = recorded_frames()
     estimates = track(numbered([*frames[:20], *another_room(20)]), config)
@@ -611,7 +614,7 @@ def test_after_the_countdown_a_new_start_is_made_at_the_last_pose_and_its_doubt_
     assert {estimate.state for estimate in estimates[24:]} == {TRACKING}
 
 
-def test_while_nothing_is_seen_the_new_start_waits() -> None:
+def test_the_restart_waits_while_nothing_is_visible() -> None:
     config = with_values(Config(), {"odometry.reset_countdown": 5, "odometry.reset_delay": 0})
     frames = recorded_frames()
     hidden = [covered(frames[20])] * 20
@@ -623,7 +626,7 @@ def test_while_nothing_is_seen_the_new_start_waits() -> None:
 
 @pytest.mark.slow
 @pytest.mark.every_python
-def test_a_lost_camera_is_found_at_a_place_that_it_left_many_keyframes_ago() -> None:
+def test_a_lost_camera_is_found_at_a_place_from_many_keyframes_ago() -> None:
     config = with_values(PATIENT, {"odometry.relocalisation_attempts": 2})
     way = [panned_frame(radians) for radians in np.arange(0, 1.5, 0.1)]
     estimates = track(numbered([*way, covered(way[-1]), *[panned_frame(0.02)] * 6]), config)
@@ -639,7 +642,7 @@ def test_a_lost_camera_is_found_at_a_place_that_it_left_many_keyframes_ago() -> 
         assert se3.rotation_angle(error) < 0.01
 
 
-def test_it_starts_with_the_first_frame_that_has_depth() -> None:
+def test_odometry_starts_with_the_first_frame_that_has_depth() -> None:
     frames = recorded_frames()[:8]
     estimates = track([*map(without_depth, frames[:3]), *frames[3:]])
     for estimate in estimates[:3]:
@@ -676,7 +679,7 @@ def test_a_frame_that_is_not_later_is_refused_and_changes_nothing(earlier_ns: in
     )
 
 
-def test_time_goes_on_while_lost_too() -> None:
+def test_time_advances_while_lost_too() -> None:
     frames = recorded_frames()[:6]
     odometry = Odometry(PATIENT)
     track([*frames[:5], covered(frames[5])], odometry=odometry)
@@ -722,7 +725,7 @@ def test_images_of_any_size_and_content_do_not_stop_the_odometry(
             assert np.isfinite(estimate.covariance).all()
 
 
-def test_the_motion_by_another_odometry_leads_where_the_images_alone_do_not() -> None:
+def test_motion_from_another_odometry_helps_where_images_alone_fail() -> None:
     # walls without a pattern, and a third of a metre and a third of a radian between the frames
     first, second = (blacked_out(room_frame(time_s)) for time_s in (0.0, 2.4))
     alone, led = Odometry(PATIENT), Odometry(PATIENT)

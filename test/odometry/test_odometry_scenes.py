@@ -29,7 +29,7 @@ def with_somebody(frame: RgbdFrame, number: int) -> RgbdFrame:
     return replace(frame, color=color, depth=depth)
 
 
-def test_somebody_who_walks_by_does_not_carry_the_camera_along() -> None:
+def test_a_person_who_walks_by_does_not_drag_the_pose_along() -> None:
     odometry = Odometry(Config())
     found = [
         odometry.process(with_somebody(frame, i)) for i, frame in enumerate(recorded_frames()[:50])
@@ -40,7 +40,7 @@ def test_somebody_who_walks_by_does_not_carry_the_camera_along() -> None:
     assert max(apart) < 0.05
 
 
-def test_a_camera_that_only_turns_does_not_move() -> None:
+def test_a_camera_that_only_turns_does_not_translate() -> None:
     """Without a baseline nothing can be triangulated; depth is measured and needs none."""
     odometry = Odometry(Config())
     for i in range(6):

@@ -60,7 +60,7 @@ def known() -> OwnParts:
     return after(with_part(), poses())
 
 
-def test_what_moves_with_the_camera_is_found_to_the_block(known: OwnParts) -> None:
+def test_parts_that_move_with_the_camera_are_found_block_by_block(known: OwnParts) -> None:
     assert known.blocks is not None
     found = known.blocks > 0
     assert found[IN_BLOCKS].all()
@@ -71,7 +71,7 @@ def test_what_moves_with_the_camera_is_found_to_the_block(known: OwnParts) -> No
         assert apart.min() <= 2
 
 
-def test_it_is_taken_out_of_depth_and_image_and_all_else_is_left(known: OwnParts) -> None:
+def test_own_parts_are_removed_from_depth_and_image_and_the_rest_is_kept(known: OwnParts) -> None:
     view = view_of(with_part([0.0])[0], CONFIG.camera)
     left = known.left_out(view)
     assert known.blocks is not None
@@ -82,7 +82,7 @@ def test_it_is_taken_out_of_depth_and_image_and_all_else_is_left(known: OwnParts
     np.testing.assert_array_equal(left.grey[~own], view.grey[~own])
 
 
-def test_the_log_says_once_how_much_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_ignored_fraction_of_the_view_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     times_s = [round(0.1 * i, 1) for i in range(30)]
     with caplog.at_level(logging.WARNING):
         after(with_part(times_s), poses(times_s))
@@ -91,31 +91,31 @@ def test_the_log_says_once_how_much_is_left_out(caplog: pytest.LogCaptureFixture
     assert "odometry.own_parts: false" in caplog.messages[-1]
 
 
-def test_a_part_that_goes_is_seen_through_again(known: OwnParts) -> None:
+def test_after_a_part_disappears_its_pixels_are_used_again(known: OwnParts) -> None:
     times_s = (1.3, 1.4, 1.5)
     gone = after(empty_room(times_s), poses(times_s), known)
     assert gone.blocks is None
 
 
-def test_a_camera_at_rest_finds_none() -> None:
+def test_a_camera_at_rest_finds_no_own_parts() -> None:
     resting = with_part([0.0] * 13)
     assert after(resting, poses([0.0] * 13)).blocks is None
 
 
-def test_of_images_smaller_than_a_block_nothing_is_asked() -> None:
+def test_images_smaller_than_a_block_are_skipped() -> None:
     tiny = View(np.zeros((6, 6), np.uint8), np.ones((6, 6), np.float32), CAMERA)
     assert not OwnParts().needs(tiny, np.eye(4))
     assert OwnParts().left_out(tiny) is tiny
 
 
-def test_another_size_of_images_starts_anew(known: OwnParts) -> None:
+def test_another_image_size_restarts_the_detection(known: OwnParts) -> None:
     halved = recorded_frames()[0]
     view = view_of(replace(halved, stamp_ns=0), CONFIG.camera)
     cut = replace(view, depth=view.depth[:-16], grey=view.grey[:-16])
     assert known.after_view(cut, np.eye(4)).blocks is None
 
 
-def test_poses_before_a_new_start_are_not_compared_with(known: OwnParts) -> None:
+def test_poses_before_a_restart_are_not_compared(known: OwnParts) -> None:
     assert known.without_views().views == ()
     np.testing.assert_array_equal(known.without_views().blocks, known.blocks)
 
@@ -136,13 +136,13 @@ def test_what_a_tracker_found_is_left_out_until_it_is_switched_off() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", ["a corridor walked along", "stairs", "a wide field of view"])
-def test_floors_and_walls_along_which_the_camera_goes_are_none(place: str) -> None:
+def test_floors_and_walls_along_which_the_camera_moves_are_not_own_parts(place: str) -> None:
     scene = SCENES[place]
     assert not after(scene.noisy_frames(seed=0), scene.true_poses()).votes.any()
 
 
 @pytest.mark.slow
-def test_no_surface_of_the_room_is_taken_for_an_own_part() -> None:
+def test_no_surface_of_the_room_is_mistaken_for_an_own_part() -> None:
     frames = recorded_frames()
     assert after(frames, true_poses()).blocks is None
 
@@ -150,7 +150,7 @@ def test_no_surface_of_the_room_is_taken_for_an_own_part() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("step_m", [0.02, 0.05])
 @pytest.mark.parametrize("somebody", [PasserBy(), PasserBy(distance=1.0, reach=0.4, period=6.0)])
-def test_a_room_that_a_wrong_pose_moves_through_is_none(somebody: PasserBy, step_m: float) -> None:
+def test_a_wrong_pose_does_not_make_the_room_an_own_part(somebody: PasserBy, step_m: float) -> None:
     """The camera stands, and its pose is carried along by somebody who walks by."""
     frames = [replace(recorded_frames()[0], stamp_ns=int(1e8) * i) for i in range(30)]
     crossed = [somebody.before(frame, 0) for frame in frames]
@@ -174,7 +174,7 @@ def furthest(config: Config, change: Change) -> float:
 
 
 @pytest.mark.slow
-def test_odometry_is_not_held_by_what_moves_with_the_camera() -> None:
+def test_own_parts_do_not_hold_the_odometry_back() -> None:
     left_in = with_values(CONFIG, {"odometry.own_parts": False})
     held, found = furthest(left_in, with_robot_part), furthest(CONFIG, with_robot_part)
     assert found < 0.05
@@ -182,7 +182,7 @@ def test_odometry_is_not_held_by_what_moves_with_the_camera() -> None:
 
 
 @pytest.mark.slow
-def test_where_there_is_none_odometry_is_the_same_to_the_bit() -> None:
+def test_without_own_parts_the_odometry_is_bitwise_the_same() -> None:
     def as_it_is(frame: RgbdFrame, _: np.random.Generator) -> RgbdFrame:
         return frame
 

@@ -67,20 +67,20 @@ def test_along_a_blank_wall_the_matches_decide() -> None:
     assert chosen([walked, stuck], along_wall) is walked
 
 
-def test_where_nothing_else_differs_the_expected_pose_is_chosen() -> None:
+def test_if_nothing_else_differs_the_expected_pose_is_chosen() -> None:
     along_wall = problem(blank_wall(), blank_wall())
     far, near = candidate(along(0.3), along_wall, 20.0), candidate(along(0.0), along_wall, 1.0)
     assert chosen([far, near], along_wall) is near
 
 
-def test_where_everything_repeats_as_many_matches_do_not_make_the_camera_jump() -> None:
+def test_in_a_repetitive_scene_equally_many_matches_do_not_make_the_pose_jump() -> None:
     twins = moved_matches(0.3, 60) + moved_matches(0.0, 30)
     along_wall = problem(blank_wall(), blank_wall(), twins)
     jump, walk = candidate(along(0.3), along_wall, 22.0), candidate(along(0.0), along_wall, 0.1)
     assert chosen([walk, jump], along_wall) is walk
 
 
-def test_matches_of_somebody_who_walks_by_do_not_outvote_the_walls() -> None:
+def test_matches_on_a_person_who_walks_by_do_not_outvote_the_walls() -> None:
     room = problem(room_view(0.0), room_view(0.3), moved_matches(0.5, 200))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     right, carried_along = candidate(truth, room), candidate(along(0.5) @ truth, room)
@@ -88,14 +88,14 @@ def test_matches_of_somebody_who_walks_by_do_not_outvote_the_walls() -> None:
 
 
 @pytest.mark.parametrize("metres", [0.02, 0.05, 0.2])
-def test_planes_and_pixels_know_the_true_pose_without_matches(metres: float) -> None:
+def test_planes_and_pixels_select_the_true_pose_without_matches(metres: float) -> None:
     room = problem(room_view(0.0), room_view(0.3))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     right, off = candidate(truth, room), candidate(along(metres) @ truth, room)
     assert chosen([off, right], room) is right
 
 
-def test_a_pose_that_is_not_believed_does_not_compete() -> None:
+def test_a_rejected_pose_does_not_compete() -> None:
     along_wall = problem(blank_wall(), blank_wall(), moved_matches(0.5, 100))
     out_of_reach = candidate(along(0.5), along_wall, 1000.0)
     here = candidate(along(0.0), along_wall)
@@ -103,7 +103,7 @@ def test_a_pose_that_is_not_believed_does_not_compete() -> None:
     assert chosen([out_of_reach], along_wall) is None
 
 
-def test_where_planes_and_matches_leave_a_pose_open_another_one_is_looked_for() -> None:
+def test_if_planes_and_matches_do_not_determine_a_pose_another_one_is_searched_for() -> None:
     room = room_view(0.0)
     right, wrong = np.eye(4), se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.3, 0.0]))
     in_room = problem(room, room)

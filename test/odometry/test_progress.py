@@ -35,7 +35,7 @@ def after(*intervals_ms: int) -> Progress:
         ((), False),
     ],
 )
-def test_frames_are_missing_where_one_comes_much_later_than_usual(
+def test_a_frame_much_later_than_usual_means_that_frames_are_missing(
     intervals_ms: tuple[int, ...], *, is_after_gap: bool
 ) -> None:
     assert after(*intervals_ms).is_after_gap is is_after_gap

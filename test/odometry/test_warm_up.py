@@ -76,7 +76,7 @@ def test_after_the_warm_up_nothing_is_compiled_for_the_frames_of_a_bag() -> None
     assert done.stdout.split() == []
 
 
-def test_the_warm_up_runs_the_features_that_it_is_given_and_makes_none(
+def test_the_warm_up_uses_the_given_features_and_creates_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     config, made = load_preset("live"), []

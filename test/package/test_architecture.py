@@ -24,11 +24,12 @@ ORDER = """
     registration
     refinement
     odometry
-    evaluation
+    trajectories
     messages
     recordings
     live
     slam
+    evaluation
     viz
     node
     experiments

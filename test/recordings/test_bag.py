@@ -216,7 +216,7 @@ def test_malformed_messages_are_skipped_counted_and_logged_once_per_cause(
         assert sequence.skipped == 2
     assert stamps == [f.stamp_ns for i, f in enumerate(FRAMES) if i not in (1, 4)]
     assert [r.levelno for r in caplog.records].count(logging.WARNING) == 2
-    assert f"{COLOR}: data are cut off: 9116 bytes instead of 9216" in caplog.text
+    assert f"{COLOR}: data are truncated: 9116 bytes instead of 9216" in caplog.text
 
 
 def test_bytes_that_are_not_of_their_type_are_skipped(

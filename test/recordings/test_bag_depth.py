@@ -143,7 +143,7 @@ def test_depth_in_the_frame_of_colour_by_another_camera_is_registered_and_that_i
     with caplog.at_level(logging.WARNING), BagRecording(bag) as sequence:
         (frame,) = sequence
     assert np.isnan(frame.depth[:, 0]).all()  # which that camera does not see
-    assert "its camera another one by /camera/depth/camera_info" in caplog.text
+    assert "its camera is another one according to /camera/depth/camera_info" in caplog.text
 
 
 def test_without_an_info_depth_in_another_frame_is_taken_as_registered_and_that_is_said(

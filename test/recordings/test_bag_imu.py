@@ -18,7 +18,6 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import InputConfig, load_preset
 from rgbd_glue_ros.recordings import Topics, imu_of, open_recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
@@ -130,12 +129,12 @@ def test_a_replay_turns_with_the_imu_of_its_bag(tmp_path: Path) -> None:
     samples = simulated_imu(true_pose, 0.0, 1.0, BMI055)
     images: list[Any] = recorded(frames)
     path = write_rosbag2(tmp_path / "bag", [*images, *imu_messages(samples, frames[0].frame_id)])
-    odometry = Odometry(load_preset("live"))
     inputs = InputConfig(imu_pose="0 0 0 0 0 0")
     with open_recording(path, inputs=inputs) as recording:
-        run = replay(recording, load_preset("live"), tmp_path / "out", odometry=odometry)
+        run = replay(recording, load_preset("live"), tmp_path / "out")
     assert len(run.trajectory) == len(frames)
-    learnt = odometry.imu_calibration
+    learnt = run.imu
+    assert learnt is not None
     assert learnt.use is ImuUse.TURNS
     off = np.linalg.norm(learnt.bias - BMI055.bias)
     assert off < 0.5 * np.linalg.norm(BMI055.bias)

@@ -133,7 +133,7 @@ def test_a_time_that_no_bag_holds_is_refused_and_the_bag_is_whole(
     with BagWriter(tmp_path / "bag", RAW) as bag:
         bag.write(bag.encode(good))
         for frame in (bad, replace(good, depth_delay_ns=stamp_ns - good.stamp_ns)):
-            with pytest.raises(InputError, match="bags hold those from 0 to 2\\^31 s"):
+            with pytest.raises(InputError, match="bags store only 0 to 2\\^31 s"):
                 bag.encode(frame)
         with pytest.raises(InputError, match="has a stamp of"):
             bag.write_pose(stamp_ns, np.eye(4))

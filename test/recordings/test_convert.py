@@ -109,7 +109,7 @@ def test_grey_images_stay_grey_in_a_bag(tmp_path: Path) -> None:
         same(iter(bag), grey)
 
 
-@pytest.mark.parametrize("error", [InputError("x", "is cut off", "copy it"), KeyboardInterrupt()])
+@pytest.mark.parametrize("error", [InputError("x", "is truncated", "copy it"), KeyboardInterrupt()])
 def test_what_was_converted_before_an_error_or_an_interrupt_is_kept(
     error: BaseException, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -584,5 +584,5 @@ def test_a_calibration_of_images_of_another_shape_is_named_by_its_file(tmp_path:
     folder = tmp_path / "set"
     images(folder, "rgb/{s}.png", "depth/{s}.png")
     text(folder / "camera_info.yaml", "width: 64", "height: 20", "fx: 60", "cx: 31.5", "cy: 9.5")
-    with pytest.raises(InputError, match=r"camera_info\.yaml: is of 64x20 pixels, but .* 64x48"):
+    with pytest.raises(InputError, match=r"camera_info\.yaml: has 64x20 pixels, but .* 64x48"):
         open_recording(folder)

@@ -53,7 +53,7 @@ def test_independent_residuals_disagree_by_one_per_degree_of_freedom() -> None:
     assert np.mean(np.array(found, np.float64)) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_pose_that_all_bands_share_is_no_disagreement() -> None:
+def test_a_pose_that_all_bands_share_is_not_a_disagreement() -> None:
     same = np.tile(0.01 * np.random.default_rng(0).normal(size=6), (BANDS, 1))
     noise = disagreement([rows(np.random.default_rng(1), np.zeros((BANDS, 6)))])
     assert disagreement([rows(np.random.default_rng(1), same)]) == pytest.approx(noise, rel=0.01)
@@ -84,7 +84,7 @@ def test_a_single_band_gives_no_disagreement() -> None:
     assert disagreement([top]) is None
 
 
-def test_what_was_seen_outweighs_what_was_expected_after_some_frames() -> None:
+def test_measurements_outweigh_the_expectation_after_some_frames() -> None:
     counts = [
         BandAgreement(frames, 0.0).residuals_per_independent_one(1000.0) for frames in (0, 1, 30)
     ]
@@ -110,7 +110,7 @@ def after(view: View, frames: int = 1) -> BandAgreement:
     return known
 
 
-def test_a_depth_whose_scale_changes_over_the_image_makes_fewer_residuals_independent() -> None:
+def test_depth_with_a_varying_scale_makes_fewer_residuals_independent() -> None:
     view = recorded(NOW)
     rows = np.linspace(-0.5, 0.5, len(view.depth))[:, None]
     counts = [
@@ -123,7 +123,7 @@ def test_a_depth_whose_scale_changes_over_the_image_makes_fewer_residuals_indepe
     assert counts[-1] > 1.5 * counts[0]
 
 
-def test_the_same_frame_again_changes_nothing_and_an_empty_one_says_nothing() -> None:
+def test_neither_a_repeated_frame_nor_an_empty_one_changes_the_agreement() -> None:
     view = recorded(NOW)
     once = after(view)
     thrice = after(view, 3)

@@ -101,7 +101,7 @@ def test_no_pixel_of_a_model_is_at_the_far_side_of_an_edge() -> None:
 
 @given(SEEDS)
 @settings(max_examples=10)
-def test_refinement_ends_at_the_truth_from_wherever_a_start_may_be_off(seed: int) -> None:
+def test_refinement_converges_to_the_truth_from_any_realistic_start(seed: int) -> None:
     found = refine(perturbed(seed), the_problem())
     # pixels of 11 mm at 3 m are told apart to a tenth
     assert_at_truth(found, metres=0.002, radians=0.001)
@@ -110,13 +110,15 @@ def test_refinement_ends_at_the_truth_from_wherever_a_start_may_be_off(seed: int
 
 
 @pytest.mark.parametrize(("gain", "bias"), [(0.7, 20), (1.3, -30), (0.6, 0)])
-def test_refinement_ends_at_the_truth_when_the_exposure_changes(gain: float, bias: float) -> None:
+def test_refinement_converges_to_the_truth_when_the_exposure_changes(
+    gain: float, bias: float
+) -> None:
     found = refine(perturbed(0), the_problem(relit(the_source(), gain, bias)))
     assert_at_truth(found, metres=0.002, radians=0.001)
     assert found.brightness_correlation > 0.9
 
 
-def test_planes_alone_end_near_the_truth_in_a_room_with_corners() -> None:
+def test_planes_alone_converge_near_the_truth_in_a_room_with_corners() -> None:
     config = replace(CONFIG, pixel_weight=0.0)
     dark = replace(the_source(), grey=np.zeros_like(the_source().grey))
     found = refine(perturbed(0), the_problem(dark, config=config))
@@ -125,14 +127,14 @@ def test_planes_alone_end_near_the_truth_in_a_room_with_corners() -> None:
     assert found.brightness_correlation == 0.0
 
 
-def test_pixels_alone_end_at_the_truth_when_the_frame_has_no_depth() -> None:
+def test_pixels_alone_converge_to_the_truth_when_the_frame_has_no_depth() -> None:
     found = refine(perturbed(0), the_problem(without_depth(the_source())))
     assert_at_truth(found, metres=0.002, radians=0.001)
     assert found.planes_seen == 0
     assert found.plane_agreement == 0.0
 
 
-def test_no_steps_leave_the_start_as_it_is_and_only_judge_it() -> None:
+def test_zero_iterations_only_evaluate_the_start() -> None:
     start = perturbed(0)
     found = refine(start, the_problem(config=replace(CONFIG, iterations=0)))
     np.testing.assert_array_equal(found.T_model_source, start)
@@ -143,7 +145,7 @@ def test_no_steps_leave_the_start_as_it_is_and_only_judge_it() -> None:
 
 
 @pytest.mark.parametrize("twist", np.eye(6)[[2, 3, 4]] * 0.1, ids=["forward", "pitch", "yaw"])
-def test_a_wrong_pose_shows_in_planes_and_pixels(twist: Float64) -> None:
+def test_planes_and_pixels_reveal_a_wrong_pose(twist: Float64) -> None:
     right = evaluate_pose(true_transform(), the_problem())
     wrong = evaluate_pose(true_transform() @ se3.exp(twist), the_problem())
     assert wrong.plane_agreement < 0.5 * right.plane_agreement
@@ -159,7 +161,7 @@ def test_a_covered_camera_agrees_with_nothing() -> None:
     assert np.isfinite(found.T_model_source).all()
 
 
-def test_where_nothing_of_the_model_is_seen_the_start_stays() -> None:
+def test_if_nothing_of_the_model_is_visible_the_start_is_kept() -> None:
     elsewhere = se3.exp(np.array([0, 0, -50.0, 0, 0, 0]))
     for model in (the_model().moved(elsewhere), without_anything(the_model())):
         found = refine(perturbed(0), the_problem(model=model))
@@ -187,7 +189,7 @@ def test_the_information_is_symmetric_and_positive_definite(seed: int) -> None:
     assert np.linalg.eigvalsh(found.information).min() > 0
 
 
-def test_one_wall_without_texture_leaves_three_directions_open() -> None:
+def test_one_wall_without_texture_leaves_three_directions_undetermined() -> None:
     """Along the wall, and about its normal."""
     size = CAMERA.height, CAMERA.width
     wall = View(np.full(size, 90, np.uint8), np.full(size, 2.0, np.float32), CAMERA)
@@ -217,7 +219,7 @@ def test_a_blend_of_models_has_every_other_plane_and_pixel_of_both() -> None:
         )
 
 
-def test_a_blend_judges_a_pose_as_its_models_do() -> None:
+def test_a_blend_evaluates_a_pose_like_its_models() -> None:
     T = true_transform()
     one, two = the_model(), model_of(the_source(), STEP).moved(T)
     alone = [evaluate_pose(T, the_problem(model=model)) for model in (one, two)]
@@ -227,7 +229,7 @@ def test_a_blend_judges_a_pose_as_its_models_do() -> None:
     assert both.planes_seen < sum(found.planes_seen for found in alone) / 2 + 50
 
 
-def test_depth_noise_of_the_sensor_leaves_millimetres() -> None:
+def test_with_sensor_noise_the_error_is_a_few_millimetres() -> None:
     rng = np.random.default_rng(0)
     depth = true_depth(true_pose(TIMES[1])).astype(np.float64)
     # in disparity, as the sensor errs: 2 mm at 1 m, 18 mm at 3 m
@@ -238,7 +240,7 @@ def test_depth_noise_of_the_sensor_leaves_millimetres() -> None:
     assert found.plane_agreement > 0.5
 
 
-def test_planes_that_somebody_hides_are_counted_and_do_not_pull() -> None:
+def test_planes_hidden_by_a_person_are_counted_and_do_not_affect_the_pose() -> None:
     source = the_source()
     near = source.depth.copy()
     near[:, : CAMERA.width // 3] = 0.6
@@ -249,7 +251,7 @@ def test_planes_that_somebody_hides_are_counted_and_do_not_pull() -> None:
     assert found.planes_agreeing > 0.9 * found.planes_visible
 
 
-def test_planes_that_are_gone_are_not_hidden() -> None:
+def test_planes_that_have_disappeared_do_not_count_as_occluded() -> None:
     source = the_source()
     far = replace(source, depth=source.depth + np.float32(3.0))
     found = evaluate_pose(true_transform(), the_problem(far))
@@ -257,7 +259,7 @@ def test_planes_that_are_gone_are_not_hidden() -> None:
     assert found.planes_occluded == 0
 
 
-def test_pixels_before_which_something_else_is_seen_are_left_out() -> None:
+def test_occluded_pixels_are_left_out() -> None:
     source = the_source()
     width = CAMERA.width // 2
     near, painted = source.depth.copy(), source.grey.copy()

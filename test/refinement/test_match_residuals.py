@@ -44,7 +44,7 @@ def test_matches_alone_lead_to_the_true_pose(seed: int) -> None:
     np.testing.assert_allclose(found, TRUTH, atol=1e-4)
 
 
-def test_along_a_blank_wall_matches_say_where_the_camera_is() -> None:
+def test_along_a_blank_wall_matches_determine_the_pose() -> None:
     wall, walked = view(2.0), se3.exp(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
     model = model_of(wall, 8)
     stuck = refined(np.eye(4), model, wall, NO_MATCHES)

@@ -26,7 +26,7 @@ def the_problem() -> RefinementProblem:
     return RefinementProblem(model_of(room_view(0.0), 8), room_view(0.3), CONFIG)
 
 
-def test_each_level_is_half_of_the_one_before() -> None:
+def test_each_level_has_half_the_size_of_the_one_before() -> None:
     problem = the_problem()
     images = [problem.at_level(level).image for level in range(LEVELS)]
     assert images[0] is problem.view.grey
@@ -34,7 +34,7 @@ def test_each_level_is_half_of_the_one_before() -> None:
         np.testing.assert_array_equal(coarse, cv2.pyrDown(fine))
 
 
-def test_another_twist_leaves_the_pyramid_and_another_image_has_its_own() -> None:
+def test_another_twist_keeps_the_pyramid_and_another_image_gets_its_own() -> None:
     problem = the_problem()
     turning = replace(problem, view=replace(problem.view, twist=np.ones(6)))
     assert turning.at_level(1).image is problem.at_level(1).image
@@ -43,7 +43,7 @@ def test_another_twist_leaves_the_pyramid_and_another_image_has_its_own() -> Non
     assert not dark.at_level(1).image.any()
 
 
-def test_threads_that_ask_at_once_get_the_same_images() -> None:
+def test_concurrent_threads_get_the_same_images() -> None:
     grey, together = room_view(0.3).grey, Barrier(4)
     pyramid = ImagePyramid(grey)
 
@@ -56,7 +56,7 @@ def test_threads_that_ask_at_once_get_the_same_images() -> None:
     assert all(image is first for image in others)
 
 
-def test_what_was_refined_does_not_keep_the_pyramid() -> None:
+def test_a_refinement_does_not_keep_the_pyramid_alive() -> None:
     refine(np.eye(4), the_problem())  # a first call is compiled, which holds its arguments longer
     problem = the_problem()
     refined, pyramid = refine(np.eye(4), problem), weakref.ref(problem.images)
@@ -65,7 +65,7 @@ def test_what_was_refined_does_not_keep_the_pyramid() -> None:
     assert pyramid() is None
 
 
-def test_matches_say_nothing_of_how_well_the_images_agree() -> None:
+def test_matches_do_not_affect_how_well_the_images_agree() -> None:
     points = np.random.default_rng(0).uniform(1.0, 2.0, (20, 3))
     held = replace(the_problem(), matches=Correspondences(points, points + 0.1, np.ones(20)))
     alone, with_matches = (evaluate_pose(np.eye(4), p) for p in (the_problem(), held))

@@ -27,14 +27,16 @@ def evaluated(before: View, now: View, T: Float64) -> tuple[Refinement, Refineme
     return pose, without_spurious_information(pose, np.eye(4), problem, REACH)
 
 
-def test_a_pose_that_the_images_fix_is_left_as_it_is() -> None:
+def test_a_pose_that_the_images_determine_is_left_unchanged() -> None:
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     pose, left = evaluated(room_view(0.0), room_view(0.3), truth)
     assert left is pose
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_along_an_empty_corridor_nothing_is_left_and_across_it_everything(seed: int) -> None:
+def test_in_an_empty_corridor_no_information_is_left_along_it_and_all_of_it_across(
+    seed: int,
+) -> None:
     camera = Config().camera
     scene = SCENES["an empty corridor at 10 Hz"]
     frames = scene.noisy_frames(seed)

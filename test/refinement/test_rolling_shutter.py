@@ -46,9 +46,7 @@ def seen(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("readout_time", "latency"), [(0.03, 0.0), (0.026, 0.017), (-0.03, 0.0)])
-def test_a_rolling_shutter_shows_how_fast_the_camera_moves(
-    readout_time: float, latency: float
-) -> None:
+def test_a_rolling_shutter_reveals_the_velocity(readout_time: float, latency: float) -> None:
     truth = true_twist(TIMES[1])
     assert np.linalg.norm(truth) > 0.3
     velocity, _ = seen(readout_time, latency, np.zeros(6))
@@ -57,7 +55,7 @@ def test_a_rolling_shutter_shows_how_fast_the_camera_moves(
 
 
 @pytest.mark.slow
-def test_a_global_shutter_shows_nothing_and_leaves_the_velocity_as_it_was() -> None:
+def test_a_global_shutter_reveals_nothing_and_leaves_the_velocity_unchanged() -> None:
     start = np.array([0.1, -0.2, 0.3, 0.1, 0.2, -0.3])
     velocity, covariance = seen(0.0, 0.0, start)
     np.testing.assert_array_equal(velocity, start)
@@ -65,7 +63,7 @@ def test_a_global_shutter_shows_nothing_and_leaves_the_velocity_as_it_was() -> N
 
 
 @pytest.mark.slow
-def test_a_slower_shutter_shows_the_twist_more_precisely() -> None:
+def test_a_slower_shutter_reveals_the_twist_more_precisely() -> None:
     slow, fast = (
         np.diag(seen(readout_time, 0.0, true_twist(TIMES[1]))[1]) for readout_time in (0.03, 0.015)
     )
@@ -73,7 +71,7 @@ def test_a_slower_shutter_shows_the_twist_more_precisely() -> None:
 
 
 @pytest.mark.slow
-def test_residuals_that_err_alike_make_the_velocity_less_certain() -> None:
+def test_correlated_residuals_make_the_velocity_less_certain() -> None:
     start = true_twist(TIMES[1])
     sure, unsure = (
         np.diag(seen(0.03, 0.0, start, replace(REFINE, residuals_per_independent_one=c))[1])

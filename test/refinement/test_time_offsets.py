@@ -51,7 +51,7 @@ def pose_error(T: Float64) -> tuple[float, float]:
     ("latency", "readout_time"),
     [(0.0, 0.0), (0.02, 0.0), (0.0, 0.03), (0.015, 0.026), (-0.01, -0.02)],
 )
-def test_latency_and_readout_are_found_and_the_pose_is_right_with_them(
+def test_latency_and_readout_time_are_recovered_and_make_the_pose_right(
     latency: float, readout_time: float
 ) -> None:
     frames = [rolling_frame(t, readout_time, latency) for t in TIMES]
@@ -66,7 +66,7 @@ def test_latency_and_readout_are_found_and_the_pose_is_right_with_them(
         assert pose_error(T)[0] < 0.3 * pose_error(T_ignorant)[0]
 
 
-def test_a_camera_that_stands_still_says_nothing_of_its_timing() -> None:
+def test_a_camera_at_rest_does_not_reveal_its_timing() -> None:
     view = room_view(TIMES[0])
     problem = RefinementProblem(model_of(view, STEP), view, REFINE)
     found = refine(np.eye(4), problem)
@@ -84,7 +84,7 @@ def test_the_timing_of_cameras_known_by_their_frame_is_settled() -> None:
     assert not TimeOffsets.start(TimeOffsetsConfig(), "camera_color_optical_frame").settled
 
 
-def test_a_calibration_of_ones_own_is_kept_for_any_camera() -> None:
+def test_a_user_calibration_is_kept_for_any_camera() -> None:
     own = TimeOffsetsConfig(depth_latency=0.004, readout_time=0.01, spread=0.0)
     for frame_id in ("openni_rgb_optical_frame", "camera_color_optical_frame"):
         timing = TimeOffsets.start(own, frame_id)
@@ -92,7 +92,7 @@ def test_a_calibration_of_ones_own_is_kept_for_any_camera() -> None:
         assert (timing.depth_latency, timing.readout_time) == (0.004, 0.01)
 
 
-def test_a_frame_that_gives_no_finite_number_leaves_the_timing_as_it_was() -> None:
+def test_a_frame_without_finite_results_leaves_the_timing_unchanged() -> None:
     timing = TimeOffsets.start(SURE, "")
     view = prepared(rolling_frame(TIMES[0], 0.0, 0.0), TIMES[0], timing)
     problem = RefinementProblem(model_of(view, STEP), view, REFINE)
@@ -102,7 +102,7 @@ def test_a_frame_that_gives_no_finite_number_leaves_the_timing_as_it_was() -> No
     assert timing.corrected(poisoned, problem, SURE) is timing
 
 
-def test_the_share_of_a_readout_is_what_it_may_be_of_a_kinects() -> None:
+def test_the_readout_share_is_the_longest_plausible_time_relative_to_a_kinect() -> None:
     kinect = TimeOffsets.start(TimeOffsetsConfig(), "openni_rgb_optical_frame")
     assert kinect.readout_share == 1.0
     assert TimeOffsets(0.0, 0.0, np.zeros((2, 2))).readout_share == 0.0

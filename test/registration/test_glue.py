@@ -21,10 +21,13 @@ from rigs.geometry import (
 from rigs.room import room_view, true_pose
 from scipy.stats import chi2
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import rotation_deg, translation_cm
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
+from rgbd_glue_ros.features.lifting import KeypointPoints
 from rgbd_glue_ros.features.visual import VisualMatches
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.geometry.fitting import distances, fit_covariance, procrustes
 from rgbd_glue_ros.parameters import (
     FALLBACK_METHODS,
@@ -34,9 +37,10 @@ from rgbd_glue_ros.parameters import (
     FitConfig,
     GlueConfig,
 )
+from rgbd_glue_ros.registration.fits import FITS
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import (
     FALLBACKS,
-    FITS,
     Glue,
     adaptive_threshold,
     assumed_inliers,
@@ -461,3 +465,31 @@ def test_the_same_frames_and_seed_give_the_same_bits() -> None:
     assert first.T_target_source is not None
     np.testing.assert_array_equal(first.T_target_source, second.T_target_source)
     np.testing.assert_array_equal(first.covariance, second.covariance)
+
+
+def test_a_frame_without_its_images_is_registered_to_the_same_bits() -> None:
+    glue = Glue(Config())
+    source, target = (glue.extract(room_view(time)) for time in (0.0, 0.5))
+    without = glue.without_images(target)
+    assert not isinstance(without, FrameFeatures)
+    whole, sparse = glue.register(source, target), glue.register(source, without)
+    assert whole.T_target_source is not None
+    np.testing.assert_array_equal(sparse.T_target_source, whole.T_target_source)
+    np.testing.assert_array_equal(sparse.covariance, whole.covariance)
+
+
+def test_a_feature_that_may_match_any_pixel_keeps_the_images() -> None:
+    glue = Glue(Config(features=FeaturesConfig(visual="none")))
+    features = glue.extract(room_view(0.0))
+    assert glue.without_images(features) is features
+
+
+def test_a_match_at_a_pixel_that_was_not_kept_is_refused() -> None:
+    view = room_view(0.0)
+    points = KeypointPoints.of(np.array([[20.0, 30.0], [5.0, 7.0]], np.float32), view)
+    kept, known = points.at(np.array([[5.0, 7.0]], np.float32))
+    assert known.all()
+    np.testing.assert_allclose(project(kept, view.intrinsics), [[5.0, 7.0]], atol=1e-6)
+    for other in (0.0, 100.0):
+        with pytest.raises(InputError, match="not among its keypoints"):
+            points.at(np.array([[other, 7.0]], np.float32))

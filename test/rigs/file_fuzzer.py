@@ -28,12 +28,13 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import read_graph, write_graph
-from rgbd_glue_ros.evaluation.trajectory import read_kitti, write_kitti, write_tum
 from rgbd_glue_ros.live.camera_presets import load_camera
 from rgbd_glue_ros.parameters import Config, NodeConfig, load_yaml, share_directory, to_yaml
 from rgbd_glue_ros.recordings.fetch.archive import unpack
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
+from rgbd_glue_ros.slam.packed_view import packed
+from rgbd_glue_ros.trajectories.pose_graph import read_graph, write_graph
+from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import Trajectory, UInt8, View
 from rigs.bags import make_frames, recorded, write_rosbag1, write_rosbag2
 from rigs.data_sets import CALIBRATION, write_data_set
@@ -136,13 +137,11 @@ def _texts(place: Callable[[str, str], Path]) -> dict[str, Kind]:
     poses = np.tile(np.eye(4), (30, 1, 1))
     trajectory = place("trajectory", "trajectory.txt")
     write_tum(trajectory, Trajectory(np.arange(1, 31, dtype=np.int64) * 10**8, poses))
-    kitti = place("KITTI", "poses.txt")
-    write_kitti(kitti, poses)
     graph = place("graph", "keyframes.g2o")
     write_graph(graph, random_graph(1, 5))
     saved = place("map", "room.rgbdmap")
-    views = tuple(View(f.color[..., 0].copy(), f.depth, f.intrinsics) for f in make_frames(5))
-    write_map(saved, SavedMap(random_graph(1, 5), views))
+    views = [View(f.color[..., 0].copy(), f.depth, f.intrinsics) for f in make_frames(5)]
+    write_map(saved, SavedMap(random_graph(1, 5), tuple(map(packed, views))))
     parameters = place("parameters", "params.yaml")
     parameters.write_text(to_yaml(Config()))
     camera = place("camera preset", "camera.yaml")
@@ -151,7 +150,6 @@ def _texts(place: Callable[[str, str], Path]) -> dict[str, Kind]:
     assert NodeConfig()
     return {
         "trajectory": Kind(trajectory, lambda path, _: _main("evaluate", path, path, "--json")),
-        "KITTI": Kind(kitti, lambda path, _: _call(read_kitti, path)),
         "map": Kind(saved, lambda path, _: _call(read_map, path)),
         "graph": Kind(graph, lambda path, _: _call(read_graph, path)),
         "parameters": Kind(parameters, lambda path, _: _call(load_yaml, path, Config())),

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, PoseGraphEdge, Trajectory
 
 # a centimetre and half a degree, unlike and correlated
 _SPREAD = np.diag([0.01, 0.02, 0.005, 0.01, 0.004, 0.008])

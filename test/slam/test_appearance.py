@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from rigs.hamming_votes import HammingVotes
 
-from rgbd_glue_ros.slam.appearance import DESCRIPTORS, Appearance, HammingVotes, SearchTree
+from rgbd_glue_ros.slam.appearance import DESCRIPTORS, Appearance, SearchTree
 from rgbd_glue_ros.types import UInt8
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from rigs.pose_graphs import random_graph
 
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, PoseGraph, write_graph
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.slam.optimiser import factor_graph, optimise
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, write_graph
+from rgbd_glue_ros.types import Float64, PoseGraph
 
 gtsam: Any = pytest.importorskip("gtsam", reason="GTSAM is not installed")
 # Residuals of the two are equal to first order; these standard deviations make the rest small.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
+from rgbd_glue_ros.slam.keyframe_stream import MOST_WAITING, KeyframeStream, NewKeyframe
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
 
 
@@ -83,3 +83,42 @@ def test_who_comes_late_begins_with_what_there_is() -> None:
     stream.add_pose(900, pose(8))
     keyframes, _ = stream.add_edge(900, edge(7, 8))
     assert said(keyframes) == [(8, 900, 8.0, False, True)]
+
+
+@pytest.mark.parametrize("lost", ["edges", "poses"])
+def test_what_waits_for_lost_messages_is_bounded_and_said_once(
+    lost: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    stream = KeyframeStream()
+    last = 5 * MOST_WAITING
+    for number in range(1, last + 1):
+        if lost == "edges":
+            assert stream.add_pose(number * 10**9, pose(number)) == []
+        else:
+            assert stream.add_edge(number * 10**9, edge(number - 1, number)) == ([], None)
+        assert stream.waiting <= MOST_WAITING
+    missing = {"edges": "keyframe/edges: the edge", "poses": "keyframe/pose: the pose"}[lost]
+    (message,) = caplog.messages
+    assert message.startswith(f"{missing} of the keyframe at 1.000000000 s did not come")
+    # what comes whole is taken as before
+    stream.add_pose((last + 1) * 10**9, pose(last + 1))
+    keyframes, _ = stream.add_edge((last + 1) * 10**9, edge(last, last + 1))
+    assert keyframes[-1].number == last + 1
+
+
+def test_the_newest_of_what_waits_is_kept() -> None:
+    stream = KeyframeStream()
+    for number in range(1, 3 * MOST_WAITING):
+        stream.add_edge(number, edge(number - 1, number))
+    keyframes = stream.add_pose(3 * MOST_WAITING - 1, pose(0))
+    assert [k.number for k in keyframes] == [3 * MOST_WAITING - 1]
+
+
+def test_a_lost_message_now_and_then_is_not_said(caplog: pytest.LogCaptureFixture) -> None:
+    stream = KeyframeStream()
+    stream.add_pose(0, pose(0))
+    for number in range(1, 200):
+        stream.add_pose(number, pose(number))
+        if number % 10:
+            stream.add_edge(number, edge(number - 1, number))
+    assert not caplog.messages

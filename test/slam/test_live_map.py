@@ -206,3 +206,38 @@ def test_loops_with_which_there_is_no_optimum_cost_no_keyframe(
     np.testing.assert_allclose(saved.graph.keyframes.poses, expected, atol=1e-3)
     assert live.T_map_odom is not None
     np.testing.assert_allclose(live.T_map_odom, np.eye(4), atol=1e-3)
+
+
+def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    before = LiveMap(config())
+    for number in range(3):
+        before.add(number, keyed(number))
+    restored: list[int] = []
+    restore = mapper.Mapper.restore
+
+    def counted(self: mapper.Mapper, saved: SavedMap) -> None:
+        restored.append(len(saved))
+        restore(self, saved)
+
+    monkeypatch.setattr(mapper.Mapper, "restore", counted)
+    live = LiveMap(config(), before.saved())
+    placed = [live.is_placed]
+    # the first graph begins
+    live.clear()
+    assert restored == [3]
+    assert live.locate(keyed(1))
+    placed.append(live.is_placed)
+    # the odometry starts anew: where its frame is in the map is not known
+    live.clear()
+    assert restored == [3, 3]
+    placed.append(live.is_placed)
+    live.add(0, replace(keyed(1), edges=()))
+    placed.append(live.is_placed)
+    assert placed == [False, True, False, True]
+    assert len(live.saved()) == 4
+    live.clear()
+    assert restored == [3, 3, 3]
+    assert len(live.saved()) == 3

@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
 from rigs.drifted import CHANGED, config, drifted
+from rigs.hamming_votes import HammingVotes
 from rigs.pan import Pan
 from rigs.pose_graphs import random_graph
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam.appearance import HammingVotes
 from rgbd_glue_ros.slam.edge_composition import assumed_edge
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.types import EdgeOrigin, Float64, Trajectory, View
+from rgbd_glue_ros.slam.packed_view import packed
+from rgbd_glue_ros.trajectories.tum import read_tum
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, Trajectory, View
 
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 pytest.importorskip("pyhbst", reason="pyHBST is not installed")
@@ -73,7 +73,8 @@ def test_a_map_comes_back_from_its_file(tmp_path: Path) -> None:
     assert [(e.parent, e.child, e.origin) for e in read.graph.edges] == [
         (e.parent, e.child, e.origin) for e in saved.graph.edges
     ]
-    for ours, theirs in zip(saved.views, read.views, strict=True):
+    for packed_before, packed_after in zip(saved.views, read.views, strict=True):
+        ours, theirs = packed_before.unpacked(), packed_after.unpacked()
         np.testing.assert_array_equal(theirs.grey, ours.grey)
         # half of the unit
         np.testing.assert_allclose(theirs.depth, ours.depth, rtol=0, atol=0.000126)
@@ -178,7 +179,7 @@ def _without_an_image(path: Path) -> None:
 
 def _with_contrast(path: Path, contrast: float) -> None:
     saved = read_map(path)
-    views = tuple(replace(view, contrast=contrast) for view in saved.views)
+    views = tuple(packed(replace(v.unpacked(), contrast=contrast)) for v in saved.views)
     write_map(path, replace(saved, views=views))
 
 
@@ -251,7 +252,7 @@ def test_a_map_from_which_nothing_can_be_computed_is_refused_with_its_file_and_t
 def walk() -> SavedMap:
     """A map of five keyframes, of which each is linked to the one before."""
     graph = random_graph(1, 5)
-    views = [View(f.color[..., 0].copy(), f.depth, f.intrinsics) for f in Pan(5)]
+    views = [packed(View(f.color[..., 0].copy(), f.depth, f.intrinsics)) for f in Pan(5)]
     return SavedMap(graph, tuple(views))
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigs.drifted import config, drifted, rmse
+from rigs.hamming_votes import HammingVotes
 
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam.appearance import HammingVotes
 from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.types import EdgeOrigin, Float64, Trajectory

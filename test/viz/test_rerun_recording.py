@@ -14,14 +14,21 @@ from rigs.pan import CAMERA, HEIGHT, WALL_M, WIDTH, Pan
 from rigs.rerun_reader import Rows, column, rows_of
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
-from rgbd_glue_ros.evaluation.run_record import Run
+from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL
 from rgbd_glue_ros.parameters import load_preset
-from rgbd_glue_ros.types import EdgeOrigin, Float64, OdometryEstimate, PoseGraphEdge, Trajectory
+from rgbd_glue_ros.types import (
+    EdgeOrigin,
+    Float64,
+    OdometryEstimate,
+    PoseGraph,
+    PoseGraphEdge,
+    Trajectory,
+)
 from rgbd_glue_ros.viz import layout
 from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
@@ -42,8 +49,8 @@ def logged(needs_rerun: None, tmp_path_factory: pytest.TempPathFactory) -> Logge
     pan, file = Pan(FRAMES), folder / "out" / "pan.rrd"
     estimates: list[OdometryEstimate] = []
     with RerunRecording(str(file), pan.ground_truth) as recording:
-        sinks = [LeftOpen(recording)]
-        run = replay(pan, load_preset("live"), folder, on_frame=estimates.append, sinks=sinks)
+        outputs = FurtherOutputs([LeftOpen(recording)])
+        run = replay(pan, load_preset("live"), folder, on_frame=estimates.append, outputs=outputs)
         recording.correct(_lifted(run.trajectory), _with_a_loop(run.pose_graph))
     return file, run, estimates
 

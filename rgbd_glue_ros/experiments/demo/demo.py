@@ -11,11 +11,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.evaluation.run_record import Run
-from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.experiments.demo.played import Played, transport
 from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, results_of, write_results
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.thumbnails import thumbnail
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.live.monitor import Summary
@@ -31,6 +30,7 @@ from rgbd_glue_ros.parameters import (
     values,
     with_values,
 )
+from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 
 if TYPE_CHECKING:

@@ -13,9 +13,8 @@ import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.run_record import Run
-from rgbd_glue_ros.evaluation.trajectory import write_tum
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import (
     RESULTS,
@@ -24,9 +23,10 @@ from rgbd_glue_ros.experiments.replay.replay import (
     results_of,
     write_results,
 )
+from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run
 from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.parameters import Config, InputConfig
+from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
@@ -37,6 +37,7 @@ from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.optimiser import Optimum, load_gtsam
 from rgbd_glue_ros.slam.picture import map_jpeg
+from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import (
     EdgeOrigin,
     OdometryEstimate,
@@ -121,19 +122,28 @@ class MappedRun:
     figures: dict[str, Any]
 
 
+@dataclass(frozen=True)
+class MapOutputs:
+    """Outputs that a mapping has only if they are asked for.
+
+    Attributes:
+        save_map: file to write the map to, for other sessions; None writes none.
+        shown: receives everything for the Rerun viewer, and stays open; None for none.
+    """
+
+    save_map: Path | None = None
+    shown: RerunRecording | None = None
+
+
 def map_recording(
     sequence: Recording,
     config: Config,
     folder: Path,
     *,
-    ground_truth: Trajectory | None = None,
-    limit: int | None = None,
-    on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
-    inputs: InputConfig | None = None,
-    command: str = "",
     before: SavedMap | None = None,
-    save_map: Path | None = None,
-    shown: RerunRecording | None = None,
+    on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
+    outputs: MapOutputs = MapOutputs(),
+    provenance: Provenance = Provenance(),
 ) -> MappedRun:
     """Runs the odometry, closes loops, and writes the corrected results.
 
@@ -144,14 +154,10 @@ def map_recording(
         sequence: source of the frames.
         config: of the odometry.
         folder: where the results go; created if it is not there.
-        ground_truth: T_world_camera; None uses the sequence's.
-        limit: number of frames to stop after; None takes all.
-        on_frame: called after each frame.
-        inputs: how ``sequence`` was opened, for the record; None for the defaults.
-        command: the command line, for quoting in the report.
         before: a map to continue; None starts a new one.
-        save_map: file to write the map to, for other sessions; None writes none.
-        shown: receives everything for the Rerun viewer, and stays open; None for none.
+        on_frame: called after each frame.
+        outputs: what is written besides the folder.
+        provenance: how the run came about, for the record.
 
     Raises:
         InputError: the folder or the map cannot be written, a frame cannot be read, or the
@@ -159,7 +165,7 @@ def map_recording(
         MissingExtraError: the libraries of the extra slam are not installed.
     """
     load_gtsam()
-    check_places(folder, MAP_RESULTS, {"save_map": save_map})
+    check_places(folder, MAP_RESULTS, {"save_map": outputs.save_map})
     # learned features have networks, which are loaded once
     glue = Glue(config)
     odometry = Odometry(config, glue)
@@ -171,19 +177,19 @@ def map_recording(
             mapper.restore(before)
         return mapper
 
-    sink = MappingSink(odometry, new_mapper)
-    inputs, further = inputs or InputConfig(), (ODOMETRY, CLOUD)
-    with results_of(sequence.name, config, folder, inputs, further) as results, ExitStack() as end:
+    sink, shown = MappingSink(odometry, new_mapper), outputs.shown
+    with (
+        results_of(sequence.name, config, folder, provenance.inputs, (ODOMETRY, CLOUD)) as results,
+        ExitStack() as end,
+    ):
         run = replay_into(
             results,
             sequence,
             config,
-            ground_truth=ground_truth,
-            limit=limit,
             on_frame=on_frame,
-            sinks=[sink] if shown is None else [sink, LeftOpen(shown)],
+            outputs=FurtherOutputs([sink] if shown is None else [sink, LeftOpen(shown)]),
             odometry=odometry,
-            command=command,
+            command=provenance.command,
         )
         # an interrupt inside of GTSAM is a crash, and the rest takes seconds
         end.enter_context(uninterrupted())
@@ -212,8 +218,8 @@ def map_recording(
             },
         )
         # the largest comes last: on a disk that it fills, the others are of one state
-        if save_map is not None:
-            write_map(save_map, mapper.saved(optimum.graph))
+        if outputs.save_map is not None:
+            write_map(outputs.save_map, mapper.saved(optimum.graph))
     return MappedRun(mapped, optimum, cloud, figures)
 
 

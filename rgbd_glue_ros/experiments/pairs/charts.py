@@ -14,16 +14,16 @@ from rgbd_glue_ros.experiments.pairs.results import ByGap
 from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.axes import Axis, linear, logarithmic
 from rgbd_glue_ros.experiments.report.charts import Line
+from rgbd_glue_ros.experiments.report.series_colors import CSS as COLORS_CSS
+from rgbd_glue_ros.experiments.report.series_colors import look
 
-CSS = """
-:root { --c0: #1d5fd1; --c1: #c2620a; --c2: #1a8f5a; --c3: #8a4bd0; --c4: #cf2f3c; --c5: #0f8b9d;
-  --c6: #d04c97; --c7: #8b6f14; --c8: #5d6b7b; --c9: #5a8f1e; }
-@media (prefers-color-scheme: dark) { :root { --c0: #6aa5ff; --c1: #f0963c; --c2: #35b57c;
-  --c3: #b58cf0; --c4: #f0626c; --c5: #3fc3d6; --c6: #f07fc0; --c7: #d1b04a; --c8: #93a1b1;
-  --c9: #93cc4e; } }
+CSS = (
+    COLORS_CSS
+    + """
 .three { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 17rem), 1fr));
   gap: 1.5rem 2rem; }
 """
+)
 
 _ERROR_AXES = {
     "rotation_deg": logarithmic(0.1, 0.5, 1, 5, 10, 45),
@@ -33,7 +33,6 @@ _ERROR_AXES = {
 _PERCENT = Axis(0.0, 100.0, tuple((v, f"{v:g} %") for v in (0.0, 25.0, 50.0, 75.0, 100.0)))
 _CURVE_POINTS = 160
 _MOST_DOTS = 1500
-_COLORS = 10
 _AT_5_CM = INLIER_THRESHOLDS_CM.index(5)
 
 
@@ -67,7 +66,7 @@ def _curve(error: str, compared: Sequence[Sequence[PairResult]]) -> str:
     for i, results in enumerate(compared):
         errors = [np.inf if r.errors.failed else getattr(r.errors, error) for r in results]
         below = np.searchsorted(np.sort(errors), x, side="right")
-        color, style = _look(i)
+        color, style = look(i)
         lines.append(Line("", color, x, 100 * below / len(errors), style))
     metric = METRICS[error]
     # the first, which is our own, on top
@@ -75,13 +74,8 @@ def _curve(error: str, compared: Sequence[Sequence[PairResult]]) -> str:
 
 
 def _key(name: str, i: int) -> Line:
-    color, style = _look(i)
+    color, style = look(i)
     return Line(name, color, np.empty(0), np.empty(0), style)
-
-
-def _look(i: int) -> tuple[str, str]:
-    """Colour and style of the i-th line."""
-    return f"var(--c{i % _COLORS})", "dashed" if i >= _COLORS else "" if i else "thick"
 
 
 def scatter(gap: int, content: Mapping[str, Any], results: Sequence[PairResult]) -> str:

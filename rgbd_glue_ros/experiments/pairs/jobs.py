@@ -13,12 +13,12 @@ import numpy as np
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
-from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairFrame, PairResult, evaluate_pair
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, PairMethod, method_of
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, Trajectory
 
 Pair = tuple[int, int]

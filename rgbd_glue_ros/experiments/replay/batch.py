@@ -14,10 +14,12 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.batch.journal import Journal
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
+from rgbd_glue_ros.experiments.replay.run_record import Provenance
 from rgbd_glue_ros.experiments.report.markdown import bullets, table
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.parameters import Config, InputConfig, values
 from rgbd_glue_ros.recordings import Recording, refuse_recording
+from rgbd_glue_ros.recordings.first_frames import first_frames
 
 logger = logging.getLogger(__name__)
 
@@ -122,7 +124,8 @@ def run_job(job: ReplayJob) -> Iterator[dict[str, Any] | InputError]:
     """The metrics of a replayed recording, or its error."""
     try:
         with job.open_recording(job.path) as recording:
-            replay(recording, job.config, job.folder, limit=job.limit, inputs=job.inputs)
+            taken = first_frames(recording, job.limit)
+            replay(taken, job.config, job.folder, provenance=Provenance(job.inputs))
     except InputError as error:
         yield error
         return

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from time import perf_counter
 
 from rgbd_glue_ros.closing import uninterrupted
-from rgbd_glue_ros.evaluation.run_record import Run
-from rgbd_glue_ros.evaluation.trajectory import TumWriter
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale
 from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.trajectories.tum import TumWriter
 from rgbd_glue_ros.types import (
     ImuCalibration,
     ImuSamples,

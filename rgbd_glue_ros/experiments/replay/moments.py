@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.run_record import FrameRecord, Run
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
+from rgbd_glue_ros.experiments.replay.run_record import FrameRecord, Run
 from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.types import NANOSECONDS, TrackingState
 

@@ -6,22 +6,19 @@ import json
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, write_graph
-from rgbd_glue_ros.evaluation.run_record import Run, metrics
-from rgbd_glue_ros.evaluation.trajectory import TumWriter
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
 from rgbd_glue_ros.experiments.replay.frame_loop import FrameLoop
 from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
+from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.report import render
-from rgbd_glue_ros.experiments.replay.sinks import FrameSink
+from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run, metrics
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
 from rgbd_glue_ros.files.reading import read_text
@@ -35,10 +32,11 @@ from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
 from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.slam.cloud import write_ply
 from rgbd_glue_ros.slam.picture import map_jpeg
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, write_graph
+from rgbd_glue_ros.trajectories.tum import TumWriter
 from rgbd_glue_ros.types import (
     ImuSamples,
     OdometryEstimate,
-    Trajectory,
 )
 
 logger = logging.getLogger(__name__)
@@ -54,14 +52,9 @@ def replay(
     config: Config,
     folder: Path,
     *,
-    ground_truth: Trajectory | None = None,
-    limit: int | None = None,
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
-    sinks: Sequence[FrameSink] = (),
-    cloud: Path | None = None,
-    odometry: Odometry | None = None,
-    inputs: InputConfig | None = None,
-    command: str = "",
+    outputs: FurtherOutputs = FurtherOutputs(),
+    provenance: Provenance = Provenance(),
 ) -> Run:
     """Runs the odometry over ``sequence`` as fast as possible; no frame is dropped.
 
@@ -72,34 +65,23 @@ def replay(
         sequence: source of the frames.
         config: of the odometry.
         folder: where the results go; created if it is not there.
-        ground_truth: T_world_camera; None uses the sequence's.
-        limit: number of frames to stop after; None takes all.
         on_frame: called after each frame.
-        sinks: receive each frame and its estimate, and are finally closed.
-        cloud: PLY file for a coloured cloud of the keyframes, which the report also shows; None for
-            none.
-        odometry: a new one of ``config``, for access by the caller; None creates one. It is finally
-            closed.
-        inputs: how ``sequence`` was opened, for the record; None for the defaults.
-        command: the command line, for quoting in the report.
+        outputs: what is written besides the folder.
+        provenance: how the run came about, for the record.
 
     Raises:
         InputError: the folder or the cloud cannot be written, another run is writing to it, a
             frame cannot be read, or none was tracked.
     """
-    check_places(folder, RESULTS, {"cloud": cloud})
-    with results_of(sequence.name, config, folder, inputs or InputConfig()) as results:
+    check_places(folder, RESULTS, {"cloud": outputs.cloud})
+    with results_of(sequence.name, config, folder, provenance.inputs) as results:
         return replay_into(
             results,
             sequence,
             config,
-            ground_truth=ground_truth,
-            limit=limit,
             on_frame=on_frame,
-            sinks=sinks,
-            cloud=cloud,
-            odometry=odometry,
-            command=command,
+            outputs=outputs,
+            command=provenance.command,
         )
 
 
@@ -108,28 +90,36 @@ def replay_into(
     sequence: Recording,
     config: Config,
     *,
-    ground_truth: Trajectory | None = None,
-    limit: int | None = None,
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
-    sinks: Sequence[FrameSink] = (),
-    cloud: Path | None = None,
+    outputs: FurtherOutputs = FurtherOutputs(),
     odometry: Odometry | None = None,
     command: str = "",
 ) -> Run:
-    """Like ``replay``, into a folder that the caller continues to write to."""
+    """Like ``replay``, into a folder that the caller continues to write to.
+
+    Args:
+        results: the folder.
+        sequence: source of the frames.
+        config: of the odometry.
+        on_frame: called after each frame.
+        outputs: what is written besides the folder.
+        odometry: a new one of ``config``, for access by the caller; None creates one. It is finally
+            closed.
+        command: the command line, for quoting in the report.
+    """
     folder = results.path
     logger.info("warming up; the first time, this compiles for some seconds")
     warm_up(config)
-    run = Run(sequence.name, config, ground_truth or sequence.ground_truth, command=command)
+    run = Run(sequence.name, config, sequence.ground_truth, command=command)
     pictures, clouds = Thumbnails(), KeyframeClouds()
-    takers = (pictures, *(() if cloud is None else (clouds,)), *sinks)
+    takers = (pictures, *(() if outputs.cloud is None else (clouds,)), *outputs.sinks)
     odometry = odometry or Odometry(config)
     imu = imu_of(sequence) or ImuSamples.empty()
     last: OdometryEstimate | None = None
     try:
         with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
             frames = FrameLoop(run, odometry, imu, trajectory, takers, on_frame)
-            for frame in islice(sequence, limit):
+            for frame in sequence:
                 frames.take(frame)
             last = frames.last
     except InputError as error:
@@ -139,12 +129,12 @@ def replay_into(
             left_out = left_out_of(sequence)
             run.duplicates += left_out.duplicates
             run.unpaired = left_out.unpaired
-            for sink in sinks:
+            for sink in outputs.sinks:
                 left.callback(sink.close)
             if run.frames:
                 run.thumbnails = pictures.jpegs
                 left.callback(write_results, run, folder)
-                _leave_cloud(left, cloud, clouds, run)
+                _leave_cloud(left, outputs.cloud, clouds, run)
     if not run.frames:
         raise InputError(sequence.name, "holds no frames", "give a recording with RGB-D frames")
     _warn_of_imu(odometry)

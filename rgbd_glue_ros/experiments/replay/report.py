@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.run_record import Run
-from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.evaluation.trajectory_errors import RPE_DELTA_S, Evaluation
 from rgbd_glue_ros.experiments.replay.moments import CSS as MOMENTS_CSS
 from rgbd_glue_ros.experiments.replay.moments import moments
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.series import error_charts, since_start, with_gaps
 from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.axes import linear, rising
@@ -24,6 +23,7 @@ from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_paramete
 from rgbd_glue_ros.experiments.report.plans import plans
 from rgbd_glue_ros.experiments.report.timeline import Span, band
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S
 from rgbd_glue_ros.types import Float64, TrackingState
 
 _UNANSWERED = None

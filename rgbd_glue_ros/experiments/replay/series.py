@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rgbd_glue_ros.evaluation.run_record import Run
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.axes import rising, symmetric
 from rgbd_glue_ros.experiments.report.charts import Area, Line

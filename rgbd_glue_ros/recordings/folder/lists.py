@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import MAX_TIME_DIFFERENCE_S, associate
-from rgbd_glue_ros.evaluation.trajectory_text import Line, read_lines, stamps_ns
 from rgbd_glue_ros.files.reading import inside
+from rgbd_glue_ros.files.stamp_text import stamps_ns
+from rgbd_glue_ros.files.text_lines import Line, read_lines
 from rgbd_glue_ros.parameters import metres_per_unit
 from rgbd_glue_ros.recordings.image_sequence import ImagePair, ImagePairs
 from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
+from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S, associate
 from rgbd_glue_ros.types import NANOSECONDS, Int64
 
 logger = logging.getLogger(__name__)

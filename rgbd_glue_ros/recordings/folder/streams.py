@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import associate
-from rgbd_glue_ros.evaluation.trajectory_text import stamps_ns
+from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.recordings.folder.lists import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import IMAGE_TYPES, ImagePair, ImagePairs
 from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
+from rgbd_glue_ros.trajectories.association import associate
 
 # Names of a folder in a recording with both images; others are separate recordings
 _BOTH = re.compile(r"results?|data|images?|frames|rgbd|cam(era)?_?\d*", re.I)

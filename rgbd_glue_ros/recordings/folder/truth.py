@@ -10,14 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_tum
-from rgbd_glue_ros.evaluation.trajectory_text import (
-    MATRIX_SHAPES,
-    Line,
-    parse_matrix,
-    read_lines,
-)
+from rgbd_glue_ros.files.text_lines import Line, read_lines
 from rgbd_glue_ros.recordings.image_sequence import ImagePair
+from rgbd_glue_ros.trajectories.pose_text import MATRIX_SHAPES, parse_matrix
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import Float64, Int64, Trajectory
 
 logger = logging.getLogger(__name__)

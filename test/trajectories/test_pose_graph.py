@@ -11,9 +11,9 @@ from rigs.pose_graphs import random_edge, random_graph
 from scipy.spatial.transform import Rotation
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.pose_graph import GraphReader, PoseGraph, read_graph, write_graph
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import EdgeOrigin, Float64
+from rgbd_glue_ros.trajectories.pose_graph import GraphReader, read_graph, write_graph
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph
 
 
 @pytest.mark.parametrize("reader", GraphReader)

@@ -9,16 +9,15 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.text_lines import check_position, finite_numbers, parse_pose
-from rgbd_glue_ros.files.reading import read_text
-from rgbd_glue_ros.types import NANOSECONDS, Float64
+from rgbd_glue_ros.files.stamp_text import stamps_ns
+from rgbd_glue_ros.files.text_lines import Line, read_lines, split_words
+from rgbd_glue_ros.trajectories.pose_text import MATRIX_SHAPES, parse_matrix, parse_pose
+from rgbd_glue_ros.types import Float64
 
 logger = logging.getLogger(__name__)
 
@@ -32,84 +31,6 @@ _NAMES = {
     **{axis: rf"((p|t|pos|pose|position|trans|translation)(_.*)?_?)?{axis}" for axis in "xyz"},
     **{f"q{axis}": rf"(q|quat|quaternion|rot|orientation)(_.*)?_?{axis}" for axis in "xyzw"},
 }
-
-# Upper limits of stamps in these units; today's stamps in each are a thousand times those in the
-# previous
-_END_OF_TIME_NS = 2**63
-_SECONDS_BELOW, _MILLISECONDS_BELOW, _MICROSECONDS_BELOW = Decimal("9.2e9"), Decimal(10**14), 10**17
-
-MATRIX_SHAPES = {12: (3, 4), 16: (4, 4)}
-"""Numbers on a line that form the upper rows of a pose, or all of it."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of a text file that is not empty: its number from 1, and its words."""
-
-    number: int
-    words: tuple[str, ...]
-
-
-def read_lines(path: Path) -> tuple[list[str], list[Line]]:
-    """The comments of a text file without their mark, and its other lines.
-
-    Raises:
-        InputError: the file cannot be read, or is not a text.
-    """
-    text = read_text(path)
-    comments: list[str] = []
-    lines: list[Line] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        plain = line.strip()
-        if plain.startswith(("#", "%", "//")):
-            comments.append(plain.lstrip("#%/ "))
-        elif plain:
-            lines.append(Line(number, split_words(plain)))
-    return comments, lines
-
-
-def split_words(line: str) -> tuple[str, ...]:
-    """The words of a line, separated by blanks, commas or semicolons."""
-    words = line.replace(";", " ").split()
-    # a comma inside of a number and none behind it is what some write for a point; whole numbers
-    # have none, as those of a trajectory's first pose
-    if len(words) >= len(TUM_COLUMNS) and any(map(_is_decimal_comma, words)):
-        return tuple(word.replace(",", ".") for word in words)
-    return tuple(line.replace(";", " ").replace(",", " ").split())
-
-
-def _is_decimal_comma(word: str) -> bool:
-    return re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", word, re.IGNORECASE) is not None
-
-
-def stamps_ns(texts: Sequence[str]) -> list[int]:
-    """Stamps of one file as nanoseconds, without passing through a float.
-
-    Args:
-        texts: decimal numbers of seconds, or of smaller units according to their magnitude.
-
-    Raises:
-        ValueError: a number is not finite, or exceeds 64 bits.
-        ArithmeticError: a text is not a
-            number.
-    """
-    numbers = [Decimal(text) for text in texts]
-    if any(not number.is_finite() for number in numbers):
-        raise ValueError("a stamp that is not finite")
-    largest = max(map(abs, numbers), default=Decimal(0))
-    # an exponent of a million would create a whole number of a million digits
-    if largest >= _END_OF_TIME_NS:
-        raise ValueError("a stamp out of range")
-    unit = _nanoseconds_of_unit(largest)
-    return [int((number * unit).to_integral_value()) for number in numbers]
-
-
-def _nanoseconds_of_unit(largest: Decimal) -> int:
-    if largest < _SECONDS_BELOW:
-        return NANOSECONDS
-    if largest < _MILLISECONDS_BELOW:
-        return NANOSECONDS // 10**3
-    return NANOSECONDS // 10**6 if largest < _MICROSECONDS_BELOW else 1
 
 
 def stamped_poses(path: Path) -> tuple[list[int], list[Float64]]:
@@ -240,23 +161,6 @@ def _of_columns(columns: Sequence[int]) -> _Parser:
 
 def _stamp_and_matrix(words: tuple[str, ...]) -> tuple[str, Float64]:
     return words[0], parse_matrix(words[1:])
-
-
-def parse_matrix(words: Sequence[str]) -> Float64:
-    """The pose [4, 4] written as the rows of a matrix, with or without the last.
-
-    Raises:
-        ValueError: the text is not a pose.
-    """
-    if len(words) not in MATRIX_SHAPES:
-        raise ValueError(f"{len(words)} values instead of 12 or 16")
-    T = np.eye(4)
-    rows, columns = MATRIX_SHAPES[len(words)]
-    T[:rows] = finite_numbers(list(words), rows * columns).reshape(rows, columns)
-    if abs(np.linalg.det(T[:3, :3]) - 1) > 0.1:
-        raise ValueError("a matrix that is not a rotation")
-    check_position(T[:3, 3])
-    return T
 
 
 def _is_euroc(lines: list[Line]) -> bool:

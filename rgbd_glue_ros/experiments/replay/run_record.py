@@ -12,18 +12,31 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
-from rgbd_glue_ros.evaluation.pose_graph import PoseGraph
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, path_length
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
     ImuCalibration,
     OdometryEstimate,
+    PoseGraph,
     PoseGraphEdge,
     TrackingState,
     Trajectory,
 )
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How a run came about.
+
+    Attributes:
+        inputs: how its recording was opened.
+        command: the command line; "" if it was started by a program.
+    """
+
+    inputs: InputConfig = field(default_factory=InputConfig)
+    command: str = ""
 
 
 @dataclass(frozen=True)

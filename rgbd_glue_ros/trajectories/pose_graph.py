@@ -7,37 +7,18 @@ GTSAM's is the translation and the rotation vector itself. So there is a file fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.text_lines import (
-    finite_numbers,
-    numbers_text,
-    parse_pose,
-    parsed_lines,
-    pose_text,
-)
-from rgbd_glue_ros.evaluation.trajectory import format_stamp, parse_stamp
+from rgbd_glue_ros.files.stamp_text import format_stamp, parse_stamp
+from rgbd_glue_ros.files.text_lines import finite_numbers, numbers_text, parsed_lines
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, Trajectory
-
-
-@dataclass(frozen=True)
-class PoseGraph:
-    """Keyframes and the measurements between them.
-
-    Attributes:
-        keyframes: T_odom_camera of every keyframe.
-        edges: between rows of ``keyframes``.
-    """
-
-    keyframes: Trajectory
-    edges: tuple[PoseGraphEdge, ...]
+from rgbd_glue_ros.trajectories.pose_text import parse_pose, pose_text
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, PoseGraphEdge, Trajectory
 
 
 class GraphReader(Enum):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.evaluation.run_record import FrameRecord, Run, metrics
+from rgbd_glue_ros.experiments.replay.run_record import FrameRecord, Run, metrics
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.types import (

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -10,14 +12,52 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import read_text
-from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import Float64
 
 Row = TypeVar("Row")
 
-_FARTHEST_M = 1e9
-# the squares of other numbers are zero, or infinite
-_SQUARED = (1e-100, 1e100)
+# A stamp and a pose.
+_WORDS_OF_A_POSE = 8
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a text file that is not empty: its number from 1, and its words."""
+
+    number: int
+    words: tuple[str, ...]
+
+
+def read_lines(path: Path) -> tuple[list[str], list[Line]]:
+    """The comments of a text file without their mark, and its other lines.
+
+    Raises:
+        InputError: the file cannot be read, or is not a text.
+    """
+    text = read_text(path)
+    comments: list[str] = []
+    lines: list[Line] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        plain = line.strip()
+        if plain.startswith(("#", "%", "//")):
+            comments.append(plain.lstrip("#%/ "))
+        elif plain:
+            lines.append(Line(number, split_words(plain)))
+    return comments, lines
+
+
+def split_words(line: str) -> tuple[str, ...]:
+    """The words of a line, separated by blanks, commas or semicolons."""
+    words = line.replace(";", " ").split()
+    # a comma inside of a number and none behind it is what some write for a point; whole numbers
+    # have none, as those of a trajectory's first pose
+    if len(words) >= _WORDS_OF_A_POSE and any(map(_is_decimal_comma, words)):
+        return tuple(word.replace(",", ".") for word in words)
+    return tuple(line.replace(";", " ").replace(",", " ").split())
+
+
+def _is_decimal_comma(word: str) -> bool:
+    return re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", word, re.IGNORECASE) is not None
 
 
 def parsed_lines(
@@ -45,33 +85,6 @@ def parsed_lines(
             raise InputError(f"{path}:{number}", reason, remedy) from error
 
 
-def parse_pose(words: list[str]) -> Float64:
-    """The pose [4, 4] written as x y z qx qy qz qw.
-
-    Raises:
-        ValueError: the text is not a pose.
-    """
-    numbers = finite_numbers(words, 7)
-    position, turn = numbers[:3], numbers[3:]
-    check_position(position)
-    length = np.abs(turn).max()
-    if length == 0:
-        raise ValueError("a quaternion of zeros")
-    if not _SQUARED[0] < length < _SQUARED[1]:
-        turn = turn / length
-    return se3.from_translation_quaternion(position, turn)
-
-
-def check_position(position: Float64) -> None:
-    """Refuses a position beyond the moon, which would overflow in an alignment.
-
-    Raises:
-        ValueError: the position is that far away.
-    """
-    if np.abs(position).max() > _FARTHEST_M:
-        raise ValueError(f"a position more than {_FARTHEST_M:g} m away")
-
-
 def finite_numbers(words: list[str], count: int) -> Float64:
     """A given number of finite numbers, float64 [count].
 
@@ -84,11 +97,6 @@ def finite_numbers(words: list[str], count: int) -> Float64:
     if not np.isfinite(numbers).all():
         raise ValueError("a value that is not finite")
     return numbers
-
-
-def pose_text(T: Float64) -> str:
-    """X y z qx qy qz qw of a pose [4, 4]."""
-    return numbers_text(np.concatenate([T[:3, 3], se3.quaternion(T)]))
 
 
 def numbers_text(row: Float64) -> str:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import read_tum
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 START_S = 1_305_031_453

@@ -1,4 +1,4 @@
-"""Trajectories survive their files; stamps are exact; bad lines are named."""
+"""Trajectories survive their files; bad lines are named."""
 
 from __future__ import annotations
 
@@ -10,44 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory import (
-    TumWriter,
-    associate,
-    format_stamp,
-    parse_stamp,
-    read_kitti,
-    read_tum,
-    write_kitti,
-    write_tum,
-)
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.trajectories.tum import TumWriter, read_tum, write_tum
 from rgbd_glue_ros.types import NANOSECONDS, Trajectory
-
-STAMPS = st.integers(-(2**62), 2**62)
 
 
 def random_trajectory(seed: int, length: int = 20) -> Trajectory:
     rng = np.random.default_rng(seed)
     poses = np.stack([se3.exp(rng.normal(0, 1, 6)) for _ in range(length)])
     return Trajectory(np.sort(rng.integers(0, 2**61, length)), poses)
-
-
-@given(STAMPS)
-def test_a_stamp_survives_its_text_to_the_nanosecond(stamp_ns: int) -> None:
-    assert parse_stamp(format_stamp(stamp_ns)) == stamp_ns
-
-
-@pytest.mark.parametrize(
-    ("text", "stamp_ns"),
-    [
-        ("1305031453.359684", 1305031453359684000),
-        ("1.305031453359684000e+09", 1305031453359684000),
-        ("0.033333", 33333000),
-        ("-0.5", -NANOSECONDS // 2),
-    ],
-)
-def test_a_stamp_is_read_without_passing_through_a_float(text: str, stamp_ns: int) -> None:
-    assert parse_stamp(text) == stamp_ns
 
 
 @given(st.integers(0, 1000))
@@ -109,42 +80,3 @@ def test_a_missing_a_binary_and_an_empty_file_are_refused(tmp_path: Path) -> Non
     for name, cause in (("none", "No such file"), ("binary", "not a text"), ("empty", "no pose")):
         with pytest.raises(InputError, match=cause):
             read_tum(tmp_path / name)
-
-
-def test_poses_survive_a_kitti_file(tmp_path: Path) -> None:
-    poses = random_trajectory(0).poses
-    write_kitti(tmp_path / "poses.txt", poses)
-    np.testing.assert_allclose(read_kitti(tmp_path / "poses.txt"), poses, atol=1e-13)
-
-
-def test_association_takes_the_nearest_pair_first_and_each_stamp_once() -> None:
-    first = np.array([0, 10, 20]) * 1_000_000
-    second = np.array([9, 11, 40, 3]) * 1_000_000
-    rows, other = associate(first, second, 0.02)
-    # 10 takes 9 before 11 (of equal distance the earlier row), and 20 what is left of them
-    assert list(zip(rows.tolist(), other.tolist(), strict=True)) == [(0, 3), (1, 0), (2, 1)]
-
-
-@given(
-    st.lists(st.integers(0, 200), max_size=12),
-    st.lists(st.integers(0, 200), max_size=12),
-    st.integers(0, 30),
-)
-def test_association_is_one_to_one_within_the_difference_and_leaves_no_pair_unmade(
-    a: list[int], b: list[int], milliseconds: int
-) -> None:
-    first, second = (np.array(x, np.int64) * 1_000_000 for x in (a, b))
-    rows, other = associate(first, second, milliseconds / 1000)
-    assert len(set(rows.tolist())) == len(rows) == len(set(other.tolist()))
-    assert (np.abs(first[rows] - second[other]) <= milliseconds * 1_000_000).all()
-    assert (np.diff(first[rows]) >= 0).all()
-    unpaired = np.delete(first, rows)[:, None] - np.delete(second, other)[None, :]
-    assert (np.abs(unpaired) > milliseconds * 1_000_000).all()
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["1305031102.175304", "1305031102175.304", "1305031102175304", "1305031102175304000"],
-)
-def test_a_stamp_is_the_same_in_seconds_and_in_their_parts(text: str) -> None:
-    assert parse_stamp(text) == 1_305_031_102_175_304_000

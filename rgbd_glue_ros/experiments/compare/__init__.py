@@ -1,0 +1,1 @@
+"""What differs between replays of a recording: their figures, parameters and trajectories."""
