@@ -148,10 +148,23 @@ class _Queue(Generic[Item]):
             self._take_in(*self.held)
             self.held = None
 
+    def confirm_held(self, now_ns: int | None) -> None:
+        """Adds the held message if another channel has arrived at its time.
+
+        Args:
+            now_ns: newest stamp of the other channel, nanoseconds; None before its first.
+        """
+        if self.held is None or self.newest_ns is None or now_ns is None:
+            return
+        stamp_ns, item = self.held
+        # after a pause it may have been sent well before the first image
+        is_ahead = stamp_ns > self.newest_ns and abs(stamp_ns - now_ns) <= FORWARD_JUMP_NS
+        if is_ahead or _is_near(stamp_ns, now_ns):
+            self._take_in(stamp_ns, item)
+            self.held = None
+
     def _is_of_another_time(self, stamp_ns: int) -> bool:
-        if self.newest_ns is None:
-            return False
-        return not -BACKWARD_JUMP_NS <= stamp_ns - self.newest_ns <= FORWARD_JUMP_NS
+        return self.newest_ns is not None and not _is_near(stamp_ns, self.newest_ns)
 
     def _take_in(self, stamp_ns: int, item: Item) -> None:
         if self.newest_ns is not None and stamp_ns < self.newest_ns - BACKWARD_JUMP_NS:
@@ -206,6 +219,11 @@ class _Queue(Generic[Item]):
         return oldest
 
 
+def _is_near(stamp_ns: int, newest_ns: int) -> bool:
+    """Whether a stamp may follow the newest one without a jump of time."""
+    return -BACKWARD_JUMP_NS <= stamp_ns - newest_ns <= FORWARD_JUMP_NS
+
+
 class Synchronizer(Generic[Item]):
     """Pairs colour with depth one to one, and adds the camera info.
 
@@ -222,7 +240,8 @@ class Synchronizer(Generic[Item]):
     which messages of different channels arrive. A message whose stamp is far from earlier ones is
     held until the next message of its channel. If that has a similar stamp, time has jumped and
     pairing continues with the new time, after a jump backward with an empty channel. Otherwise the
-    stamp was wrong, and the held message is dropped. Not thread-safe.
+    stamp was wrong, and the held message is dropped. A camera info, which may be the only one, is
+    held until colour images have arrived at its time. Not thread-safe.
 
     Attributes:
         max_interval_ns: maximum interval of a pair, nanoseconds.
@@ -267,6 +286,8 @@ class Synchronizer(Generic[Item]):
     def add(self, channel: Channel, stamp_ns: int, item: Item) -> list[Match[Item]]:
         """Adds a message; returns the matches that it completes, in order of time."""
         self._queues[channel].add(stamp_ns, item)
+        # an info that is sent once has no successor to show that time has jumped
+        self._queues[Channel.INFO].confirm_held(self._queues[Channel.COLOR].newest_ns)
         if channel in _PARTNERS:
             self._late.came(channel, _PARTNERS[channel], stamp_ns)
         self._pair(is_last=False)

@@ -23,6 +23,12 @@ def synchronized(
     return matches + sync.flush(), sync
 
 
+def matched_in_steps(events: list[Event], queue_size: int) -> list[list[Match[int]]]:
+    """The matches that each event completes, as a node gets them."""
+    sync: Synchronizer[int] = Synchronizer(20 * MS, queue_size)
+    return [sync.add(c, stamp, stamp) for c, stamp in events]
+
+
 def triples(stamps: list[int], depth_offset: int = 0) -> list[Event]:
     return [
         event
@@ -200,6 +206,34 @@ def test_a_camera_info_sent_only_once_serves_all_images() -> None:
     images = [e for e in triples([i * PERIOD for i in range(1, 41)]) if e[0] is not Channel.INFO]
     matches, _ = synchronized([(Channel.INFO, 0), *images], queue_size=10)
     assert len(matches) == 40
+    assert {m.info for m in matches} == {0}
+
+
+@pytest.mark.parametrize("pause_s", [5, 15, 3600])
+@pytest.mark.parametrize("sent_s", [-2.0, 0.0, 0.1])
+def test_a_camera_info_sent_once_after_a_pause_serves_the_images_after_it(
+    pause_s: int, sent_s: float
+) -> None:
+    """A driver that restarts may publish other intrinsics, once for each start."""
+    before = [i * PERIOD for i in range(90)]
+    again = before[-1] + pause_s * 1000 * MS
+    after = [again + t for t in before]
+    infos = [(Channel.INFO, 0), (Channel.INFO, again + round(sent_s * 1000) * MS)]
+    images = [(c, t) for t in [*before, *after] for c in (Channel.COLOR, Channel.DEPTH)]
+    events = sorted([*images, *infos], key=lambda event: event[1])
+    matches = list(chain.from_iterable(matched_in_steps(events, queue_size=10)))
+    assert len(matches) == 180
+    assert {m.info for m in matches if m.color in before} == {0}
+    # those before it, if any, cannot have waited for it
+    late = [m for m in matches if m.color > again + sent_s * 1000 * MS + PERIOD]
+    assert {m.info for m in late if m.color in after} == {infos[1][1]}
+
+
+def test_one_camera_info_with_a_wrong_stamp_is_not_used() -> None:
+    images = [(c, i * PERIOD) for i in range(60) for c in (Channel.COLOR, Channel.DEPTH)]
+    wrong = (Channel.INFO, 3600 * 1000 * MS)
+    events = [(Channel.INFO, 0), *images[:60], wrong, *images[60:]]
+    matches = list(chain.from_iterable(matched_in_steps(events, queue_size=10)))
     assert {m.info for m in matches} == {0}
 
 
