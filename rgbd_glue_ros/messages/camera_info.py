@@ -148,7 +148,7 @@ def of_image_size(
         return camera
     if not (camera.width or camera.height):
         return _believed(replace(camera, width=width, height=height), where, image_topic)
-    remedy = "give the camera info of these images (--calibration FILE)"
+    remedy = "publish the camera info of these images; for a recording, give --calibration FILE"
     check_aspect((camera.height, camera.width), shape, where, image_topic, remedy)
     if _is_off_centre(camera):
         raise InputError(
@@ -236,7 +236,7 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
             where,
             f"{name} is all zeros: the camera is not calibrated",
             "calibrate it and give the file to its driver (camera_info_url); for a "
-            "recording, give --calibration",
+            "recording, give --calibration FILE",
         )
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     expected = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
@@ -246,7 +246,7 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
             where,
             f"{name} has a skew of {skew:g} pixels, which is not supported",
             "calibrate the camera without skew, as camera_calibration and OpenCV do, and give "
-            "that calibration (--calibration FILE)",
+            "that calibration to the driver; for a recording, give --calibration FILE",
         )
     if not np.isfinite(matrix).all() or not np.array_equal(matrix, expected):
         raise _no_camera(f"{name} is {matrix.tolist()}, not fx 0 cx, 0 fy cy, 0 0 1", where)
@@ -265,7 +265,7 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
 
 
 def _no_camera(cause: str, where: str) -> InputError:
-    remedy = "give values in pixels of the images, or another calibration (--calibration FILE)"
+    remedy = "give values in pixels of the images; for a recording, --calibration FILE takes another camera"
     return InputError(where, cause, remedy)
 
 
