@@ -265,7 +265,7 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
 
 
 def _no_camera(cause: str, where: str) -> InputError:
-    remedy = "give values in pixels of the images; for a recording, --calibration FILE takes another camera"
+    remedy = "give values in pixels of the images; for a recording, another by --calibration FILE"
     return InputError(where, cause, remedy)
 
 
