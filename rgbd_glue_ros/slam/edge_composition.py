@@ -75,6 +75,9 @@ class SkippedKeyframes:
     def __init__(self) -> None:
         self._edges: dict[int, PoseGraphEdge] = {}
 
+    def __len__(self) -> int:
+        return len(self._edges)
+
     def add(self, number: int, edge: PoseGraphEdge) -> None:
         """Takes a keyframe by its number, and the edge that ends at it."""
         self._edges[number] = edge

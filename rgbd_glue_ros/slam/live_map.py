@@ -80,10 +80,15 @@ class LiveMap:
         self._begin()
 
     def clear(self) -> None:
-        """Starts over, from the existing map if there is one; that costs time if anything came."""
-        if self._is_as_it_began:
-            return
-        self._begin()
+        """Starts over, from the existing map if there is one."""
+        if not self._is_as_it_began:
+            self._begin()
+
+    @property
+    def _is_as_it_began(self) -> bool:
+        """Whether nothing was added, so that a map, which takes a while, need not be restored."""
+        is_located = self._before is not None and self.is_placed
+        return not (self._rows or self._waiting or len(self._skipped) or is_located)
 
     def _begin(self) -> None:
         self._mapper = Mapper(self._config, self._glue, SearchTree())
@@ -96,7 +101,6 @@ class LiveMap:
         self.T_map_odom: Float64 | None = np.eye(4)
         if self._before is not None:
             self._restore(self._before)
-        self._is_as_it_began = True
 
     @property
     def is_placed(self) -> bool:
@@ -117,7 +121,6 @@ class LiveMap:
             InputError: its images are none that can be compared, and its edges are kept; or there
                 is no optimum with it, and it is left out.
         """
-        self._is_as_it_began = False
         row = len(self._mapper.keyframes) + len(self._waiting)
         try:
             keyframe = self._keyframe(row, keyed)
@@ -142,7 +145,6 @@ class LiveMap:
             edges: to earlier keyframes, by the odometry's numbers; the first leads from it to
                 those that come.
         """
-        self._is_as_it_began = False
         if edges:
             self._skipped.add(number, edges[0])
 
@@ -152,7 +154,6 @@ class LiveMap:
         Returns:
             Whether it was found; ``T_map_odom`` is then that of the keyframe.
         """
-        self._is_as_it_began = False
         keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
         loops = self._mapper.recognised(keyframe)
         if not loops:
@@ -236,7 +237,6 @@ class LiveMap:
         """
         known = self._by_rows(edge)
         if known is not None:
-            self._is_as_it_began = False
             self._solve((known,))
             self._mapper.add_edges((known,))
 
