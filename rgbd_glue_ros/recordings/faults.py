@@ -11,7 +11,10 @@ logger = logging.getLogger(__name__)
 
 
 class Faults:
-    """Counts faults, and logs new kinds.
+    """Counts faults, and logs new kinds once it is known that they are only skipped.
+
+    A recording in which nothing is usable ends with its first fault as an error, which is not to be
+    logged before.
 
     Attributes:
         count: number of faults.
@@ -22,10 +25,24 @@ class Faults:
         self.count = 0
         self.first: InputError | None = None
         self._news = FaultNews()
+        self._are_skipped = False
+        self._unlogged: list[InputError] = []
 
     def add(self, error: InputError) -> None:
         """Counts a fault, and logs it unless one of its kind was logged."""
         self.count += 1
         self.first = self.first or error
         if self._news.is_news(error.where, error.cause):
-            logger.warning("%s; skipped, as all like it will be", error)
+            self._unlogged.append(error)
+        self._log()
+
+    def are_skipped(self) -> None:
+        """Logs the faults so far, and those to come: the recording is used without them."""
+        self._are_skipped = True
+        self._log()
+
+    def _log(self) -> None:
+        if self._are_skipped:
+            for error in self._unlogged:
+                logger.warning("%s; skipped, as all like it will be", error)
+            self._unlogged.clear()

@@ -190,6 +190,7 @@ class ImageSequence(Closing):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
+                faults.are_skipped()
                 gaps.add(result.stamp_ns)
                 yield result
         warn_of_left_out(self.name, self.left_out, gaps)

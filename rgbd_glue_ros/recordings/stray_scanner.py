@@ -108,6 +108,7 @@ class VideoSequence(WrappedRecording):
                 faults.add(error)
                 continue
             is_empty = False
+            faults.are_skipped()
             yield frame
         if is_empty:
             raise faults.first or InputError(

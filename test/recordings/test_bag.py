@@ -231,8 +231,8 @@ def test_bytes_that_are_not_of_their_type_are_skipped(
     assert f"{COLOR}: a message is not a valid sensor_msgs/msg/Image" in caplog.text
 
 
-def test_a_bag_without_a_single_usable_frame_is_refused_with_the_first_cause(
-    tmp_path: Path,
+def test_a_bag_without_a_single_usable_frame_is_refused_with_the_first_cause_told_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     messages = [
         replace(m, message=replace(m.message, k=np.zeros(9), p=np.zeros(12)))
@@ -245,6 +245,7 @@ def test_a_bag_without_a_single_usable_frame_is_refused_with_the_first_cause(
         pytest.raises(InputError, match=f"{INFO}: K is all zeros"),
     ):
         list(sequence)
+    assert "K is all zeros" not in caplog.text
 
 
 def test_images_that_never_pair_are_refused_with_their_distance(tmp_path: Path) -> None:

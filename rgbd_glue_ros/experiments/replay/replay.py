@@ -241,7 +241,8 @@ def write_results(
 
 
 def _evaluation(run: Run) -> Evaluation | None:
-    if run.ground_truth is None:
+    # without any pose, why there is none is said elsewhere
+    if run.ground_truth is None or not len(run.trajectory):
         return None
     try:
         return evaluate(run.trajectory, run.ground_truth)

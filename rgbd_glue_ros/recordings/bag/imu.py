@@ -33,6 +33,7 @@ def recorded_imu(bag: BagFile, topic: str, color: str, inputs: InputConfig) -> I
         None, which is logged, if no message can be read or its orientation is not known.
     """
     faults, readings, imu_frame = Faults(), [], ""
+    faults.are_skipped()
     for recorded in bag.messages([topic]):
         try:
             message = bag.deserialize(recorded)

@@ -149,6 +149,7 @@ class BagRecording(Closing):
         if self._ground_truth is None:
             return None
         faults = Faults()
+        faults.are_skipped()
         stamps, poses = [], []
         for message in self._bag.messages([self._ground_truth]):
             try:
@@ -182,6 +183,7 @@ class BagRecording(Closing):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
+                faults.are_skipped()
                 gaps.add(result.stamp_ns)
                 yield result
         self.skipped = faults.count

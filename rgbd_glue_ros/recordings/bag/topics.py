@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -104,7 +104,7 @@ def find_color(
         _named(r"(^|/)rgb(/|$)"),
     )
     return _chosen(
-        "colour", "--color-topic TOPIC", wanted, _nearest(found, near), images, topics, bag
+        "colour", ["--color-topic TOPIC"], wanted, _nearest(found, near), images, topics, bag
     )
 
 
@@ -136,7 +136,7 @@ def find_depth(
             if t.name != near and not _is_infrared(t) and _is_depth(encoding(t.name))
         ]
     found = _nearest(_best(named, lambda t: is_named_registered(t.name)), near)
-    return _chosen("depth", "--depth-topic TOPIC", wanted, found, images, topics, bag)
+    return _chosen("depth", ["--depth-topic TOPIC"], wanted, found, images, topics, bag)
 
 
 def find_info(
@@ -149,8 +149,8 @@ def find_info(
     """
     infos = _of_types(topics, INFO_TYPES)
     found = _best(_nearest(infos, color), _named(r"rgb|colou?r"))
-    option = "--info-topic TOPIC, or --calibration FILE"
-    return _chosen("camera info", option, wanted, found, infos, topics, bag)
+    options = "--info-topic TOPIC", "--calibration FILE"
+    return _chosen("camera info", options, wanted, found, infos, topics, bag)
 
 
 def find_depth_info(
@@ -164,8 +164,8 @@ def find_depth_info(
     if wanted is None:
         return None
     infos = _of_types(topics, INFO_TYPES)
-    option = "--depth-info-topic TOPIC, or --depth-calibration FILE"
-    return _chosen("the depth camera's info", option, wanted, [], infos, topics, bag)
+    options = "--depth-info-topic TOPIC", "--depth-calibration FILE"
+    return _chosen("the depth camera's info", options, wanted, [], infos, topics, bag)
 
 
 def find_ground_truth(
@@ -180,7 +180,7 @@ def find_ground_truth(
     named = [t for t in poses if _named(r"truth|mocap|vicon|vrpn|optitrack|(^|/)gt(/|_|$)")(t)]
     if wanted is None and not named:
         return None
-    return _chosen("ground truth", "--truth-topic TOPIC", wanted, named, poses, topics, bag)
+    return _chosen("ground truth", ["--truth-topic TOPIC"], wanted, named, poses, topics, bag)
 
 
 def find_imu(
@@ -201,7 +201,7 @@ def find_imu(
     if wanted == "" or not (sensors or wanted):
         return None
     if wanted is not None:
-        return _chosen("an IMU", "--imu-topic TOPIC", wanted, [], sensors, topics, bag)
+        return _chosen("an IMU", ["--imu-topic TOPIC"], wanted, [], sensors, topics, bag)
     nearest = _nearest(sensors, color)
     if len(nearest) > 1:
         names = ", ".join(topic.name for topic in nearest)
@@ -212,13 +212,28 @@ def find_imu(
 
 def _chosen(
     what: str,
-    option: str,
+    options: Sequence[str],
     wanted: str | None,
     found: list[RecordedTopic],
     possible: list[RecordedTopic],
     topics: Mapping[str, RecordedTopic],
     bag: Path,
 ) -> str:
+    """The topic of a kind: the wanted one, or the only one found.
+
+    Args:
+        what: the kind.
+        options: the one that gives its topic, and those that replace it.
+        wanted: as given by the user; None to take what was found.
+        found: topics that are probably of this kind.
+        possible: topics whose type is right.
+        topics: of the bag.
+        bag: for errors.
+
+    Raises:
+        InputError: there is no such topic, or more than one.
+    """
+    option = ", or ".join(options)
     if wanted is not None:
         name = "/" + wanted.lstrip("/")
         found = _best(
@@ -234,7 +249,11 @@ def _chosen(
     offered = possible or topics.values()
     have = ", ".join(f"{t.name} ({t.type}, {t.message_count})" for t in offered)
     cause = f"there is no topic {wanted} of {what}" if wanted else f"no topic of {what} found"
-    remedy = f"give one of its topics ({option}), which are {have}"
+    if possible:
+        remedy = f"give one of its topics ({option}), which are {have}"
+    else:
+        instead = f"give {' or '.join(options[1:])}" if options[1:] else "record one"
+        remedy = f"{instead}; the bag has only {have or 'empty topics'}"
     raise InputError(bag, cause, "; ".join([*_in_another_form(what, topics), remedy]))
 
 
