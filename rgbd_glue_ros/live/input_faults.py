@@ -179,7 +179,7 @@ def explain_slowness(
         learned: parameters that select a learned feature, such as ``features.visual:=xfeat``.
     """
     frames = processed + left_out
-    if left_out <= 1 or left_out < WORTH_A_WARNING * frames:
+    if not _are_many(left_out, frames):
         return None
     hertz = NANOSECONDS / period_ns if period_ns else 0.0
     rate = f" at {hertz:.0f} Hz" if hertz else ""
@@ -190,6 +190,36 @@ def explain_slowness(
         f"{left_out} of {frames} frames were dropped, since they come faster{rate} than this "
         f"machine processes them{kept} at a width of {width} pixels: {_faster(width, learned)}"
     )
+
+
+def explain_waiting(
+    processed: int, left_out: int, period_ns: int, waited_ns: int, transform: str
+) -> str | None:
+    """A warning that frames were dropped while others waited for TF.
+
+    Args:
+        processed: frames with an estimate since the last check.
+        left_out: frames that a newer one replaced since the last check.
+        period_ns: period of the colour images, nanoseconds.
+        waited_ns: how long frames waited for TF since the last check, nanoseconds.
+        transform: the transform they waited for.
+
+    Returns:
+        The warning; None if few frames were dropped, or most of them for another reason.
+    """
+    frames = processed + left_out
+    is_cause = waited_ns > 0 and 2 * waited_ns >= left_out * period_ns
+    if not (_are_many(left_out, frames) and is_cause):
+        return None
+    return (
+        f"{left_out} of {frames} frames were dropped, since others waited "
+        f"{waited_ns / NANOSECONDS:.1f} s for {transform} on TF: make sure that it is broadcast "
+        "in time, or lower wait_for_transform"
+    )
+
+
+def _are_many(left_out: int, frames: int) -> bool:
+    return left_out > 1 and left_out >= WORTH_A_WARNING * frames
 
 
 def _faster(width: int, learned: Sequence[str]) -> str:

@@ -107,6 +107,10 @@ class Monitor:
     Attributes:
         is_paused: whether frames are skipped until the user resumes.
         width: width of the last frame's colour image, pixels; 0 before the first.
+        guess_fault: why frames are tracked without the guess that was asked for; "" if they are
+            not.
+        waited_ns: how long frames waited for TF so far, nanoseconds.
+        waited_for: the transform that the last of them waited for; "" before the first.
     """
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -117,6 +121,8 @@ class Monitor:
         """
         self.is_paused = False
         self.width = 0
+        self.guess_fault = self.waited_for = ""
+        self.waited_ns = 0
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0
@@ -164,6 +170,12 @@ class Monitor:
         """Records the current calibration of the IMU."""
         with self._lock:
             self._imu = imu
+
+    def waited(self, transform: str, duration_ns: int) -> None:
+        """Records that a frame waited for a transform on TF, nanoseconds."""
+        with self._lock:
+            self.waited_for = transform
+            self.waited_ns += duration_ns
 
     def dropped(self, reason: Drop) -> None:
         """Records a frame without an estimate."""

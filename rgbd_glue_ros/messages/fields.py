@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from array import array
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import TypeVar
 
 import cv2
@@ -157,6 +157,40 @@ class Imu:
     angular_velocity_covariance: Float64
     linear_acceleration: Vector3
     linear_acceleration_covariance: Float64
+
+
+@dataclass(frozen=True)
+class PoseWithCovariance:
+    """geometry_msgs/msg/PoseWithCovariance; ``covariance`` float64 [36]."""
+
+    pose: Pose
+    covariance: Float64
+
+
+@dataclass(frozen=True)
+class Twist:
+    """geometry_msgs/msg/Twist."""
+
+    linear: Vector3 = Vector3(0.0, 0.0, 0.0)
+    angular: Vector3 = Vector3(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class TwistWithCovariance:
+    """geometry_msgs/msg/TwistWithCovariance; ``covariance`` float64 [36]."""
+
+    twist: Twist = Twist()
+    covariance: Float64 = field(default_factory=lambda: np.zeros(36))
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """nav_msgs/msg/Odometry; all zero is the twist of a message that has only a pose."""
+
+    header: Header
+    child_frame_id: str
+    pose: PoseWithCovariance
+    twist: TwistWithCovariance = field(default_factory=TwistWithCovariance)
 
 
 def check_recordable(stamp_ns: int) -> None:

@@ -65,8 +65,9 @@ class NodeDiagnostics:
             return DiagnosticStatus.ERROR, refused
         if state is TrackingState.TRACKING and self._monitor.is_overdue(now_ns):
             return DiagnosticStatus.STALE, f"{state.value}, but no frame arrived recently"
-        if state is TrackingState.TRACKING and self._watch.drops:
-            return DiagnosticStatus.WARN, self._watch.drops
+        doubts = [line for line in (self._monitor.guess_fault, self._watch.drops) if line]
+        if state is TrackingState.TRACKING and doubts:
+            return DiagnosticStatus.WARN, "; ".join(doubts)
         why = self._monitor.why_no_pose
         return DIAGNOSTIC_LEVELS[state], f"{state.value}: {why}" if why else state.value
 

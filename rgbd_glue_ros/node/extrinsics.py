@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 
-from rclpy.node import Node
-
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.camera_frame import explain_moved_camera
 from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics, robot_extrinsics
 from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.poses import pose_parameter
-from rgbd_glue_ros.node.tf import Transforms
+from rgbd_glue_ros.node.base_node import BaseNode
+from rgbd_glue_ros.node.guess import Guess, GuessInput
+from rgbd_glue_ros.node.tf import TimedTransforms, Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
@@ -22,7 +23,7 @@ MOUNT_LOOK_S = 1.0
 class NodeExtrinsics:
     """The extrinsics between the camera and the published frames, once they are known."""
 
-    def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
+    def __init__(self, node: BaseNode, config: NodeConfig, transforms: Transforms | None) -> None:
         """Reads the parameters.
 
         Raises:
@@ -30,19 +31,23 @@ class NodeExtrinsics:
         """
         self._node = node
         self._config = config
-        self._transforms = transforms
+        self._transforms = TimedTransforms(transforms, node.monitor) if transforms else None
         self._at_origin = self._given()
         self._looked_up: Float64 | None = None
         self._looked_s = 0.0
         self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
         self._level: Extrinsics | None = None
         self._news = FaultNews()
-        if config.guess_frame_id and not (config.frame_id and transforms):
+        self._guess: GuessInput | None = None
+        if not config.guess_frame_id:
+            return
+        if not (config.frame_id and self._transforms):
             raise InputError(
                 "guess_frame_id",
                 "needs frame_id and TF",
                 "set frame_id, install tf2_msgs (scripts/tf2-msgs), or leave guess_frame_id empty",
             )
+        self._guess = GuessInput(node, config, self._transforms)
 
     def _given(self) -> Extrinsics | None:
         """The extrinsics from the parameters; None if they must come from TF."""
@@ -91,7 +96,7 @@ class NodeExtrinsics:
             camera_frame: the optical frame of the camera.
         """
         if self._at_origin is None:
-            T_robot_camera = self._lookup(self._config.frame_id, camera_frame, None)
+            T_robot_camera = self._lookup_camera(camera_frame)
             if T_robot_camera is not None:
                 self._looked_up, self._looked_s = T_robot_camera, time.monotonic()
                 self._at_origin = robot_extrinsics(T_robot_camera, planar=self._config.planar)
@@ -114,23 +119,29 @@ class NodeExtrinsics:
         if moved is not None and self._news.is_news(camera_frame, "moves on the robot"):
             self._node.get_logger().warning(moved)
 
-    def guess(self, stamp_ns: int) -> Float64 | None:
-        """The robot's pose [4, 4] from another odometry; None if there is none, or it is late."""
-        if not self._config.guess_frame_id:
-            return None
-        return self._lookup(self._config.guess_frame_id, self._config.frame_id, stamp_ns)
+    def guess(self, stamp_ns: int, T_camera_child: Float64) -> Guess | None:
+        """The pose from another odometry; None if there is none, or it is late or unusable.
 
-    def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
+        Args:
+            stamp_ns: of the frame, nanoseconds.
+            T_camera_child: pose of the robot frame in the optical frame, float64 [4, 4].
+        """
+        if self._guess is None:
+            return None
+        return self._guess.at(stamp_ns, se3.inverse(T_camera_child))
+
+    def _lookup_camera(self, camera_frame: str) -> Float64 | None:
+        """The camera's pose [4, 4] on the robot; None if it is not known yet."""
         if self._transforms is None:
             return None
         wait_s = self._config.wait_for_transform
-        found = self._transforms.lookup(target, source, stamp_ns, wait_s)
-        what = f"from {source or 'images without a frame'} to {target}"
+        robot_frame = self._config.frame_id
+        found = self._transforms.lookup(robot_frame, camera_frame, None, wait_s)
+        what = f"from {camera_frame or 'images without a frame'} to {robot_frame}"
         if found is None and self._news.is_news("TF", what):
             self._node.get_logger().error(
                 f"TF: no transform {what} within {wait_s} s (logged once): make sure that "
-                "robot_state_publisher, static_transform_publisher or the odometry runs"
-                + (", or set camera_pose" if target == self._config.frame_id else "")
+                "robot_state_publisher or static_transform_publisher runs, or set camera_pose"
             )
         return found
 

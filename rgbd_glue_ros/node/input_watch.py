@@ -18,6 +18,7 @@ from rgbd_glue_ros.live.input_faults import (
     explain_queue,
     explain_silence,
     explain_slowness,
+    explain_waiting,
 )
 from rgbd_glue_ros.live.monitor import Drop, Monitor
 from rgbd_glue_ros.messages.fault_news import FaultNews
@@ -41,6 +42,7 @@ class _Counts:
         backward: messages of each channel with a stamp before that of an earlier message.
         processed: frames with an estimate.
         left_out: frames that were replaced by a newer one.
+        waited_ns: how long frames waited for TF, nanoseconds.
     """
 
     matches: int
@@ -49,6 +51,7 @@ class _Counts:
     backward: dict[Channel, int]
     processed: int
     left_out: int
+    waited_ns: int
 
 
 class NodeWatch:
@@ -105,6 +108,7 @@ class NodeWatch:
             {c: counts[c].late + counts[c].strays for c in Channel},
             summary.frames,
             summary.drops[Drop.SUPERSEDED],
+            self._monitor.waited_ns,
         )
 
     def _look(self, inputs: Sequence[NodeInput]) -> None:
@@ -119,9 +123,16 @@ class NodeWatch:
         synchronizer = self._synchronizer
         lost = explain_losses(received, missing, profiles_file())
         gaps = explain_gaps(received, missing)
-        slow = explain_slowness(
-            now.processed - before.processed,
-            now.left_out - before.left_out,
+        processed, left_out = now.processed - before.processed, now.left_out - before.left_out
+        slow = explain_waiting(
+            processed,
+            left_out,
+            synchronizer.period_ns,
+            now.waited_ns - before.waited_ns,
+            self._monitor.waited_for,
+        ) or explain_slowness(
+            processed,
+            left_out,
             synchronizer.period_ns,
             self._monitor.width,
             self._learned,

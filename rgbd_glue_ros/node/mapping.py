@@ -296,7 +296,7 @@ def _given_map(config: cfg.NodeConfig) -> SavedMap | None:
 
 
 def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
-    """Reads an edge from a message of ``NodeOutputs.publish_edge``.
+    """Reads an edge from a message of ``edge_message``.
 
     Raises:
         InputError: the pose or the covariance is invalid, or a frame is not named as a keyframe.

@@ -24,7 +24,6 @@ from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.weights import learned_features
 from rgbd_glue_ros.files.user_paths import file_to_write
-from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.camera_frame import CameraFrame
 from rgbd_glue_ros.live.end_signals import EndSignals
@@ -212,18 +211,14 @@ class OdometryNode(BaseNode):
             if extrinsics is None:
                 self.monitor.dropped(Drop.UNPLACED)
                 return
-            T_guess_child = self._extrinsics.guess(frame.stamp_ns)
-            T_guess_camera = (
-                None
-                if T_guess_child is None
-                else T_guess_child @ se3.inverse(extrinsics.T_camera_child)
-            )
+            guess = self._extrinsics.guess(frame.stamp_ns, extrinsics.T_camera_child)
             self._odometry.add_imu(self._imu.take(frame.frame_id, frame.stamp_ns))
             starts = self._odometry.state is TrackingState.INITIALIZING
-            estimate = self._odometry.track(frame, T_guess_camera)
+            estimate = self._odometry.track(frame, None if guess is None else guess.T_guess_camera)
             if starts and estimate.T_odom_camera is not None:
                 up = self._odometry.up(frame.stamp_ns)
                 extrinsics = self._extrinsics.level(up) or extrinsics
+            T_guess_child = None if guess is None else guess.T_guess_child
             pose = self._outputs.publish(estimate, extrinsics, frame, T_guess_child)
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)

@@ -17,6 +17,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.live.keyframe_edges import edge_message
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -121,13 +122,7 @@ class NodeOutputs:
             edge: the edge between the published frames of the two keyframes.
             stamp_ns: stamp of the child, nanoseconds.
         """
-        T = edge.T_parent_child
-        head = fields.header(stamp_ns, topics.KEYFRAME_FRAME.format(edge.parent))
-        message = OdometryMessage()
-        stamped = fields.copy_fields(fields.pose_stamped(T, head), PoseStamped())
-        message.header, message.pose.pose = stamped.header, stamped.pose
-        message.child_frame_id = topics.KEYFRAME_FRAME.format(edge.child)
-        message.pose.covariance = se3.pose_covariance(T, edge.covariance).ravel()
+        message = fields.copy_fields(edge_message(edge, stamp_ns), OdometryMessage())
         self._edges.publish(message)
 
     def _publish_odom(

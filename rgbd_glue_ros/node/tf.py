@@ -17,6 +17,7 @@ from rclpy.time import Time
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import plain_frame, stamp_ns
@@ -79,6 +80,27 @@ def listen(node: Node, config: NodeConfig) -> Transforms | None:
     if config.guess_frame_id or (config.frame_id and not config.camera_pose):
         node.create_subscription(TFMessage, TF, lambda m: receive(m, is_static=False), TF_QOS)
     return tree
+
+
+class TimedTransforms:
+    """Transforms whose look-ups count in the monitor as time that frames waited for TF."""
+
+    def __init__(self, transforms: Transforms, monitor: Monitor) -> None:
+        """Wraps ``transforms``; ``monitor`` counts the time."""
+        self._transforms = transforms
+        self._monitor = monitor
+
+    def lookup(
+        self, target: str, source: str, stamp_ns: int | None, timeout_s: float
+    ) -> Float64 | None:
+        """As ``TransformTree.lookup``."""
+        start_ns = time.monotonic_ns()
+        try:
+            return self._transforms.lookup(target, source, stamp_ns, timeout_s)
+        finally:
+            if timeout_s:
+                what = f"the transform from {source or 'images without a frame'} to {target}"
+                self._monitor.waited(what, time.monotonic_ns() - start_ns)
 
 
 class _BufferedTransforms:

@@ -53,7 +53,12 @@ class NodeConfig(InputConfig):
         "driver gives the optical frame its parent.",
     )
     wait_for_transform: float = read_once(
-        0.1, "How long a frame waits for a transform on TF.", unit="s", minimum=0.0, maximum=10.0
+        0.1,
+        "How long a frame waits for a transform on TF. After three frames in a row that waited in "
+        "vain for guess_frame_id, none waits for it until it comes again.",
+        unit="s",
+        minimum=0.0,
+        maximum=10.0,
     )
     guess_frame_id: str = read_once(
         "",

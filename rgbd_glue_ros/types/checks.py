@@ -14,8 +14,9 @@ _END_OF_TIME_NS = 2**63
 _SHORTEST, _LONGEST = 0.01, 1e6
 # The error of a single-precision rotation that was multiplied a few times.
 _NOT_ORTHONORMAL = 1e-3
-# The farthest an odometry gets from its start, metres.
-_FARTHEST_M = 1e7
+FARTHEST_M = 1e7
+"""The farthest an odometry gets from its start, metres."""
+
 _GUESS = "T_guess_camera"
 _CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"
 _TRAJECTORY = "Trajectory"
@@ -101,7 +102,7 @@ def check_guess(T_guess_camera: Any) -> None:
     R, last_row = T[:3, :3], np.array([0.0, 0.0, 0.0, 1.0])
     # with NaN the comparisons are false
     is_rotation = np.abs(R @ R.T - np.eye(3)).max() < _NOT_ORTHONORMAL and np.linalg.det(R) > 0
-    if not (is_rotation and (np.abs(T[:3, 3]) < _FARTHEST_M).all() and (T[3] == last_row).all()):
+    if not (is_rotation and (np.abs(T[:3, 3]) < FARTHEST_M).all() and (T[3] == last_row).all()):
         remedy = "give a rotation and metres, or None if the other odometry has no pose"
         raise _fault("track", _GUESS, f"is not a pose: {T.round(3).tolist()}", remedy)
 

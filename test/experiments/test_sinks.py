@@ -17,6 +17,7 @@ from rgbd_glue_ros.experiments.replay.bag_sink import BagSink
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.replay import replay
 from rgbd_glue_ros.experiments.replay.run_record import Run
+from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.messages.images import color_from_message
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -57,6 +58,7 @@ def test_the_bag_has_every_topic_of_the_node(replayed: tuple[Path, Run]) -> None
         "/tf": FRAMES,
         "/path": 1,
         "/keyframe/pose": keyframes,
+        "/keyframe/edges": keyframes - 1,  # each was tracked from an earlier one
         "/debug/matches/compressed": FRAMES,
         "/diagnostics": 2,
     }
@@ -80,6 +82,21 @@ def test_poses_transforms_and_path_are_those_of_the_run(replayed: tuple[Path, Ru
     np.testing.assert_allclose([velocity.x, velocity.y, velocity.z], [0.45, 0, 0], atol=0.05)
 
 
+def test_the_edges_join_the_keyframes_of_the_bag(replayed: tuple[Path, Run]) -> None:
+    folder, _ = replayed
+    found = messages(folder / "bag")
+    keyframes = found["/keyframe/pose"]
+    for child, edge in enumerate(found["/keyframe/edges"], 1):
+        parent = topics.keyframe_number(edge.header.frame_id)
+        assert topics.keyframe_number(edge.child_frame_id) == child
+        assert edge.header.stamp == keyframes[child].header.stamp
+        T_odom_parent = pose_from_message(keyframes[parent], "keyframe/pose")
+        T_odom_child = pose_from_message(keyframes[child], "keyframe/pose")
+        T_parent_child = pose_from_message(edge, "keyframe/edges")
+        np.testing.assert_allclose(T_odom_parent @ T_parent_child, T_odom_child, atol=0.01)
+        assert np.linalg.eigvalsh(np.reshape(edge.pose.covariance, (6, 6))).min() > 0
+
+
 def test_the_bag_holds_the_matches_as_images(replayed: tuple[Path, Run]) -> None:
     folder, _ = replayed
     image = messages(folder / "bag")["/debug/matches/compressed"][-1]
@@ -94,6 +111,8 @@ def test_another_reader_of_mcap_reads_it(replayed: tuple[Path, Run]) -> None:
     at = read[-1].pose.pose.position
     expected = Extrinsics.of_camera("body").pose(run.trajectory.poses[-1])[:3, 3]
     np.testing.assert_allclose([at.x, at.y, at.z], expected, atol=1e-12)
+    edges = reader.read_ros2_messages(str(file), topics=["/keyframe/edges"])
+    assert {m.ros_msg.header.frame_id for m in edges} >= {"keyframe_0"}
 
 
 def test_a_bag_that_is_there_is_not_overwritten(replayed: tuple[Path, Run]) -> None:

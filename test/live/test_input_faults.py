@@ -11,6 +11,7 @@ from rgbd_glue_ros.live.input_faults import (
     explain_losses,
     explain_silence,
     explain_slowness,
+    explain_waiting,
 )
 from rgbd_glue_ros.messages.synchronizer import Channel
 
@@ -136,6 +137,18 @@ def test_frames_that_come_too_fast_are_reported_with_the_parameter_that_makes_th
     assert "features.matcher_keypoints" in learned
     assert explain_slowness(140, 10, 33_333_333, 1280) is None
     assert explain_slowness(0, 0, 0, 0) is None
+
+
+def test_frames_dropped_while_others_waited_for_tf_are_not_blamed_on_the_machine() -> None:
+    period_ns, transform = 50 * MS, "the transform from base_link to wheel_odom"
+    line = explain_waiting(41, 59, period_ns, 4100 * MS, transform) or ""
+    assert "59 of 100 frames were dropped, since others waited 4.1 s for the tr" in line
+    assert "base_link to wheel_odom on TF" in line
+    assert "machine" not in line
+    # most of them came while frames were processed, not while they waited
+    assert explain_waiting(41, 59, period_ns, 300 * MS, transform) is None
+    assert explain_waiting(99, 1, period_ns, 4100 * MS, transform) is None
+    assert explain_waiting(0, 59, 0, 0, "") is None
 
 
 def test_before_the_first_frame_is_processed_a_bound_of_the_rate_is_reported() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
+from rgbd_glue_ros.live.patient_lookup import MOST_MISSES
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
@@ -16,6 +18,7 @@ from rgbd_glue_ros.types import NANOSECONDS
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
 from rigs.faults import running_node
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, corner_frame
@@ -103,6 +106,61 @@ def test_with_a_guess_frame_its_motion_is_used_and_its_pose_in_odom_is_published
             pose_from_message(pose, "pose"),
             atol=1e-9,
         )
+
+
+@pytest.mark.slow
+def test_frames_do_not_wait_for_a_guess_that_never_comes_until_it_comes(ros_domain: int) -> None:
+    wait_s = 2.0
+    given = {"frame_id": "base_link", "guess_frame_id": "wheels", "wait_for_transform": wait_s}
+    with running_node(ros_domain, **given) as node, Robot(ros_domain) as robot:
+        robot.tell_where_the_camera_is()
+        robot.wait_until_matched()
+        stamps = itertools.count(0, PERIOD_NS)
+        for _ in range(MOST_MISSES):
+            robot.pose_of(corner_frame(next(stamps)))
+        start_s = time.monotonic()
+        for _ in range(10):
+            robot.pose_of(corner_frame(next(stamps)))
+        assert time.monotonic() - start_s < 10 * wait_s / 2
+        why = "TF: no transform from base_link to wheels (guess_frame_id) within 2.0 s"
+        assert "WARN" in node.wait_for_line(why, PATIENCE_S)
+
+        def status() -> DiagnosticStatus:
+            return robot.diagnostics[-1].status[0]
+
+        robot.wait(lambda: why in status().message, "the diagnostics")
+        assert status().level == DiagnosticStatus.WARN
+
+        def guesses() -> list[TransformStamped]:
+            return [t for t in robot.heard if t.header.frame_id == "odom"]
+
+        # the wheels start, and tell of each frame after it has come
+        while not guesses():
+            at_ns = next(stamps)
+            robot.publish(corner_frame(at_ns))
+            robot.spin_for(0.1)
+            wheels = transform("wheels", "base_link", np.eye(4), at_ns)
+            robot.moving.publish(TFMessage(transforms=[wheels]))
+            robot.pose_at(at_ns)
+            robot.spin_for(0.05)
+        node.wait_for_line("TF: the transform from base_link to wheels", PATIENCE_S)
+        robot.wait(lambda: not status().message.count("TF"), "the diagnostics")
+        assert not [line for line in node.lines if "machine" in line]
+
+
+@pytest.mark.slow
+def test_a_guess_too_far_away_is_ignored_and_costs_no_pose(ros_domain: int) -> None:
+    given = {"frame_id": "base_link", "guess_frame_id": "utm", "wait_for_transform": 5}
+    with running_node(ros_domain, **given) as node, Robot(ros_domain) as robot:
+        robot.tell_where_the_camera_is()
+        robot.wait_until_matched()
+        for at_ns in range(0, 3 * PERIOD_NS, PERIOD_NS):
+            far = transform("utm", "base_link", parse_pose("", "0 1.001e7 0 0 0 0"), at_ns)
+            robot.moving.publish(TFMessage(transforms=[far]))
+            robot.pose_of(corner_frame(at_ns))
+        line = node.wait_for_line("base_link to utm (guess_frame_id) is not used", PATIENCE_S)
+        assert "(0.0 10010000.0 0.0) m: coordinates must be below 1e+07 m" in line
+        assert not [line for line in node.lines if "T_guess_camera" in line]
 
 
 @pytest.mark.slow

@@ -17,12 +17,15 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import NewFolder, not_written
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.live.keyframe_edges import edge_message
+from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
     OdometryEstimate,
+    PoseGraphEdge,
     RgbdFrame,
     TrackingState,
 )
@@ -34,6 +37,7 @@ _TYPES = {
     topics.ODOM: "nav_msgs/msg/Odometry",
     topics.POSE: "geometry_msgs/msg/PoseStamped",
     topics.KEYFRAME_POSE: "geometry_msgs/msg/PoseStamped",
+    topics.KEYFRAME_EDGES: "nav_msgs/msg/Odometry",
     topics.PATH: "nav_msgs/msg/Path",
     TF: "tf2_msgs/msg/TFMessage",
     MATCHES: "sensor_msgs/msg/CompressedImage",
@@ -64,6 +68,8 @@ class BagSink:
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self._extrinsics = Extrinsics.of_camera("body")
         self._path: list[fields.PoseStamped] = []
+        # the stamp of each keyframe by its number, nanoseconds
+        self._keyframes: list[int] = []
         self._diagnosed_ns: int | None = None
         self._folder, self._new = folder, NewFolder(folder)
         try:
@@ -88,23 +94,36 @@ class BagSink:
         image = fields.compressed_color_image(match_image(frame, estimate), head, _JPEG_QUALITY)
         self._write(MATCHES, frame.stamp_ns, image)
         self._diagnose(estimate)
-        if estimate.T_odom_camera is None:
-            return
+        if estimate.T_odom_camera is not None:
+            self._add_pose(estimate.T_odom_camera, frame, estimate, camera)
+        for edge in estimate.edges:
+            self._add_edge(edge)
+
+    def _add_pose(
+        self, T_odom_camera: Float64, frame: RgbdFrame, estimate: OdometryEstimate, camera: str
+    ) -> None:
         pose = fields.pose_stamped(
-            self._extrinsics.pose(estimate.T_odom_camera),
+            self._extrinsics.pose(T_odom_camera),
             fields.header(frame.stamp_ns, ODOM_FRAME),
         )
         self._path.append(pose)
         self._write(topics.POSE, frame.stamp_ns, pose)
         if estimate.is_keyframe:
+            self._keyframes.append(frame.stamp_ns)
             self._write(topics.KEYFRAME_POSE, frame.stamp_ns, pose)
         self._write(TF, frame.stamp_ns, self._transform(pose, camera))
         if estimate.covariance is not None and estimate.twist is not None:
             self._write(topics.ODOM, frame.stamp_ns, self._odometry(pose, estimate, camera))
 
+    def _add_edge(self, edge: PoseGraphEdge) -> None:
+        stamp_ns = self._keyframes[edge.child]
+        between_children = moved_edge(edge, self._extrinsics.T_camera_child)
+        self._write(topics.KEYFRAME_EDGES, stamp_ns, edge_message(between_children, stamp_ns))
+
     def start_anew(self) -> None:
         """Begins another path, as the node does."""
         self._path.clear()
+        self._keyframes.clear()
         self._diagnosed_ns = None
 
     def close(self) -> None:
