@@ -13,6 +13,8 @@ from rgbd_glue_ros.types import NANOSECONDS
 WORTH_A_WARNING = 0.1
 # Images of this width are processed at 30 Hz on two cores.
 SMALL_WIDTH = 640
+# Ratios of two channels' rates, by their counts and by their stamps, that agree.
+_SAME_RATIO = 0.2
 
 
 @dataclass(frozen=True)
@@ -117,8 +119,31 @@ def explain_interval(interval_ns: int, period_ns: int) -> str | None:
     )
 
 
+def explain_rates(received: Mapping[Channel, int], periods_ns: Mapping[Channel, int]) -> str | None:
+    """A warning if colour and depth come at different rates, as their stamps say; None otherwise.
+
+    Args:
+        received: received messages of each channel since the last check.
+        periods_ns: time between the stamps of each channel, nanoseconds; 0 if unknown.
+    """
+    slow, fast = sorted((Channel.COLOR, Channel.DEPTH), key=lambda c: received[c])
+    fewer = received[fast] - received[slow]
+    are_known = periods_ns[slow] > 0 and periods_ns[fast] > 0
+    if not are_known or fewer <= 1 or fewer < WORTH_A_WARNING * received[fast]:
+        return None
+    # lost messages leave gaps in the stamps, of which few are as long as the mean
+    ratio = periods_ns[slow] / periods_ns[fast] * received[slow] / received[fast]
+    if abs(ratio - 1) > _SAME_RATIO:
+        return None
+    hertz = {channel: NANOSECONDS / periods_ns[channel] for channel in (slow, fast)}
+    return (
+        f"{slow.value} comes at {hertz[slow]:.0f} Hz and {fast.value} at {hertz[fast]:.0f} Hz, and "
+        "a frame needs both: set the camera's streams to one rate"
+    )
+
+
 def explain_losses(
-    received: Mapping[Channel, int], missing: Mapping[Channel, int], profiles: object
+    received: Mapping[Channel, int], missing: Mapping[Channel, int], profiles: object | None
 ) -> str | None:
     """How many images were lost between camera and node; None if fewer than a tenth.
 
@@ -130,7 +155,7 @@ def explain_losses(
     Args:
         received: received messages of each channel since the last check.
         missing: missing messages of each channel since the last check, from gaps in the stamps.
-        profiles: path of the DDS profile that avoids such losses.
+        profiles: path of the DDS profile that avoids such losses; None if this node has it.
     """
     most, unsent = max(received.values()), min(missing.values())
     lost = {c: max(missing[c] - unsent, most - received[c]) for c in received}
@@ -141,10 +166,14 @@ def explain_losses(
     ]
     if not words:
         return None
+    remedy = (
+        "set for it what this node has: FASTRTPS_DEFAULT_PROFILES_FILE"
+        if profiles is None
+        else f"set for it and for the node: export FASTRTPS_DEFAULT_PROFILES_FILE={profiles}"
+    )
     return (
         f"{' and '.join(words)} messages never arrived: lost on the way, or skipped by the driver. "
-        "Make the driver publish reliably, and set for it and for the node: "
-        f"export FASTRTPS_DEFAULT_PROFILES_FILE={profiles}"
+        f"Make the driver publish reliably, and {remedy}"
     )
 
 
@@ -174,7 +203,7 @@ def explain_slowness(
     Args:
         processed: frames with an estimate since the last check.
         left_out: frames that a newer one replaced since the last check; the limit is a tenth.
-        period_ns: period of the colour images, nanoseconds.
+        period_ns: period of the frames, nanoseconds.
         width: width of the processed colour images, pixels; 0 before the first.
         learned: parameters that select a learned feature, such as ``features.visual:=xfeat``.
     """
@@ -200,7 +229,7 @@ def explain_waiting(
     Args:
         processed: frames with an estimate since the last check.
         left_out: frames that a newer one replaced since the last check.
-        period_ns: period of the colour images, nanoseconds.
+        period_ns: period of the frames, nanoseconds.
         waited_ns: how long frames waited for TF since the last check, nanoseconds.
         transform: the transform they waited for.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
+from rgbd_glue_ros.messages.channel_queue import BACKWARD_JUMP_NS
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 HISTORY_NS = 10 * NANOSECONDS

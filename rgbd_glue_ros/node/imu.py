@@ -12,11 +12,11 @@ from sensor_msgs.msg import Imu
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.messages.channel_queue import BACKWARD_JUMP_NS
 from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
-from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT

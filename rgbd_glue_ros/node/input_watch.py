@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from rgbd_glue_ros.live.input_faults import (
     explain_interval,
     explain_losses,
     explain_queue,
+    explain_rates,
     explain_silence,
     explain_slowness,
     explain_waiting,
@@ -25,7 +27,7 @@ from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
-from rgbd_glue_ros.parameters import profiles_file
+from rgbd_glue_ros.parameters import PROFILES_VARIABLE, profiles_file
 
 # Period of the checks.
 LOOK_S = 5.0
@@ -121,26 +123,34 @@ class NodeWatch:
             for c in Channel
         }
         synchronizer = self._synchronizer
-        lost = explain_losses(received, missing, profiles_file())
+        rates = None if self._stamps.unstamped else explain_rates(received, synchronizer.periods_ns)
+        has_profiles = os.environ.get(PROFILES_VARIABLE) == str(profiles_file())
+        lost = None
+        if rates is None:
+            lost = explain_losses(received, missing, None if has_profiles else profiles_file())
         gaps = explain_gaps(received, missing)
+        # a frame needs both images, so frames may come less often than colour
+        matches = max(now.matches - before.matches, 1)
+        period_ns = synchronizer.period_ns * max(received[Channel.COLOR], matches) // matches
         processed, left_out = now.processed - before.processed, now.left_out - before.left_out
         slow = explain_waiting(
             processed,
             left_out,
-            synchronizer.period_ns,
+            period_ns,
             now.waited_ns - before.waited_ns,
             self._monitor.waited_for,
         ) or explain_slowness(
             processed,
             left_out,
-            synchronizer.period_ns,
+            period_ns,
             self._monitor.width,
             self._learned,
         )
+        self._warn_if_new("rates", rates)
         self._warn_if_new("lost", lost)
         self._warn_if_new("gaps", gaps)
         self._warn_if_new("slow", slow)
-        self.drops = "; ".join(line for line in (lost, gaps, slow) if line)
+        self.drops = "; ".join(line for line in (rates, lost, gaps, slow) if line)
         self._warn_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )

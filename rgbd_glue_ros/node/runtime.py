@@ -22,6 +22,7 @@ from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memory
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.log import WITHOUT_FILE, PrintableLogger, explain_no_file
+from rgbd_glue_ros.parameters import PROFILES_VARIABLE
 
 # Time until the name of a newly discovered node is known: DDS announces its topics first.
 NAMES_S = 1.0
@@ -29,7 +30,6 @@ NAMES_S = 1.0
 END_S = 2.0
 # The highest ROS domain that has ports (RTPS 2.2, 9.6.1.1).
 LAST_DOMAIN = 232
-PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 logger = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ def _init_fault(error: Exception) -> InputError:
 def _warn_of_shared_memory(name: str) -> None:
     """Warns if there is too little shared memory to pass images between processes."""
     try:
-        profiles = Path(os.environ.get(PROFILES, "")).read_text(encoding="utf-8")
+        profiles = Path(os.environ.get(PROFILES_VARIABLE, "")).read_text(encoding="utf-8")
         memory = os.statvfs(SHARED_MEMORY)
     except (OSError, UnicodeDecodeError):
         return

@@ -10,6 +10,7 @@ from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES, by_current_
 from rgbd_glue_ros.parameters.checks import POSE
 from rgbd_glue_ros.parameters.files import (
     PACKAGE,
+    PROFILES_VARIABLE,
     explain,
     load_preset,
     load_yaml,
@@ -65,6 +66,7 @@ __all__ = [
     "OLD_NAMES",
     "PACKAGE",
     "POSE",
+    "PROFILES_VARIABLE",
     "READ_ONCE",
     "USUAL_NAMES",
     "VISUAL_FEATURES",

@@ -38,6 +38,10 @@ def parse_assignment(text: str) -> tuple[str, object]:
     return name, "" if parsed is None else parsed
 
 
+PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+"""The environment variable that gives Fast DDS its profile."""
+
+
 def profiles_file() -> Path:
     """The DDS profile with which images arrive between processes without loss."""
     return share_directory() / "config" / "fastdds.xml"

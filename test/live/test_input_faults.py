@@ -9,6 +9,7 @@ from rgbd_glue_ros.live.input_faults import (
     explain_gaps,
     explain_interval,
     explain_losses,
+    explain_rates,
     explain_silence,
     explain_slowness,
     explain_waiting,
@@ -108,6 +109,36 @@ def test_a_loss_of_more_than_a_tenth_is_reported_with_the_remedy(
     else:
         assert line is not None
         assert all(word in line for word in words)
+
+
+def test_what_this_node_has_set_is_not_recommended_to_it() -> None:
+    line = explain_losses(
+        dict(zip(Channel, (34, 36, 150), strict=True)), dict.fromkeys(Channel, 0), None
+    )
+    assert line is not None
+    assert "set for it what this node has: FASTRTPS_DEFAULT_PROFILES_FILE" in line
+
+
+@pytest.mark.parametrize(
+    ("received", "periods_ms", "line"),
+    [
+        ((150, 75, 150), (33, 67, 33), "depth comes at 15 Hz and color at 30 Hz"),
+        ((100, 150, 1), (50, 33, 33), "color comes at 20 Hz and depth at 30 Hz"),
+        # every other depth image lost at random: some gaps are of one period, some of many
+        ((150, 75, 150), (33, 33, 33), None),
+        ((150, 148, 150), (33, 33, 33), None),
+        ((150, 75, 1), (33, 67, 0), "depth comes at 15 Hz"),
+        ((0, 0, 0), (0, 0, 0), None),
+    ],
+)
+def test_a_lower_rate_of_one_stream_is_not_a_loss(
+    received: tuple[int, ...], periods_ms: tuple[int, ...], line: str | None
+) -> None:
+    told = explain_rates(
+        dict(zip(Channel, received, strict=True)),
+        {c: ms * MS for c, ms in zip(Channel, periods_ms, strict=True)},
+    )
+    assert (told is None) if line is None else (told is not None and line in told)
 
 
 def test_gaps_in_all_streams_come_from_the_source_and_are_not_losses() -> None:

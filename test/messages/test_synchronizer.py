@@ -7,7 +7,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rgbd_glue_ros.messages.synchronizer import BACKWARD_JUMP_NS, Channel, Match, Synchronizer
+from rgbd_glue_ros.messages.channel_queue import BACKWARD_JUMP_NS
+from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 
 MS = 1_000_000
 PERIOD = 33 * MS

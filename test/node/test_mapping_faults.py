@@ -221,9 +221,12 @@ def test_images_of_two_clocks_are_told_with_what_the_mapping_node_can_do(ros_dom
                 rig.spin_for(0.05)
                 return any(line in said for said in node.lines)
 
-            rig.wait(lambda: publish_until("they are of two clocks"), "the diagnosis")
-        (line,) = [said for said in node.lines if "they are of two clocks" in said]
-        assert "have the driver stamp both by one, or record them and map the recording" in line
+            rig.wait(lambda: publish_until("they come from two clocks"), "the diagnosis")
+        (line,) = [said for said in node.lines if "they come from two clocks" in said]
+        assert (
+            "make the driver stamp both with one clock, or record them and map the recording"
+            in line
+        )
         assert "(rgbd-glue map RECORDING --set stamps=receipt)" in line
         # which it refuses
         assert "stamps:=receipt" not in line

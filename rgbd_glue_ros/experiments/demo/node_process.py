@@ -17,11 +17,10 @@ from pathlib import Path
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
-from rgbd_glue_ros.parameters import profiles_file
+from rgbd_glue_ros.parameters import PROFILES_VARIABLE, profiles_file
 
 # Higher ones are not usable on every platform, 0 is the default.
 DOMAINS = range(1, 102)
-PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # All users can write to the folder of the locks: anything there that is not a file is left alone.
 _LOCK_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _WARNING = re.compile(r"\[(?:WARN|ERROR)\].*?\]: (?P<text>.*)")
@@ -64,7 +63,7 @@ def ros_environment(domain: int) -> dict[str, str]:
         **shared_environment(),
         "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        PROFILES: str(profiles_file()),
+        PROFILES_VARIABLE: str(profiles_file()),
     }
 
 
@@ -74,7 +73,7 @@ def shared_environment() -> dict[str, str]:
     They have to be set before rclpy is loaded.
     """
     return {
-        PROFILES: os.environ.get(PROFILES, str(profiles_file())),
+        PROFILES_VARIABLE: os.environ.get(PROFILES_VARIABLE, str(profiles_file())),
         # ROS from PyPI does not set it, and without it rclpy finds no resources
         "AMENT_PREFIX_PATH": os.environ.get("AMENT_PREFIX_PATH", sys.prefix),
     }
