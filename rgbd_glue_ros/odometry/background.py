@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Concatenate, Generic, ParamSpec, TypeVar
@@ -21,6 +22,7 @@ class BackgroundThread:
 
     def __init__(self) -> None:
         self._is_closed = False
+        self._process = os.getpid()
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="odometry_background")
 
     def submit(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Future[R]:
@@ -36,10 +38,13 @@ class BackgroundThread:
         """Checks that jobs can still be submitted.
 
         Raises:
-            InputError: the thread has ended.
+            InputError: the thread has ended, or was left behind by a fork of its process.
         """
         if self._is_closed:
             raise InputError("the odometry", "was closed", "create another one for more frames")
+        if self._process != os.getpid():
+            cause = "was created in another process, whose threads are not in this one"
+            raise InputError("the odometry", cause, "create one in each process")
 
     def close(self) -> None:
         """Ends the thread once its jobs are done; nothing can be submitted after that."""
@@ -56,8 +61,14 @@ class BackgroundValue(Generic[V]):
         self._update: Future[V] | None = None
 
     def current(self) -> V:
-        """The value; waits for a running update."""
+        """The value; waits for a running update.
+
+        Raises:
+            InputError: the update was left behind by a fork of its process.
+        """
         if self._update is not None:
+            if not self._update.done():
+                self._background.check_open()
             self._value, self._update = self._update.result(), None
         return self._value
 

@@ -8,7 +8,7 @@ from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
 from rgbd_glue_ros.odometry.session import Session
-from rgbd_glue_ros.parameters import Config, load_preset
+from rgbd_glue_ros.parameters import Config, check_changes, load_preset
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
@@ -28,8 +28,9 @@ class Odometry(Closing):
     """Turns RGB-D frames into poses T_odom_camera.
 
     Deterministic: the same frames and configuration give the same bits. Not thread-safe: call it
-    from one thread; its own ends with ``close`` or a ``with``. By default it has the preset
-    ``live`` and creates its ``Glue``. Ctrl-C interrupts it when a frame is done.
+    from one thread, of the process that created it; its own thread ends with ``close`` or a
+    ``with``. By default it has the preset ``live`` and creates its ``Glue``. Ctrl-C interrupts it
+    when a frame is done.
     """
 
     def __init__(self, config: Config | None = None, glue: Glue | None = None) -> None:
@@ -43,7 +44,12 @@ class Odometry(Closing):
         self._background.close()
 
     def reconfigure(self, config: Config) -> None:
-        """Uses other parameters from the next frame on; fixed ones must be unchanged."""
+        """Uses other parameters from the next frame on.
+
+        Raises:
+            InputError: one that is fixed while frames are tracked has another value.
+        """
+        check_changes(self._config, config)
         self._config = config
         self._glue.reconfigure(config)
         self._session.reconfigure(config)

@@ -161,6 +161,24 @@ def values(config: object) -> dict[str, Value]:
     return by_name
 
 
+def check_changes(before: object, after: object) -> None:
+    """Refuses changes of parameters that are fixed while frames are tracked.
+
+    Args:
+        before: the configuration in use.
+        after: one of the same class.
+
+    Raises:
+        InputError: a fixed parameter has another value.
+    """
+    given, wanted = values(before), values(after)
+    for parameter in parameters(before):
+        name = parameter.name
+        if parameter.fixed and given[name] != wanted[name]:
+            cause = f"cannot change from {given[name]!r} to {wanted[name]!r}: {parameter.fixed}"
+            raise InputError(name, cause, "set it before the first frame")
+
+
 def with_values(config: C, changes: Mapping[str, object]) -> C:
     """The configuration with the parameters in ``changes`` (dotted names or aliases) set.
 

@@ -39,8 +39,10 @@ def without_spurious_information(
         T_expected: the pose that was expected before refinement, float64 [4, 4].
         problem: the problem that it was refined with.
         reach: distance, metres and radians, over which residuals must change. A pose that is
-            known more accurately than this is returned unchanged.
+            known more accurately than this is returned unchanged, and so is any if it is 0.
     """
+    if reach == 0:
+        return refinement
     T, H = refinement.T_model_source, refinement.information
     # in the camera's frame, where a metre and a radian move the image by about as much
     A, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))

@@ -155,6 +155,8 @@ def check_frame(color: Any, depth: Any, width: int, height: int) -> None:
             remedy += (
                 "; for millimetres that is np.where(d > 0, d / 1000, np.nan).astype(np.float32)"
             )
+        if isinstance(depth, np.ma.MaskedArray):
+            remedy += "; that is depth.filled(np.nan)"
         raise _fault(_FRAME, "depth", f"is {_described(depth)}", remedy)
     if depth.shape != color.shape[:2]:
         cause = f"is {_described(depth)}, but color is {_described(color)}"
@@ -198,10 +200,10 @@ def check_trajectory(stamps_ns: Any, poses: Any) -> None:
 
     Args:
         stamps_ns: must be int64 [N].
-        poses: must be float64 [N, 4, 4], finite.
+        poses: must be float64 [N, 4, 4], rotations and metres.
 
     Raises:
-        InputError: an array has another type or shape, or a pose is not finite.
+        InputError: an array has another type or shape, or a matrix is not a pose.
     """
     _check_stamp_array(_TRAJECTORY, stamps_ns)
     shape = (len(stamps_ns), 4, 4)
@@ -211,6 +213,13 @@ def check_trajectory(stamps_ns: Any, poses: Any) -> None:
     if not np.isfinite(poses).all():
         remedy = "remove stamps that have no pose"
         raise _fault(_TRAJECTORY, "poses", "is not finite", remedy)
+    R = poses[:, :3, :3]
+    is_pose = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) < _NOT_ORTHONORMAL
+    is_pose &= (np.linalg.det(R) > 0) & (poses[:, 3] == [0, 0, 0, 1]).all(axis=1)
+    if not is_pose.all():
+        row = int(np.argmin(is_pose))
+        cause = f"is not a pose in row {row}: {poses[row].round(3).tolist()}"
+        raise _fault(_TRAJECTORY, "poses", cause, "give rotations and metres, [R t; 0 0 0 1]")
 
 
 def _check_stamp_array(owner: str, stamps_ns: Any) -> None:
@@ -220,12 +229,15 @@ def _check_stamp_array(owner: str, stamps_ns: Any) -> None:
 
 
 def _is_array(value: Any, dtype: type) -> bool:
-    return isinstance(value, np.ndarray) and value.dtype == dtype
+    is_plain = isinstance(value, np.ndarray) and not isinstance(value, np.ma.MaskedArray)
+    return is_plain and value.dtype == dtype
 
 
 def _described(value: Any) -> str:
     if not isinstance(value, np.ndarray):
         return f"a {type(value).__name__}"
+    if isinstance(value, np.ma.MaskedArray):
+        return f"a masked array, {value.dtype} {list(value.shape)}"
     return f"{value.dtype} {list(value.shape)}"
 
 

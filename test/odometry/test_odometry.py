@@ -6,6 +6,7 @@ The recording is real in all that matters here: noise, holes, blur, and the trut
 from __future__ import annotations
 
 import gc
+import multiprocessing
 import signal
 from collections.abc import Iterable
 from dataclasses import replace
@@ -112,6 +113,33 @@ def test_a_closed_odometry_raises_an_error() -> None:
     odometry.reset()
     with pytest.raises(InputError, match="the odometry: was closed; create another one"):
         track(recorded_frames()[1:3], odometry=odometry)
+
+
+def test_parameters_that_are_fixed_while_frames_are_tracked_cannot_be_changed() -> None:
+    with Odometry(PATIENT) as odometry:
+        odometry.process(recorded_frames()[0])
+        odometry.reconfigure(with_values(PATIENT, {"glue.k": 4.0}))
+        with pytest.raises(InputError, match=r"^features.visual: cannot change from 'orb' to"):
+            odometry.reconfigure(with_values(PATIENT, {"features.visual": "none"}))
+
+
+def test_an_odometry_of_another_process_raises_an_error_and_does_not_wait_for_its_threads() -> None:
+    with Odometry(PATIENT) as odometry:
+        odometry.process(recorded_frames()[0])
+        receiver, sender = multiprocessing.Pipe(duplex=False)
+
+        def use() -> None:
+            try:
+                odometry.process(recorded_frames()[1])
+            except InputError as error:
+                sender.send(str(error))
+
+        child = multiprocessing.get_context("fork").Process(target=use)
+        child.start()
+        assert receiver.poll(30.0)
+        assert "was created in another process" in receiver.recv()
+        child.join(30.0)
+        assert child.exitcode == 0
 
 
 def without_depth(frame: RgbdFrame) -> RgbdFrame:

@@ -166,11 +166,21 @@ def test_a_lens_is_taken_as_opencv_gives_it(make: Callable[[Any], Any]) -> None:
         ([0], np.eye(4)[np.newaxis], "stamps_ns"),
         (np.zeros(2, np.int64), np.eye(4)[np.newaxis], "poses"),
         (np.zeros(1, np.int64), np.full((1, 4, 4), np.nan), "poses"),
+        (np.zeros(1, np.int64), np.zeros((1, 4, 4)), "poses"),
+        (np.zeros(2, np.int64), np.stack([np.eye(4), np.diag([1.0, 1, -1, 1])]), "poses"),
+        (np.zeros(1, np.int64), 2 * np.eye(4)[np.newaxis], "poses"),
     ],
 )
 def test_a_trajectory_that_is_none_is_refused(stamps_ns: Any, poses: Any, where: str) -> None:
     with pytest.raises(InputError, match=rf"^Trajectory\.{where}: is "):
         Trajectory(stamps_ns, poses)
+
+
+def test_a_masked_array_is_refused_with_what_to_give_in_its_place() -> None:
+    depth = np.ma.masked_array(np.ones((4, 6), np.float32), np.eye(4, 6) > 0)
+    color = np.zeros((4, 6, 3), np.uint8)
+    with pytest.raises(InputError, match=r"is a masked array, float32 .*depth.filled\(np.nan\)"):
+        RgbdFrame(0, color, depth, CameraIntrinsics(6, 4, 5.0, 5.0, 3.0, 2.0))
 
 
 @pytest.mark.slow

@@ -20,16 +20,25 @@ CONFIG = Config().refine
 REACH = 0.03
 
 
-def evaluated(before: View, now: View, T: Float64) -> tuple[Refinement, Refinement]:
+def evaluated(
+    before: View, now: View, T: Float64, reach: float = REACH
+) -> tuple[Refinement, Refinement]:
     """A pose with spurious information and without it, where the start was expected."""
     problem = RefinementProblem(model_of(before, CONFIG.grid_step), now, CONFIG)
     pose = evaluate_pose(T, problem)
-    return pose, without_spurious_information(pose, np.eye(4), problem, REACH)
+    return pose, without_spurious_information(pose, np.eye(4), problem, reach)
 
 
 def test_a_pose_that_the_images_determine_is_left_unchanged() -> None:
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     pose, left = evaluated(room_view(0.0), room_view(0.3), truth)
+    assert left is pose
+
+
+def test_with_no_distance_to_compare_over_a_pose_is_left_unchanged() -> None:
+    frames = SCENES["an empty corridor at 10 Hz"].noisy_frames(0)
+    before, now = (view_of(next(frames), Config().camera) for _ in range(2))
+    pose, left = evaluated(before, now, np.eye(4), reach=0.0)
     assert left is pose
 
 
