@@ -21,7 +21,7 @@ from rgbd_glue_ros.types import (
     TrackingState,
     stages,
 )
-from rgbd_glue_ros.types.checks import check_guess
+from rgbd_glue_ros.types.checks import check_class, check_guess
 
 
 class Odometry(Closing):
@@ -34,7 +34,9 @@ class Odometry(Closing):
     """
 
     def __init__(self, config: Config | None = None, glue: Glue | None = None) -> None:
-        self._config = config or load_preset("live")
+        config = load_preset("live") if config is None else config
+        check_class("Odometry.config", config, Config, "load_preset('live') or another")
+        self._config = config
         self._glue = glue or Glue(self._config)
         self._background = BackgroundThread()
         self.reset()
@@ -63,7 +65,11 @@ class Odometry(Closing):
 
         Samples are used if they are added before ``track`` or ``process`` is called with the frame
         that they lead up to. For frames that they do not cover, motion is predicted without them.
+
+        Raises:
+            InputError: ``samples`` are of another class.
         """
+        check_class("add_imu.samples", samples, ImuSamples, "ImuSamples(stamps_ns, ...)")
         self._session.add_imu(samples)
 
     @property
@@ -110,6 +116,9 @@ class Odometry(Closing):
                 pose.
         """
         self._background.check_open()
+        check_class(
+            "track.frame", frame, RgbdFrame, "RgbdFrame(stamp_ns, color, depth, intrinsics)"
+        )
         if T_guess_camera is not None:
             check_guess(T_guess_camera)
         return self._session.track(frame, T_guess_camera)

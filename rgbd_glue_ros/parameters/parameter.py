@@ -10,11 +10,13 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from numbers import Integral
 from typing import Any, TypeVar, cast
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters.aliases import by_current_names
 from rgbd_glue_ros.parameters.checks import Check
+from rgbd_glue_ros.types.checks import check_class
 
 Value = bool | int | float | str
 C = TypeVar("C")
@@ -59,6 +61,8 @@ class Parameter:
         """
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
+        if self.type is int and not isinstance(value, bool) and isinstance(value, Integral):
+            value = int(value)  # of NumPy, perhaps
         if self.type is float and isinstance(value, str):
             # YAML 1.1 reads 1e-3 as a text, since it has no dot
             with suppress(ValueError):
@@ -185,6 +189,7 @@ def with_values(config: C, changes: Mapping[str, object]) -> C:
     Raises:
         InputError: an unknown name, or a value of the wrong type or out of range.
     """
+    check_class("with_values.changes", changes, Mapping, "{'glue.k': 3.0} or the like")
     declared = {p.name: p for p in parameters(config)}
     converted = {}
     for name, value in by_current_names(changes).items():

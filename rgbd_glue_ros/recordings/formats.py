@@ -24,6 +24,7 @@ from rgbd_glue_ros.recordings.nearest import explain_unknown
 from rgbd_glue_ros.recordings.recording import Recording
 from rgbd_glue_ros.recordings.reduced import ReducedRecording
 from rgbd_glue_ros.types import CameraIntrinsics
+from rgbd_glue_ros.types.checks import check_class
 
 logger = logging.getLogger(__name__)
 
@@ -197,6 +198,7 @@ def open_recording(
     Raises:
         InputError: the path does not exist, has no known format, or is unusable.
     """
+    check_class("open_recording.path", path, (str, Path), "a bag or the folder of a data set")
     path = Path(path)
     if not path.exists():
         raise InputError(path, "does not exist", "give a bag or the folder of a data set")

@@ -6,6 +6,7 @@ from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config, load_preset
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import RegistrationResult, RgbdFrame
+from rgbd_glue_ros.types.checks import check_class
 
 
 def register(
@@ -24,10 +25,14 @@ def register(
         ``T_target_source`` [4, 4] in metres with its covariance, or the reason why there is none.
 
     Raises:
-        InputError: a feature is not available.
+        InputError: a feature is not available, or an argument is of another class.
         MissingExtraError: a library of a feature is not installed.
     """
-    config = config or load_preset("paper")
+    for name, frame in (("source", source), ("target", target)):
+        remedy = "RgbdFrame(stamp_ns, color, depth, intrinsics)"
+        check_class(f"register.{name}", frame, RgbdFrame, remedy)
+    config = load_preset("paper") if config is None else config
+    check_class("register.config", config, Config, "load_preset('paper') or another")
     glue = Glue(config)
     return glue.register(
         glue.extract(view_of(source, config.camera)), glue.extract(view_of(target, config.camera))

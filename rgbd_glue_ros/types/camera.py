@@ -7,8 +7,9 @@ from enum import Enum
 
 import numpy as np
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.types.arrays import Float64
-from rgbd_glue_ros.types.checks import check_distortion, check_intrinsics
+from rgbd_glue_ros.types.checks import check_class, check_distortion, check_intrinsics
 
 
 class LensModel(Enum):
@@ -61,6 +62,9 @@ class CameraIntrinsics:
             InputError: a size, focal length or centre is invalid, or the coefficients fit no lens.
         """
         check_intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        check_class(
+            "CameraIntrinsics.lens", self.lens, LensModel, "LensModel('plumb_bob') or another"
+        )
         check_distortion(self.distortion, self.lens.counts)
         # OpenCV gives an array [1, N]
         object.__setattr__(self, "distortion", tuple(map(float, np.ravel(self.distortion))))
@@ -76,7 +80,15 @@ class CameraIntrinsics:
         return np.array([self.fx, self.fy, self.cx, self.cy], np.float64)
 
     def scaled(self, width: int, height: int) -> CameraIntrinsics:
-        """The same camera with its image resized to ``width`` x ``height`` pixels."""
+        """The same camera with its image resized to ``width`` x ``height`` pixels.
+
+        Raises:
+            InputError: the present size is not known.
+        """
+        if not self.width or not self.height:
+            raise InputError(
+                "CameraIntrinsics.scaled", "the size of the image is not known", "give it first"
+            )
         sx, sy = width / self.width, height / self.height
         return replace(
             self,

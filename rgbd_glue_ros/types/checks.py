@@ -22,6 +22,25 @@ _CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"
 _TRAJECTORY = "Trajectory"
 
 
+def check_class(where: str, value: object, expected: type | tuple[type, ...], remedy: str) -> None:
+    """Refuses an argument of another class.
+
+    Args:
+        where: function or class, and name of the argument.
+        value: the argument.
+        expected: the class that it must have, or one of several.
+        remedy: what to give.
+
+    Raises:
+        InputError: it has another class.
+    """
+    if not isinstance(value, expected):
+        classes = expected if isinstance(expected, tuple) else (expected,)
+        names = " or ".join(each.__name__ for each in classes)
+        cause = f"is of class {type(value).__name__}, not {names}"
+        raise InputError(where, cause, f"give {remedy}")
+
+
 def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
     """Refuses an impossible camera.
 
@@ -42,7 +61,7 @@ def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, c
         if not isinstance(number, (int, float, np.number)):
             raise _fault(_CAMERA, name, f"is {number!r}", "give a number of pixels")
     for name, size in (("width", width), ("height", height)):
-        if size < 0:
+        if size < 0 or size != int(size):
             raise _fault(_CAMERA, name, f"is {size}", "give the size in pixels")
     for name, length in (("fx", fx), ("fy", fy)):
         if not _SHORTEST <= length <= _LONGEST:

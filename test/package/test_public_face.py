@@ -183,6 +183,69 @@ def test_a_masked_array_is_refused_with_what_to_give_in_its_place() -> None:
         RgbdFrame(0, color, depth, CameraIntrinsics(6, 4, 5.0, 5.0, 3.0, 2.0))
 
 
+CONFIG = rgbd_glue_ros.load_preset("live")
+
+
+def wrong(value: object) -> Any:
+    """An argument of another class than the annotation says."""
+    return value
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (
+            lambda _: rgbd_glue_ros.Odometry(wrong("live")),
+            "Odometry.config: is of class str, not Config; give load_preset('live')",
+        ),
+        (
+            lambda f: rgbd_glue_ros.register(f, f, wrong("live")),
+            "register.config: is of class str, not Config; give load_preset('paper')",
+        ),
+        (
+            lambda _: rgbd_glue_ros.register(wrong(COLOR), wrong(DEPTH)),
+            "register.source: is of class ndarray, not RgbdFrame; give RgbdFrame(",
+        ),
+        (
+            lambda _: replace(CAMERA, lens=wrong("plumb_bob")),
+            "lens: is of class str, not LensModel; give LensModel('plumb_bob')",
+        ),
+        (lambda _: replace(CAMERA, width=wrong(640.5)), "CameraIntrinsics.width: is 640.5"),
+        (
+            lambda _: replace(CAMERA, width=0, height=0).scaled(3, 2),
+            "CameraIntrinsics.scaled: the size of the image is not known",
+        ),
+        (
+            lambda _: rgbd_glue_ros.open_recording(wrong(None)),
+            "path: is of class NoneType, not str or Path; give a bag",
+        ),
+        (
+            lambda _: rgbd_glue_ros.with_values(CONFIG, wrong(["glue.k"])),
+            "changes: is of class list, not Mapping; give {'glue.k': 3.0}",
+        ),
+    ],
+)
+def test_an_argument_of_another_class_is_refused_with_what_to_give(
+    call: Callable[[Any], Any], told: str
+) -> None:
+    with pytest.raises(InputError, match=re.escape(told)):
+        call(RgbdFrame(0, COLOR, DEPTH, CAMERA))
+
+
+def test_an_odometry_takes_frames_and_samples_and_no_arrays() -> None:
+    with rgbd_glue_ros.Odometry() as odometry:
+        with pytest.raises(InputError, match=r"frame: is of class ndarray, not RgbdFrame;"):
+            odometry.process(wrong(COLOR))
+        with pytest.raises(InputError, match=r"samples: is of class ndarray, not ImuSamples"):
+            odometry.add_imu(wrong(DEPTH))
+
+
+def test_numbers_of_numpy_are_taken_as_parameters() -> None:
+    changes = {"features.keypoints": np.int64(500), "glue.k": np.float64(3.0)}
+    config = rgbd_glue_ros.with_values(CONFIG, changes)
+    assert (config.features.keypoints, config.glue.k) == (500, 3.0)
+
+
 @pytest.mark.slow
 @pytest.mark.every_python
 def test_the_example_in_the_readme_runs_as_it_stands(tmp_path: Path) -> None:

@@ -188,6 +188,7 @@ class BagRecording(Closing):
                 yield result
         self.skipped = faults.count
         if self._bag.damage is not None:
+            faults.are_skipped()
             raise InputError(
                 self._bag.path,
                 f"{self._bag.damage}; what could be read before that was used",
