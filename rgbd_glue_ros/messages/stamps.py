@@ -37,13 +37,6 @@ class StampSource:
         """Whether the stamps of a channel are times of receipt, which jitter."""
         return self._is_receipt or channel in self.unstamped
 
-    def is_undecided(self, channel: Channel, stamp_ns: int) -> bool:
-        """Whether the stamp of a channel's first message is zero: none, or simulated time begins.
-
-        To be asked before ``of``.
-        """
-        return not (stamp_ns or self._is_receipt) and channel not in self._newest_ns
-
     def of(self, channel: Channel, stamp_ns: int, receipt_ns: int) -> int:
         """The stamp to pair a message by, nanoseconds.
 

@@ -86,15 +86,12 @@ class RgbdInput(Closing):
 
     def _receive(self, channel: Channel, message: Any) -> None:
         arrived_ns = time.monotonic_ns()
-        in_header, now = stamp_ns(message.header.stamp), self._node.get_clock().now().nanoseconds
-        is_undecided = self._stamps.is_undecided(channel, in_header)
-        stamp = self._stamps.of(channel, in_header, now)
+        stamp = self._stamps.of(
+            channel, stamp_ns(message.header.stamp), self._node.get_clock().now().nanoseconds
+        )
         if channel in self._stamps.unstamped:
             topic = next(i.topic for i in self._inputs if i.channel is channel)
             self._node.warn_once(topic, "has no stamp; the time of receipt is used")
-        # the next image shows which time is right; an info may be the only one
-        if is_undecided and channel is not Channel.INFO:
-            return
         for match in self.synchronizer.add(channel, stamp, message):
             self._receive_match(match, arrived_ns)
 

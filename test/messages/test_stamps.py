@@ -42,26 +42,6 @@ def test_a_message_has_the_stamp_of_its_header_unless_that_is_zero(
 
 
 @pytest.mark.parametrize(
-    ("source", "stamps", "undecided"),
-    [
-        ("header", [0, 0, 0], [True, False, False]),
-        ("header", [0, 6, 0], [True, False, False]),
-        ("header", [5, 0, 0], [False, False, False]),
-        ("receipt", [0, 0, 0], [False, False, False]),
-    ],
-)
-def test_only_a_zero_before_any_other_stamp_does_not_tell_whether_there_are_stamps(
-    source: str, stamps: list[int], undecided: list[bool]
-) -> None:
-    taken = StampSource(source)
-    for number, (stamp, expected) in enumerate(zip(stamps, undecided, strict=True)):
-        assert taken.is_undecided(Channel.COLOR, stamp) is expected
-        taken.of(Channel.COLOR, stamp, 100 + number)
-    # every channel for itself
-    assert taken.is_undecided(Channel.DEPTH, 0) is (source == "header")
-
-
-@pytest.mark.parametrize(
     ("distance_ns", "said"),
     [
         (31 * MS, "31.0 ms apart at best, and pair up to 20.0 ms: synchronise"),

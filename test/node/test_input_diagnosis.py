@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.messages.fields import color_image, copy_fields, depth_image, header
-from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
@@ -73,10 +72,6 @@ def test_images_without_a_stamp_use_the_time_of_receipt_which_is_logged_once(
         for topic in ("rgb/image", "depth/image", "rgb/camera_info"):
             lines = [line for line in node.lines if f"/{topic}: has no stamp" in line]
             assert len(lines) == 1
-        # not even the first, which might have been the beginning of simulated time
-        stamps = [stamp_ns(pose.header.stamp) for pose in rig.poses]
-        assert min(stamps) > rig.node.get_clock().now().nanoseconds - 60 * 10**9
-        assert stamps == sorted(stamps)
 
 
 @pytest.mark.slow
