@@ -16,11 +16,6 @@ PointsAt = Callable[[Float32], tuple[Float64, Mask]]
 """Takes pixels uv [N, 2] of a frame; gives points [M, 3] and which pixels [N] have one."""
 
 
-def points_of(view: View) -> PointsAt:
-    """The points of all pixels of a view."""
-    return lambda uv: keypoints_to_points(uv, view)
-
-
 def lift(
     matches: VisualMatches, source_points_at: PointsAt, target_points_at: PointsAt
 ) -> Correspondences:

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -124,10 +125,7 @@ class NodeWatch:
         }
         synchronizer = self._synchronizer
         rates = None if self._stamps.unstamped else explain_rates(received, synchronizer.periods_ns)
-        has_profiles = os.environ.get(PROFILES_VARIABLE) == str(profiles_file())
-        lost = None
-        if rates is None:
-            lost = explain_losses(received, missing, None if has_profiles else profiles_file())
+        lost = None if rates else explain_losses(received, missing, _profiles_to_set())
         gaps = explain_gaps(received, missing)
         # a frame needs both images, so frames may come less often than colour
         matches = max(now.matches - before.matches, 1)
@@ -209,3 +207,9 @@ def explain_namesakes(node: Node) -> str | None:
         f"{own} is also the name of {namesakes} other node(s): services and parameters reach only "
         "one of them, and their topics mix; stop the others, or start them with -r __node:=NAME"
     )
+
+
+def _profiles_to_set() -> Path | None:
+    """The DDS profile that loses no image; None if this process has it."""
+    profiles = profiles_file()
+    return None if os.environ.get(PROFILES_VARIABLE) == str(profiles) else profiles

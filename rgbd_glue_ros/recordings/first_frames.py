@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice, takewhile
 
-from rgbd_glue_ros.recordings.recording import Recording, imu_of
-from rgbd_glue_ros.recordings.wrapped import WrappedRecording
-from rgbd_glue_ros.types import ImuSamples, RgbdFrame
+from rgbd_glue_ros.recordings.recording import Recording
+from rgbd_glue_ros.recordings.wrapped import WrappedInertialRecording
+from rgbd_glue_ros.types import RgbdFrame
 
 
 def first_frames(recording: Recording, count: int | None) -> Recording:
@@ -17,7 +17,7 @@ def first_frames(recording: Recording, count: int | None) -> Recording:
 
 
 @dataclass(frozen=True)
-class _FirstFrames(WrappedRecording):
+class _FirstFrames(WrappedInertialRecording):
     """A ``Recording`` of at most ``count`` frames."""
 
     count: int
@@ -26,11 +26,6 @@ class _FirstFrames(WrappedRecording):
     def frame_count(self) -> int:
         """At most that of the underlying recording."""
         return min(self.recording.frame_count, self.count)
-
-    @property
-    def imu(self) -> ImuSamples | None:
-        """All samples of the underlying recording."""
-        return imu_of(self.recording)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         return islice(self.recording, self.count)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from rgbd_glue_ros.recordings.recording import Recording, imu_of
-from rgbd_glue_ros.recordings.wrapped import WrappedRecording
-from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
+from rgbd_glue_ros.recordings.recording import Recording
+from rgbd_glue_ros.recordings.wrapped import WrappedInertialRecording
+from rgbd_glue_ros.types import RgbdFrame, Trajectory
 
 
 def with_ground_truth(recording: Recording, truth: Trajectory | None) -> Recording:
@@ -16,7 +16,7 @@ def with_ground_truth(recording: Recording, truth: Trajectory | None) -> Recordi
 
 
 @dataclass(frozen=True)
-class _OtherTruth(WrappedRecording):
+class _OtherTruth(WrappedInertialRecording):
     """A ``Recording`` whose ground truth is ``truth``."""
 
     truth: Trajectory
@@ -25,11 +25,6 @@ class _OtherTruth(WrappedRecording):
     def ground_truth(self) -> Trajectory:
         """The given one."""
         return self.truth
-
-    @property
-    def imu(self) -> ImuSamples | None:
-        """The samples of the underlying recording."""
-        return imu_of(self.recording)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         return iter(self.recording)

@@ -7,21 +7,15 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.geometry.reduction import reduced
-from rgbd_glue_ros.recordings.recording import imu_of
-from rgbd_glue_ros.recordings.wrapped import WrappedRecording
-from rgbd_glue_ros.types import ImuSamples, RgbdFrame
+from rgbd_glue_ros.recordings.wrapped import WrappedInertialRecording
+from rgbd_glue_ros.types import RgbdFrame
 
 
 @dataclass(frozen=True)
-class ReducedRecording(WrappedRecording):
+class ReducedRecording(WrappedInertialRecording):
     """A ``Recording`` with images at most ``max_width`` pixels wide."""
 
     max_width: int
-
-    @property
-    def imu(self) -> ImuSamples | None:
-        """The samples of the underlying recording."""
-        return imu_of(self.recording)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         for frame in self.recording:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.recordings.left_out import LeftOut, left_out_of
-from rgbd_glue_ros.recordings.recording import Recording
-from rgbd_glue_ros.types import Trajectory
+from rgbd_glue_ros.recordings.recording import Recording, imu_of
+from rgbd_glue_ros.types import ImuSamples, Trajectory
 
 
 @dataclass(frozen=True)
@@ -43,3 +43,13 @@ class WrappedRecording(Closing):
     def close(self) -> None:
         """Closes the recording."""
         self.recording.close()
+
+
+@dataclass(frozen=True)
+class WrappedInertialRecording(WrappedRecording):
+    """One whose frames are at the times of the recording's, so that its IMU fits them."""
+
+    @property
+    def imu(self) -> ImuSamples | None:
+        """All samples of the recording."""
+        return imu_of(self.recording)

@@ -101,7 +101,7 @@ class KeyframeStream:
             logger.warning(
                 "%s: the %s of the keyframe at %s s did not come while %d others did not either: "
                 "it is left out of the map. Messages are lost on the way, or two odometries "
-                "publish (said once)",
+                "publish (logged once)",
                 *(topic, missing, format_stamp(oldest_ns), MOST_WAITING),
             )
 

@@ -158,7 +158,7 @@ class LiveMap:
         loops = self._mapper.recognised(keyframe)
         if not loops:
             return False
-        self.T_map_odom = self._T_map_odom(keyframe, loops[0])
+        self.T_map_odom = self._T_map_odom(keyframe.T_odom_camera, loops[0])
         return True
 
     def stamps_ns(self) -> dict[int, int]:
@@ -187,7 +187,7 @@ class LiveMap:
             links: loops of the last of them with the existing map.
         """
         newest = new[-1].keyframe
-        T_map_odom = self._T_map_odom(newest, links[0]) if links else self.T_map_odom
+        T_map_odom = self._T_map_odom(newest.T_odom_camera, links[0]) if links else self.T_map_odom
         assert T_map_odom is not None  # noqa: S101 - for the type checker
         try:
             edges = (*self._edges_by_rows(new), *links)
@@ -263,10 +263,10 @@ class LiveMap:
             self._optimiser.add_edge(edge)
         self.poses = self._optimiser.update()
 
-    def _T_map_odom(self, keyframe: MapKeyframe | StoredKeyframe, loop: PoseGraphEdge) -> Float64:
+    def _T_map_odom(self, T_odom_camera: Float64, loop: PoseGraphEdge) -> Float64:
         """Where a loop with the map has the odom frame of a keyframe, float64 [4, 4]."""
         T_map_camera = self.poses[loop.parent] @ loop.T_parent_child
-        return np.asarray(T_map_camera @ se3.inverse(keyframe.T_odom_camera), np.float64)
+        return np.asarray(T_map_camera @ se3.inverse(T_odom_camera), np.float64)
 
     def _keyframe(self, row: int, keyed: Keyed) -> MapKeyframe:
         view = view_of(keyed.frame, self._config.camera)

@@ -12,9 +12,8 @@ import numpy as np
 
 from rgbd_glue_ros.slam.optimiser import unlinked
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
+from rgbd_glue_ros.types.checks import are_rigid
 
-# As far as rotations are off that somebody wrote with few digits
-_NOT_ORTHONORMAL = 1e-3
 _NOT_SYMMETRIC = 1e-6
 # Beyond the earth's circumference nothing is a room.
 _FARTHEST_M = 4e7
@@ -43,14 +42,8 @@ def transforms(arrays: Mapping[str, Any], name: str, count: int) -> Float64:
         ValueError: one is no rotation and translation.
     """
     T = numbers(arrays, name, (count, 4, 4))
-    R = T[:, :3, :3]
-    # of absurd numbers, squares are infinite
-    with np.errstate(all="ignore"):
-        off = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-        is_rotation = (off < _NOT_ORTHONORMAL) & (np.linalg.det(R) > 0)
     is_near = (np.abs(T[:, :3, 3]) < _FARTHEST_M).all(axis=1)
-    is_affine = (T[:, 3] == [0.0, 0.0, 0.0, 1.0]).all(axis=1)
-    _refuse(~(is_rotation & is_near & is_affine), name, "no rotation and translation")
+    _refuse(~(are_rigid(T) & is_near), name, "no rotation and translation")
     return T
 
 

@@ -1,4 +1,4 @@
-"""A keyframe as the map keeps it."""
+"""A keyframe with all that comparing it with others needs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rgbd_glue_ros.types import Float64, View
 
 @dataclass(frozen=True)
 class MapKeyframe:
-    """A keyframe as the map keeps it.
+    """A keyframe that can be compared with others; ``StoredKeyframe`` is what the map keeps of it.
 
     Attributes:
         number: row in the pose graph.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.types.arrays import Float64, Mask
 
 _END_OF_TIME_NS = 2**63
 # Pixels: no real camera is beyond these limits, and beyond them numbers overflow.
@@ -105,6 +106,17 @@ def check_stamps(stamp_ns: object, depth_delay_ns: object) -> None:
             raise _fault(_FRAME, name, f"is {value!r}", remedy)
 
 
+def are_rigid(T: Float64) -> Mask:
+    """Which matrices [N, 4, 4] are a rotation and a translation; absurd numbers and NaN are not."""
+    R = T[:, :3, :3]
+    # of absurd numbers, squares are infinite
+    with np.errstate(all="ignore"):
+        off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+        is_rotation = (off < _NOT_ORTHONORMAL) & (np.linalg.det(R) > 0)
+    is_affine = (T[:, 3] == [0.0, 0.0, 0.0, 1.0]).all(axis=1)
+    return np.asarray(is_rotation & is_affine, np.bool_)
+
+
 def check_guess(T_guess_camera: Any) -> None:
     """Refuses an impossible pose of a camera.
 
@@ -118,10 +130,7 @@ def check_guess(T_guess_camera: Any) -> None:
     T = T_guess_camera
     if not _is_array(T, np.float64) or T.shape != (4, 4):
         raise _fault("track", _GUESS, f"is {_described(T)}", "give float64 [4, 4]")
-    R, last_row = T[:3, :3], np.array([0.0, 0.0, 0.0, 1.0])
-    # with NaN the comparisons are false
-    is_rotation = np.abs(R @ R.T - np.eye(3)).max() < _NOT_ORTHONORMAL and np.linalg.det(R) > 0
-    if not (is_rotation and (np.abs(T[:3, 3]) < FARTHEST_M).all() and (T[3] == last_row).all()):
+    if not (are_rigid(T[np.newaxis]).all() and (np.abs(T[:3, 3]) < FARTHEST_M).all()):
         remedy = "give a rotation and metres, or None if the other odometry has no pose"
         raise _fault("track", _GUESS, f"is not a pose: {T.round(3).tolist()}", remedy)
 
@@ -232,9 +241,7 @@ def check_trajectory(stamps_ns: Any, poses: Any) -> None:
     if not np.isfinite(poses).all():
         remedy = "remove stamps that have no pose"
         raise _fault(_TRAJECTORY, "poses", "is not finite", remedy)
-    R = poses[:, :3, :3]
-    is_pose = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) < _NOT_ORTHONORMAL
-    is_pose &= (np.linalg.det(R) > 0) & (poses[:, 3] == [0, 0, 0, 1]).all(axis=1)
+    is_pose = are_rigid(poses)
     if not is_pose.all():
         row = int(np.argmin(is_pose))
         cause = f"is not a pose in row {row}: {poses[row].round(3).tolist()}"

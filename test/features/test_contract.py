@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from rigs.fcgf_weights import write_random_fcgf
+from rigs.geometry import points_of
 from rigs.room import CAMERA, room_view, small_room_view, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
-from rgbd_glue_ros.features.lifting import KeypointPoints, lift, points_of
+from rgbd_glue_ros.features.lifting import KeypointPoints, lift
 from rgbd_glue_ros.features.visual import KeypointFeature, VisualMatches
 from rgbd_glue_ros.features.weights import require
 from rgbd_glue_ros.geometry import se3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rigs.geometry import SEEDS
+from rigs.geometry import SEEDS, points_of
 from rigs.room import CAMERA, room_view, true_pose
 
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
@@ -21,7 +21,7 @@ from rgbd_glue_ros.features.geometric import (
     VoxelFpfh,
     nearest_matches,
 )
-from rgbd_glue_ros.features.lifting import lift, points_of
+from rgbd_glue_ros.features.lifting import lift
 from rgbd_glue_ros.features.visual import OpenCvFeature, VisualMatches
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from hypothesis import strategies as st
 
+from rgbd_glue_ros.features.lifting import PointsAt
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import Correspondences, Float64
+from rgbd_glue_ros.geometry.motion_compensation import keypoints_to_points
+from rgbd_glue_ros.types import Correspondences, Float64, View
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -43,3 +47,8 @@ def noisy_matches(
 def wrong_matches(rng: np.random.Generator, count: int) -> Correspondences:
     """Matches that have nothing to do with each other."""
     return Correspondences(room_points(rng, count), room_points(rng, count), np.ones(count))
+
+
+def points_of(view: View) -> PointsAt:
+    """The points at all pixels of a view."""
+    return partial(keypoints_to_points, view=view)
