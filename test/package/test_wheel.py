@@ -38,8 +38,14 @@ print(json.dumps({{
 """
 
 
+def without_pythonpath() -> dict[str, str]:
+    """This process's variables; on PYTHONPATH may be the package, which pip would leave alone."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+
 def python(*words: object, cwd: Path) -> None:
-    subprocess.run([sys.executable, *map(str, words)], cwd=cwd, check=True, capture_output=True)
+    command = [sys.executable, *map(str, words)]
+    subprocess.run(command, cwd=cwd, env=without_pythonpath(), check=True, capture_output=True)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +83,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(environment: Path, cwd: Path, *words: str) -> str:
     """What a program of the environment prints, from a folder that has nothing to do with it."""
-    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    variables = without_pythonpath()
     # the libraries of ROS are borrowed, too
     variables["AMENT_PREFIX_PATH"] = f"{environment}{os.pathsep}{sys.prefix}"
     done = subprocess.run(
