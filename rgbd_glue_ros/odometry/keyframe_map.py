@@ -189,7 +189,10 @@ class KeyframeMap:
     def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
         """What a frame due as a keyframe shows of the room; None if it is not due."""
         distance = candidate.distance(self._config.odometry)
-        if distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap:
+        is_near = distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap
+        # frames are tracked against the latest keyframes: the next one would be lost again if an
+        # anchor alone showed this place
+        if is_near and not isinstance(candidate.pose.reference, Anchor):
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):

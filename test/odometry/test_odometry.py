@@ -670,6 +670,16 @@ def test_a_lost_camera_is_found_at_a_place_from_many_keyframes_ago() -> None:
         assert se3.rotation_angle(error) < 0.01
 
 
+@pytest.mark.slow
+def test_a_camera_found_where_only_an_early_keyframe_was_stays_found() -> None:
+    config = with_values(PATIENT, {"odometry.relocalisation_attempts": 1})
+    way = [panned_frame(radians) for radians in np.arange(0, 3.0, 0.1)]
+    # each searches at another keyframe, and the seventh leaves it at the first one's turn
+    nowhere = another_room(7)
+    estimates = track(numbered([*way, *nowhere, *[panned_frame(0.02)] * 5]), config)
+    assert [e.state for e in estimates[len(way) :]] == [LOST] * 7 + [TRACKING] * 5
+
+
 def test_odometry_starts_with_the_first_frame_that_has_depth() -> None:
     frames = recorded_frames()[:8]
     estimates = track([*map(without_depth, frames[:3]), *frames[3:]])
