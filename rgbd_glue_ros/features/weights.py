@@ -206,7 +206,8 @@ def require(config: FeaturesConfig) -> None:
     chosen = {config.visual, config.geometric}
     needed = [entry for entry in FILES.values() if chosen & {*entry.features}]
     if needed and importlib.util.find_spec("torch") is None:
-        raise MissingExtraError("torch", "learned", " and ".join(sorted(chosen)))
+        learned = chosen & {name for entry in needed for name in entry.features}
+        raise MissingExtraError("torch", "learned", " and ".join(sorted(learned)))
     for entry in needed:
         _require_file(weights_folder(config) / entry.file)
 

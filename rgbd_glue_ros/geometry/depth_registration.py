@@ -80,7 +80,8 @@ def _lens(camera: CameraIntrinsics) -> tuple[Float64, Float64, float]:
     """Focal lengths and centre [4], k1 k2 p1 p2 k3 k4 k5 k6 [8], and the limit of its rays."""
     seen = rays(camera)
     border = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
-    reach = float(np.linalg.norm(border, axis=1).max()) * _LENS_MARGIN
+    # rays that a lens cannot have are NaN
+    reach = float(np.nanmax(np.linalg.norm(border, axis=1))) * _LENS_MARGIN
     focal = camera.focal_and_centre
     distortion = np.zeros(_COEFFICIENTS)
     given = camera.distortion[:_COEFFICIENTS]

@@ -216,7 +216,7 @@ def _best_sample(
         if count > most:
             best, most = s, count
             all_inliers = min((count / n) ** 3, 1 - 1e-12)
-            needed = min(needed, int(np.log(1e-3) / np.log(1 - all_inliers)) + 1)
+            needed = min(needed, int(np.log(1e-3) / np.log1p(-all_inliers)) + 1)
     return best, most
 
 

@@ -52,6 +52,12 @@ def inverse(T: Float64) -> Float64:
     return inverted
 
 
+def with_nearest_rotation(T: Float64) -> Float64:
+    """T [4, 4] with the rotation nearest to its matrix, by singular values (Arun et al. 1987)."""
+    U, _, Vt = np.linalg.svd(T[:3, :3])
+    return from_rotation_translation(np.asarray(U @ Vt, np.float64), T[:3, 3])
+
+
 def transform(T: Float64, points: Float64) -> Float64:
     """T applied to points [N, 3]."""
     moved: Float64 = points @ T[:3, :3].T + T[:3, 3]

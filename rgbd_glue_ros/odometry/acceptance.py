@@ -67,9 +67,7 @@ class Acceptance:
         agreement = pose.planes_agreeing / max(asked, 1)
         if enough and agreement < self.plane_agreement / 2:
             return False
-        return (enough and agreement >= self.plane_agreement) or (
-            pose.pixels_seen >= self.min_pixels and self.correlates(pose)
-        )
+        return (enough and agreement >= self.plane_agreement) or self.correlates(pose)
 
     def is_conclusive(self, pose: Refinement) -> bool:
         """Whether to accept an unlikely pose: one hardly within reach, or where the camera was.
@@ -84,7 +82,10 @@ class Acceptance:
 
     def correlates(self, pose: Refinement) -> bool:
         """Whether the brightness of model and image correlates at a pose."""
-        return pose.brightness_correlation >= self.brightness_correlation
+        return (
+            pose.pixels_seen >= self.min_pixels
+            and pose.brightness_correlation >= self.brightness_correlation
+        )
 
     def allows_jump(self, pose: Refinement) -> bool:
         """Whether to accept a pose that the camera can hardly reach."""

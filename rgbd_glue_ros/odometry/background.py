@@ -63,13 +63,16 @@ class BackgroundValue(Generic[V]):
     def current(self) -> V:
         """The value; waits for a running update.
 
+        A failed update raises once, and leaves the value before it.
+
         Raises:
             InputError: the update was left behind by a fork of its process.
         """
         if self._update is not None:
             if not self._update.done():
                 self._background.check_open()
-            self._value, self._update = self._update.result(), None
+            update, self._update = self._update, None
+            self._value = update.result()
         return self._value
 
     def replace(self, value: V) -> None:

@@ -88,6 +88,10 @@ class Inertial:
         """The direction away from the earth at a stamp, as in ``up_direction``."""
         return up_direction(self.samples, self.gyroscope, stamp_ns)
 
+    def start_anew(self) -> Inertial:
+        """The state where poses do not go on from the last one: no rotation leads from it."""
+        return replace(self, _last=None)
+
     def after_pose(
         self, stamp_ns: int, pose: PoseEstimate, residuals_per_independent_one: float
     ) -> Inertial:

@@ -30,7 +30,9 @@ LOST_SPREAD = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
 
 A hand-held camera or a robot indoors.
 """
-# No pose is off by more; after a clock jump of months, a covariance would have no digits left.
+# A covariance has no digits left after a clock jump of months: time makes a motion no less certain
+# than this long, and no pose is off by more.
+_LONGEST_S = 3600.0
 _FARTHEST_SPREAD = np.diag([1e3] * 3 + [np.pi] * 3) ** 2
 _EXACT = np.zeros((6, 6))
 M = TypeVar("M", bound="Motion")
@@ -78,11 +80,12 @@ class Motion:
         F[:6, 6:] = moving * np.eye(6)
         # the velocity changes at the start of the step: a change spread over it would have to be
         # twice as large, and a filter that trusts its measurements would oscillate
-        G = np.concatenate([np.eye(6) * elapsed**2, np.eye(6) * elapsed])
+        spreading = min(elapsed, _LONGEST_S)
+        G = np.concatenate([np.eye(6) * spreading**2, np.eye(6) * spreading])
         acceleration = np.diag([config.acceleration**2] * 3 + [config.angular_acceleration**2] * 3)
         covariance = F @ self.covariance @ F.T + G @ acceleration @ G.T
         # the velocity at the end is not the mean of the step, which is all that poses show
-        covariance[6:, 6:] += acceleration * (elapsed / 2) ** 2
+        covariance[6:, 6:] += acceleration * (spreading / 2) ** 2
         # what the camera does after that time is unknown
         twist = self.twist * (moving / elapsed)
         return PredictedMotion(stamp_ns, self.T_track_camera @ step, twist, covariance, elapsed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rgbd_glue_ros.closing import Closing, uninterrupted
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
 from rgbd_glue_ros.odometry.session import Session
@@ -121,6 +122,8 @@ class Odometry(Closing):
         )
         if T_guess_camera is not None:
             check_guess(T_guess_camera)
+            # whatever is no rotation in it would be multiplied into the pose, frame by frame
+            T_guess_camera = se3.with_nearest_rotation(T_guess_camera)
         return self._session.track(frame, T_guess_camera)
 
     @uninterrupted()

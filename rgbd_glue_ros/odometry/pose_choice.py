@@ -15,7 +15,7 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, distances
 from rgbd_glue_ros.odometry.acceptance import Acceptance
-from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Correspondences
 
@@ -89,15 +89,23 @@ def choose(
     return best
 
 
-def is_clear(candidate: Candidate, matches: Correspondences, inlier_threshold: float) -> bool:
+def is_clear(
+    candidate: Candidate,
+    matches: Correspondences,
+    inlier_threshold: float,
+    acceptance: Acceptance,
+) -> bool:
     """Whether planes or visual matches support a pose enough that no other start is needed.
 
     Args:
         candidate: the pose.
         matches: all visual matches of the frame, their targets in the frame of its poses.
         inlier_threshold: distance within which a match agrees with a pose, metres.
+        acceptance: how many planes count.
     """
-    if candidate.coarse.visible_agreement >= _CLEAR_AGREEMENT:
+    coarse = candidate.coarse
+    visible = coarse.planes_visible * 2 ** COARSE_LEVELS[-1]
+    if visible >= acceptance.min_planes and coarse.visible_agreement >= _CLEAR_AGREEMENT:
         return True
     agreeing = distances(candidate.estimate.T_track_camera, matches) <= inlier_threshold
     return bool(np.count_nonzero(agreeing) >= _DECIDING_MATCHES)

@@ -8,7 +8,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Float64
@@ -60,10 +60,23 @@ def refined_covariance(
         errors: of that camera.
     """
     T = refinement.T_model_source
-    seen = np.linalg.inv(refinement.information / errors.residuals_per_independent_one)
+    seen = covariance_of(refinement.information, errors.residuals_per_independent_one)
     distance = float(np.linalg.norm(T[:3, 3] - T_model_anchor[:3, 3]))
     unseen = _unseen_covariance(twist, distance, errors)
     return seen + se3.transported_covariance(T, unseen)
+
+
+def covariance_of(information: Float64, residuals_per_independent_one: float) -> Float64:
+    """Covariance [6, 6] of a refined pose, perturbation on the left, positive definite.
+
+    A direction that no residual shows is as uncertain as the pose of a lost camera.
+
+    Args:
+        information: float64 [6, 6] of its residuals, if each counted.
+        residuals_per_independent_one: how many of these count as one.
+    """
+    counted = information / residuals_per_independent_one
+    return np.asarray(np.linalg.inv(counted + np.linalg.inv(LOST_SPREAD)), np.float64)
 
 
 def tracked_covariance(motion: Motion, reference: Keyframe, errors: PoseErrors) -> Float64:

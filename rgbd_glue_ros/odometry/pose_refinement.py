@@ -9,7 +9,8 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
-from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion, PredictedMotion
+from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
+from rgbd_glue_ros.odometry.pose_covariance import covariance_of
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
     COARSE_TO_FINE,
@@ -124,8 +125,7 @@ class PoseProblem(RefinementProblem):
 
 def camera_covariance(estimate: PoseEstimate, residuals_per_independent_one: float) -> Float64:
     """Covariance [6, 6] of a refined pose, perturbation on the right, in the camera's frame."""
-    information = estimate.refinement.information / residuals_per_independent_one
-    covariance = np.asarray(np.linalg.inv(information + np.linalg.inv(LOST_SPREAD)), np.float64)
+    covariance = covariance_of(estimate.refinement.information, residuals_per_independent_one)
     to_camera = se3.adjoint(se3.inverse(estimate.T_track_camera))
     in_camera: Float64 = to_camera @ covariance @ to_camera.T
     return in_camera

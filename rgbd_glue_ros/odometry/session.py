@@ -139,8 +139,10 @@ class Session:
         others = self.keyframes.in_turn(self._progress.frames_missed)
         # a jump is announced by a frame without a pose: none between consecutive poses
         asked = usual if is_lost else usual.without_jumps()
-        relocalised = relocalise(tracked.features, others, problem, glue, asked)
-        return tracked if relocalised is None else relocalised
+        relocalised, ms = timed(relocalise, tracked.features, others, problem, glue, asked)
+        attempt = tracked if relocalised is None else relocalised
+        stages_ms = {**tracked.registration.stages_ms, stages.RELOCALISATION: ms}
+        return replace(attempt, registration=replace(attempt.registration, stages_ms=stages_ms))
 
     def _accept(
         self,
@@ -163,6 +165,7 @@ class Session:
             predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
             self.keyframes.shift_track(fix.T_shift)
             self._own_parts.start_anew()
+            self.inertial = self.inertial.start_anew()
         count = self._config.refine.residuals_per_independent_one
         motion = corrected_motion(predicted, fix.estimate, count)
         self.inertial = self.inertial.after_pose(motion.stamp_ns, fix.estimate, count)
@@ -181,7 +184,7 @@ class Session:
         return replace(
             pose.estimate(self.keyframes.drift, self.state),
             registration=attempt.registration,
-            stages_ms={**features.stages_ms, **attempt.registration.stages_ms},
+            stages_ms=attempt.stages_ms,
         )
 
     def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:
@@ -198,18 +201,19 @@ class Session:
         model = self.keyframes.model_if_enough(features)
         self._progress = self._progress.with_miss(shows_enough=model is not None)
         missed = OdometryEstimate(
-            stamp_ns, self.state, registration=attempt.registration, stages_ms=features.stages_ms
+            stamp_ns, self.state, registration=attempt.registration, stages_ms=attempt.stages_ms
         )
         # a covered camera may still return to a known place
         is_time = self._progress.is_long_without_pose(stamp_ns, self._config.odometry)
         if model is None or not is_time:
             return missed
         anew = self.keyframes.start_anew(stamp_ns, last, features, model)
-        return self._start_at(anew, features.stages_ms)
+        return self._start_at(anew, attempt.stages_ms)
 
     def _start_at(self, keyframe: RecentKeyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Restarts at the pose of a keyframe, and reports it."""
         self._own_parts.start_anew()
+        self.inertial = self.inertial.start_anew()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
         return OdometryEstimate(

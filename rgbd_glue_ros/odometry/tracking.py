@@ -73,6 +73,11 @@ class Attempt:
     registration: RegistrationResult
     fix: PoseFix | None = None
 
+    @property
+    def stages_ms(self) -> dict[str, float]:
+        """The duration of each stage, milliseconds."""
+        return {**self.features.stages_ms, **self.registration.stages_ms}
+
 
 def track(
     problem: PoseProblem,
@@ -103,15 +108,14 @@ def track(
     registration = _Registration(result, nearest, glue.inlier_threshold)
     candidates = _candidates(problem, from_prior, registration, last, acceptance)
     if not candidates:
-        return Attempt(features, registration.result)
+        return Attempt(features, result)
+    result = result.with_stage(stages.REFINEMENT, sum(c.milliseconds for c in candidates))
     chosen = choose(candidates, registration.matches, registration.inlier_threshold, acceptance)
     if chosen is None:
-        inconsistent = registration.result.refused(RegistrationStatus.INCONSISTENT)
-        return Attempt(features, inconsistent)
+        return Attempt(features, result.refused(RegistrationStatus.INCONSISTENT))
     settled = settle_contradiction(chosen, problem, last, acceptance)
     estimate = problem.reliable(settled.estimate)
     fix = PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)
-    result = registration.result.with_stage(stages.REFINEMENT, chosen.milliseconds)
     return Attempt(features, result, fix)
 
 
@@ -190,7 +194,7 @@ def _candidates(
     candidates = [] if from_prior is None else [from_prior.result()]
     candidates += _registered_candidates(problem, registration, candidates, acceptance)
     matches, threshold = registration.matches, registration.inlier_threshold
-    if candidates and not any(is_clear(c, matches, threshold) for c in candidates):
+    if candidates and not any(is_clear(c, matches, threshold, acceptance) for c in candidates):
         candidates += turned_candidates(problem, last, acceptance)
     return candidates
 

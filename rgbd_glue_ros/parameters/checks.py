@@ -63,7 +63,12 @@ def or_nothing(check: Check) -> Check:
 LEAST_WIDTH_PX = 32
 """Narrower images show neither texture nor surfaces."""
 
-WIDTH = Check(f"a whole number of at least {LEAST_WIDTH_PX} (pixels), or 0", _width_fault)
+MOST_WIDTH_PX = 100_000
+"""No camera has wider images."""
+
+WIDTH = Check(
+    f"a whole number from {LEAST_WIDTH_PX} to {MOST_WIDTH_PX} (pixels), or 0", _width_fault
+)
 """The width of an image, or 0 for whatever it has."""
 
 K = Check("a number from 1 to 100, or 0", _k_fault)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from rgbd_glue_ros.parameters.checks import POSE, WIDTH, or_nothing
+from rgbd_glue_ros.parameters.checks import MOST_WIDTH_PX, POSE, WIDTH, or_nothing
 from rgbd_glue_ros.parameters.parameter import parameter
 
 HEADER, RECEIPT = "header", "receipt"
@@ -58,7 +58,7 @@ class InputConfig:
         "30 Hz on two cores. 0 leaves them as they are.",
         unit="pixels",
         minimum=0,
-        maximum=100000,
+        maximum=MOST_WIDTH_PX,
         check=WIDTH,
     )
     stamps: str = read_once(

@@ -10,7 +10,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any, TypeVar, cast
 
 from rgbd_glue_ros.errors import InputError
@@ -59,10 +59,11 @@ class Parameter:
         Raises:
             InputError: ``value`` has the wrong type, is out of range, or not among the choices.
         """
-        if self.type is float and isinstance(value, int) and not isinstance(value, bool):
+        # numbers may be NumPy's
+        if self.type is float and not isinstance(value, bool) and isinstance(value, Real):
             value = float(value)
         if self.type is int and not isinstance(value, bool) and isinstance(value, Integral):
-            value = int(value)  # of NumPy, perhaps
+            value = int(value)
         if self.type is float and isinstance(value, str):
             # YAML 1.1 reads 1e-3 as a text, since it has no dot
             with suppress(ValueError):

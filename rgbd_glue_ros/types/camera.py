@@ -11,6 +11,8 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.types.arrays import Float64
 from rgbd_glue_ros.types.checks import check_class, check_distortion, check_intrinsics
 
+_SIZES, _LENGTHS = ("width", "height"), ("fx", "fy", "cx", "cy")
+
 
 class LensModel(Enum):
     """How a lens displaces points relative to a pinhole camera; coefficients as in OpenCV.
@@ -66,6 +68,10 @@ class CameraIntrinsics:
             "CameraIntrinsics.lens", self.lens, LensModel, "LensModel('plumb_bob') or another"
         )
         check_distortion(self.distortion, self.lens.counts)
+        # NumPy's would overflow, or have kernels compiled once more
+        for names, python_type in ((_SIZES, int), (_LENGTHS, float)):
+            for name in names:
+                object.__setattr__(self, name, python_type(getattr(self, name)))
         # OpenCV gives an array [1, N]
         object.__setattr__(self, "distortion", tuple(map(float, np.ravel(self.distortion))))
 

@@ -59,7 +59,7 @@ def check_intrinsics(width: int, height: int, fx: float, fy: float, cx: float, c
     """
     numbers = {"width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
     for name, number in numbers.items():
-        if not isinstance(number, (int, float, np.number)):
+        if not isinstance(number, (int, float, np.number)) or not np.isfinite(number):
             raise _fault(_CAMERA, name, f"is {number!r}", "give a number of pixels")
     for name, size in (("width", width), ("height", height)):
         if size < 0 or size != int(size):

@@ -42,6 +42,9 @@ class RgbdFrame:
         check_frame(self.color, self.depth, camera.width, camera.height)
         check_stamps(self.stamp_ns, self.depth_delay_ns)
         check_frame_id(self.frame_id)
+        # NumPy's would overflow
+        object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
+        object.__setattr__(self, "depth_delay_ns", int(self.depth_delay_ns))
         if camera.width == 0:
             height, width = self.depth.shape
             sized = replace(camera, width=width, height=height)

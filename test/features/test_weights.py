@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import pickle
 from pathlib import Path
 
 import pytest
 
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.checkpoint import read_tensors
 from rgbd_glue_ros.features.weights import (
@@ -79,6 +80,15 @@ def test_weights_that_are_missing_name_the_command_that_brings_them(tmp_path: Pa
     config = FeaturesConfig(visual="lightglue", weights=str(tmp_path))
     with pytest.raises(InputError, match=r"xfeat\.pt: are missing; run 'rgbd-glue weights bring"):
         require(config)
+
+
+def test_without_torch_only_the_features_that_need_it_are_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"fcgf") as missing:
+        require(FeaturesConfig(visual="orb", geometric="fcgf"))
+    assert "orb" not in str(missing.value)
 
 
 def test_hand_crafted_features_need_nothing(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
-from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.geometry import lens, se3
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera, registered
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64
 
@@ -149,6 +149,14 @@ def test_a_surface_that_the_depth_camera_sees_the_other_side_of_is_not_there(
     T_depth_color = se3.from_rotation_translation(turned, np.array([x, 0.0, 0.8]))
     image = registered(wall, DepthCamera(camera, se3.inverse(T_depth_color)), COLOR)
     assert np.isfinite(image).any() == is_seen
+
+
+def test_a_lens_whose_model_diverges_at_the_corners_has_depth_elsewhere() -> None:
+    color = replace(COLOR, distortion=(-1.5, -1.8, 0.0, 0.0, 0.0, 1.0, 0.3, -0.5))
+    assert np.isnan(lens.rays(color)[0, 0]).any()
+    depth = np.full((64, 80), 2.0, np.float32)
+    image = registered(depth, DepthCamera(DEPTH_CAMERA, np.eye(4)), color)
+    np.testing.assert_allclose(image[20:28, 28:36], 2.0, rtol=1e-6)
 
 
 def test_a_wide_depth_camera_puts_nothing_into_the_image_of_a_narrow_lens_that_turns_back() -> None:

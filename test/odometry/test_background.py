@@ -55,6 +55,16 @@ def test_a_failed_update_raises_when_the_value_is_read(background: BackgroundThr
         value.current()
 
 
+def test_a_failed_update_raises_once_and_leaves_the_value(background: BackgroundThread) -> None:
+    value = BackgroundValue(background, 0)
+    value.update_later(lambda before: 1 // before)
+    with pytest.raises(ZeroDivisionError):
+        value.current()
+    assert value.current() == 0
+    value.update_later(lambda before: before + 1)
+    assert value.current() == 1
+
+
 def test_closing_finishes_submitted_jobs_and_accepts_no_more() -> None:
     background = BackgroundThread()
     last = background.submit(int, "5")

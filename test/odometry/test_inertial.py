@@ -7,14 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from raycast_room.imu import BMI055, ImuErrors, simulated_imu
-from rigs.room import room_frame, true_pose, true_twist
+from rigs.room import room_frame, room_view, true_pose, true_twist
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.parameters import MotionConfig, load_preset
+from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
+from rgbd_glue_ros.parameters import Config, MotionConfig, load_preset
+from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
+from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import NANOSECONDS, ImuSamples
 
 CONFIG = MotionConfig()
@@ -94,6 +98,19 @@ def test_accelerations_other_than_gravity_give_no_upward_direction(acceleration:
     pull[:, 1] = -acceleration
     samples = ImuSamples(still.stamps_ns, still.angular_velocity, pull)
     assert Inertial(samples).up(PERIOD_NS) is None
+
+
+def test_where_poses_start_anew_the_gyroscope_is_not_compared_across() -> None:
+    samples = simulated_imu(true_pose, -0.5, 2.0, BMI055)
+    view = room_view(0.0)
+    model = model_of(view, 8)
+    seen = evaluate_pose(np.eye(4), RefinementProblem(model, view, Config().refine))
+    turned = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0]))
+    elsewhere = PoseEstimate(replace(seen, T_model_source=turned))
+    before = Inertial(samples).after_pose(0, PoseEstimate(seen), 100.0)
+    assert before.after_pose(PERIOD_NS, elsewhere, 100.0).gyroscope is not before.gyroscope
+    anew = before.start_anew().after_pose(PERIOD_NS, elsewhere, 100.0)
+    assert anew.gyroscope is before.gyroscope
 
 
 @pytest.mark.slow

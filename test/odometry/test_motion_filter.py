@@ -55,6 +55,15 @@ def test_after_a_long_gap_the_camera_is_not_predicted_to_have_moved_on_forever()
     assert np.sqrt(predicted.covariance[0, 0]) > 1.0
 
 
+def test_after_a_clock_jump_of_decades_a_measured_pose_is_as_certain_as_ever() -> None:
+    predicted = moving(np.array([0, 0, 1.0, 0, 0, 0])).predicted(
+        1_800_000_000 * NANOSECONDS, CONFIG
+    )
+    measured = np.diag([1e-3**2] * 6)
+    covariance = predicted.corrected(np.eye(4), measured).covariance[:6, :6]
+    np.testing.assert_allclose(np.diag(covariance), np.diag(measured), rtol=0.1)
+
+
 @pytest.mark.slow
 def test_the_predicted_covariance_is_that_of_sampled_predictions() -> None:
     rng = np.random.default_rng(0)

@@ -763,6 +763,17 @@ def test_images_of_any_size_and_content_do_not_stop_the_odometry(
             assert np.isfinite(estimate.covariance).all()
 
 
+@pytest.mark.slow
+def test_a_guess_that_is_off_a_rotation_leaves_poses_that_are_one() -> None:
+    # as of an extrinsic that somebody wrote down with four digits
+    rough = np.diag([1.0004, 1.0004, 1.0004, 1.0])
+    with Odometry(PATIENT) as odometry:
+        for frame in recorded_frames()[:10]:
+            T = odometry.process(frame, rough).T_odom_camera
+            assert T is not None
+            np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9)
+
+
 def test_motion_from_another_odometry_helps_where_images_alone_fail() -> None:
     # walls without a pattern, and a third of a metre and a third of a radian between the frames
     first, second = (blacked_out(room_frame(time_s)) for time_s in (0.0, 2.4))

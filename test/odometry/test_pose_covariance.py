@@ -8,9 +8,10 @@ import numpy as np
 from rigs.room import room_view
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
 from rgbd_glue_ros.odometry.pose_covariance import (
     PoseErrors,
+    covariance_of,
     refined_covariance,
     timing_covariance,
 )
@@ -47,7 +48,20 @@ def test_errors_that_were_learnt_are_all_that_they_change_of_a_configuration() -
 def test_residuals_that_err_alike_count_as_one() -> None:
     alike = replace(EXACT, residuals_per_independent_one=9.0)
     at_rest = np.zeros(6)
-    np.testing.assert_allclose(covariance(alike, at_rest), 9 * covariance(EXACT, at_rest))
+    lost = np.linalg.inv(LOST_SPREAD)
+    shown, shown_alike = (
+        np.linalg.inv(covariance(errors, at_rest)) - lost for errors in (EXACT, alike)
+    )
+    np.testing.assert_allclose(9 * shown_alike, shown, rtol=1e-6, atol=1e-3)
+
+
+def test_what_no_residual_shows_is_as_uncertain_as_the_pose_of_a_lost_camera() -> None:
+    # in front of a wall without texture: only distance, roll and pitch
+    one_plane = np.diag([0.0, 0.0, 1e6, 1e6, 1e6, 0.0])
+    covariance = covariance_of(one_plane, 100.0)
+    assert (np.linalg.eigvalsh(covariance) > 0).all()
+    np.testing.assert_allclose(np.diag(covariance)[[0, 1, 5]], np.diag(LOST_SPREAD)[[0, 1, 5]])
+    np.testing.assert_allclose(np.diag(covariance)[2:5], 1e-4, rtol=1e-3)
 
 
 def test_a_late_image_is_off_by_what_the_camera_moved_meanwhile() -> None:

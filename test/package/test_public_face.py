@@ -143,6 +143,8 @@ def test_depth_that_is_known_nowhere_is_depth() -> None:
         ("fx", "525"),
         ("cx", np.inf),
         ("width", -1),
+        ("width", np.nan),
+        ("height", np.inf),
         ("distortion", (0.1, np.nan, 0.0, 0.0)),
         ("distortion", ("k1", "k2", "p1", "p2")),
     ],
@@ -150,6 +152,14 @@ def test_depth_that_is_known_nowhere_is_depth() -> None:
 def test_a_camera_that_sees_nothing_is_refused(name: str, value: Any) -> None:
     with pytest.raises(InputError, match=rf"^CameraIntrinsics\.{name}: is "):
         replace(CAMERA, **{name: value})
+
+
+def test_numbers_of_numpy_become_those_of_python() -> None:
+    camera = CameraIntrinsics(*np.array([32, 24, 30, 30, 15.5, 11.5], np.float32))
+    assert camera == CAMERA
+    stamped = RgbdFrame(np.uint64(5), COLOR, DEPTH, camera)
+    kinds = [type(n) for n in (camera.width, camera.height, camera.fx, camera.cy, stamped.stamp_ns)]
+    assert kinds == [int, int, float, float, int]
 
 
 @pytest.mark.parametrize("make", [list, np.array, lambda k: np.array([k])])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
@@ -373,3 +374,9 @@ def test_the_papers_preset_asks_for_no_more_than_the_paper() -> None:
     assert config.glue.over_chance == 0
     assert config.glue.fallback == "none"
     assert config.refine.iterations == 0
+
+
+@pytest.mark.parametrize("value", [np.float32(3), np.float64(3), np.int64(3), 3])
+def test_a_number_of_numpy_is_a_number(value: object) -> None:
+    k = with_values(Config(), {"glue.k": value}).glue.k
+    assert (k, type(k)) == (3.0, float)
