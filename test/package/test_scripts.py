@@ -1,8 +1,9 @@
-"""The scripts' virtual environment: where it is, and when it is made."""
+"""The scripts' virtual environment: where it is, and when it is made; and what scripts print."""
 
 from __future__ import annotations
 
 import os
+import runpy
 import subprocess
 import sys
 import venv
@@ -50,3 +51,11 @@ def test_an_environment_that_was_moved_is_made_again(tmp_path: Path) -> None:
 
 def test_without_a_name_the_environment_is_in_the_clone() -> None:
     assert sourced('echo "$VENV"', VENV="").startswith(f"{ROOT}/.venv-3.")
+
+
+@pytest.mark.parametrize(
+    ("step", "head"),
+    [(1, "Every frame"), (2, "Every 2nd frame"), (3, "Every 3rd frame"), (5, "Every 5th frame")],
+)
+def test_tables_of_parts_are_headed_by_the_frames_that_were_tracked(step: int, head: str) -> None:
+    assert runpy.run_path(str(ROOT / "scripts" / "ablation.py"))["rate"](step) == head
