@@ -69,3 +69,11 @@ def test_every_test_of_faults_is_in_the_documentation() -> None:
 def test_every_file_that_a_page_names_exists(page: Path) -> None:
     missing = {str(path) for path in named_files(page) if not path.exists()}
     assert not missing
+
+
+def test_every_change_of_the_sensors_is_a_row_in_the_documentation_by_its_name() -> None:
+    """``python scripts/sensors.py RECORDING... --only NAME`` measures the row again."""
+    changes = runpy.run_path(str(ROOT / "scripts" / "sensors.py"))["CHANGES"]
+    text = (DOCS / "hard_places.md").read_text(encoding="utf-8")
+    rows = set(re.findall(r"^\| ([^|]+) \|", text, re.MULTILINE))
+    assert set(changes) - {"as recorded"} <= rows
