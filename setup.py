@@ -65,7 +65,7 @@ setup(
     },
     zip_safe=True,
     # scripts/test-colcon tests with the oldest. Those of numpy, scipy, PyYAML and tqdm are Ubuntu
-    # 24.04's. What rosdep installs there as python3-opencv is 4.6, which is not tested.
+    # 24.04's. What rosdep installs there as python3-opencv is 4.6, which no script tests.
     install_requires=[
         "backports.zstd>=1.0",
         "lz4>=4.3",
