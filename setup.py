@@ -64,7 +64,8 @@ setup(
         ]
     },
     zip_safe=True,
-    # Ubuntu 24.04's versions and newer; scripts/test-colcon tests with the oldest.
+    # scripts/test-colcon tests with the oldest. Those of numpy, scipy, PyYAML and tqdm are Ubuntu
+    # 24.04's. What rosdep installs there as python3-opencv is 4.6, which no script tests.
     install_requires=[
         "backports.zstd>=1.0",
         "lz4>=4.3",

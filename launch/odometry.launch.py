@@ -35,13 +35,14 @@ def actions(context: LaunchContext) -> list[Node | ExecuteProcess]:
         return LaunchConfiguration(name).perform(context)
 
     bag, file = given("bag"), given("params_file")
-    is_simulated = bool(bag) or given("use_sim_time") == "true"
+    is_simulated = "true" if bag else given("use_sim_time")
+    # where nothing is given, the parameter file decides
+    time = {"use_sim_time": is_simulated == "true"} if is_simulated else {}
     camera = load_camera(given("camera")) if given("camera") else None
     types = {p.name: p.type for p in parameters(NodeConfig())}
     arguments = {
-        name: ParameterValue(given(name), value_type=kind)
-        for name, kind in types.items()
-        if given(name)
+        **{n: ParameterValue(given(n), value_type=kind) for n, kind in types.items() if given(n)},
+        **time,
     }
 
     def node(executable: str) -> Node:
@@ -54,7 +55,7 @@ def actions(context: LaunchContext) -> list[Node | ExecuteProcess]:
                 *([dict(camera.parameters)] if camera else []),
                 *([COMPRESSED] if given("compressed") == "true" else []),
                 *([file] if file else []),
-                {**arguments, "use_sim_time": is_simulated},
+                *([arguments] if arguments else []),
             ],
             remappings=remappings(camera, {name: given(name) for name in TOPIC_ARGUMENTS}),
             output="screen",
@@ -66,7 +67,7 @@ def actions(context: LaunchContext) -> list[Node | ExecuteProcess]:
         executable="rviz2",
         namespace=given("namespace"),
         arguments=["-d", str(share_directory() / "config" / "odometry.rviz")],
-        parameters=[{"use_sim_time": is_simulated}],
+        parameters=[time] if time else [],
     )
     return [
         node("odometry"),
@@ -97,7 +98,10 @@ def generate_launch_description() -> LaunchDescription:
             description="Whether images are compressed and compressedDepth.",
         ),
         DeclareLaunchArgument(
-            "use_sim_time", **switch, description="Whether time comes from /clock; true with bag."
+            "use_sim_time",
+            default_value="",
+            choices=["", "true", "false"],
+            description="Whether time comes from /clock; true with bag, else as the file says.",
         ),
         DeclareLaunchArgument(
             "mapping",

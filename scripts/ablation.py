@@ -21,6 +21,7 @@ from unittest.mock import patch
 import numpy as np
 
 from rgbd_glue_ros import Odometry, Trajectory, evaluate, load_preset, open_recording
+from rgbd_glue_ros.experiments.bench.degraded import every
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
 from rgbd_glue_ros.odometry import tracking
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose
@@ -106,7 +107,7 @@ def watched(decisions: Decisions) -> AbstractContextManager[Any]:
     return patch.multiple(tracking, choose=counted, turned_candidates=found)
 
 
-def tracked(path: Path, config: Config, every: int) -> Outcome:
+def tracked(path: Path, config: Config, step: int) -> Outcome:
     """Every so many frames of a recording by a configuration."""
     outcome = Outcome()
     stamps, poses, times = [], [], []
@@ -116,7 +117,7 @@ def tracked(path: Path, config: Config, every: int) -> Outcome:
         watched(outcome.decisions),
     ):
         truth = recording.ground_truth
-        for frame in recording.select(range(0, recording.frame_count, every)):
+        for frame in recording.select(range(0, recording.frame_count, step)):
             start = process_time()
             estimate = odometry.process(frame)
             times.append(1000 * (process_time() - start))
@@ -136,7 +137,7 @@ def tracked(path: Path, config: Config, every: int) -> Outcome:
 
 
 def compared(
-    recordings: Sequence[Path], rows: Mapping[str, Config], every: int
+    recordings: Sequence[Path], rows: Mapping[str, Config], step: int
 ) -> dict[str, list[Outcome]]:
     """The outcomes of every configuration, by row."""
     outcomes: dict[str, list[Outcome]] = {}
@@ -144,8 +145,8 @@ def compared(
         warm_up(config)
         outcomes[name] = []
         for path in recordings:
-            outcomes[name].append(tracked(path, config, every))
-            print(f"every {every}  {name}  {path.name}  {outcomes[name][-1]}", file=sys.stderr)
+            outcomes[name].append(tracked(path, config, step))
+            print(f"{rate(step)}  {name}  {path.name}  {outcomes[name][-1]}", file=sys.stderr)
     return outcomes
 
 
@@ -155,7 +156,7 @@ def errors_table(names: Sequence[str], outcomes: Mapping[str, Sequence[Outcome]]
     for name, row in outcomes.items():
         times = f"{median(outcome.milliseconds for outcome in row):.0f}"
         rows.append([name, *map(str, row), times])
-    return table(["", *names, "ms a frame"], rows)
+    return table(["", *names, "ms per frame"], rows)
 
 
 def decisions_table(names: Sequence[str], outcomes: Sequence[Outcome]) -> str:
@@ -164,7 +165,7 @@ def decisions_table(names: Sequence[str], outcomes: Sequence[Outcome]) -> str:
     for name, outcome in zip(names, outcomes, strict=True):
         counts = outcome.decisions
         rows.append([name, *map(str, vars(counts).values())])
-    return table(["", "both the same", "refined prediction", "registration", "turn"], rows)
+    return table(["", "the same", "refined prediction", "registration", "turn"], rows)
 
 
 def drift_table(names: Sequence[str], outcomes: Mapping[str, Sequence[Outcome]]) -> str:
@@ -174,6 +175,11 @@ def drift_table(names: Sequence[str], outcomes: Mapping[str, Sequence[Outcome]])
         for name, row in outcomes.items()
     ]
     return table(["", *names], rows)
+
+
+def rate(step: int) -> str:
+    """Which frames were tracked, at the beginning of a line."""
+    return "Every frame" if step == 1 else every(step).name.capitalize()
 
 
 def main() -> None:
@@ -194,15 +200,14 @@ def main() -> None:
         }
     rows = {name: with_values(base, dict(change)) for name, change in changes.items()}
     names = [path.name for path in args.recordings]
-    for every in args.every or [1]:
-        outcomes = compared(args.recordings, rows, every)
-        which = "Every frame" if every == 1 else f"Every {every}th frame"
-        print(f"## {which}\n\nAPE in cm (frames lost)\n")
+    for step in args.every or [1]:
+        outcomes = compared(args.recordings, rows, step)
+        print(f"{rate(step)}, APE in cm (frames lost):\n")
         print(errors_table(names, outcomes), end="\n\n")
-        print("RPE over a second, cm\n")
+        print(f"{rate(step)}, RPE over a second in cm:\n")
         print(drift_table(names, outcomes), end="\n\n")
         if "whole" in outcomes:
-            print("Which pose was taken, frames\n")
+            print(f"{rate(step)}, frames by the pose that was chosen:\n")
             print(decisions_table(names, outcomes["whole"]), end="\n\n")
 
 

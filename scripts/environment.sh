@@ -71,7 +71,7 @@ missing_system_packages() {
 make_environment() {
   # one that was moved here would run what it was made from
   if [ "$(version_of "$VENV/bin/python")" = "$version" ] &&
-    grep -qF "$PWD/$VENV" "$VENV/bin/activate"; then
+    grep -qF "$VENV" "$VENV/bin/activate"; then
     return
   fi
   echo "Making $VENV with Python $version"
@@ -166,6 +166,7 @@ workers() {
 
 python=$(find_python)
 version=$(version_of "$python")
-VENV=${VENV:-.venv${PYTHON:+-$version}}
+# as Python writes it into the environment
+VENV=$(realpath --no-symlinks --canonicalize-missing "${VENV:-.venv${PYTHON:+-$version}}")
 CONSTRAINTS=${CONSTRAINTS:-scripts/constraints.txt}
-export PATH="$PWD/$VENV/bin:$PATH"
+export PATH="$VENV/bin:$PATH"

@@ -59,6 +59,12 @@ def test_colour_and_depth_of_a_preset_are_both_rectified_or_both_not(name: str) 
 
 
 @pytest.mark.parametrize("name", camera_names())
+def test_images_of_cameras_that_may_be_wider_than_640_are_reduced(name: str) -> None:
+    are_small = name in {"kinect_v1", "orbbec_astra"}
+    assert load_camera(name).parameters.get("max_width", 0) == (0 if are_small else 640)
+
+
+@pytest.mark.parametrize("name", camera_names())
 def test_a_bag_with_the_topics_of_a_preset_is_read_without_options(
     name: str, tmp_path: Path
 ) -> None:

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import re
 import runpy
+from collections.abc import Iterator
+from pathlib import Path
 
+import pytest
 from rigs.paths import ROOT
 
 from rgbd_glue_ros.parameters import NodeConfig, to_markdown
 
 DOCS = ROOT / "docs"
+PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md"), *(ROOT / "bags").glob("*.md")])
+FOLDERS = "bags|config|docs|examples|launch|rgbd_glue_ros|scripts|test"
+
+
+def named_files(page: Path) -> Iterator[Path]:
+    """The files that a page links to, or names by their paths in the checkout."""
+    text = page.read_text(encoding="utf-8")
+    for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
+        if "://" not in link:
+            yield page.parent / link
+    for path in re.findall(rf"(?<![\w/.-])((?:{FOLDERS})/[\w./-]*\w)", text):
+        yield ROOT / path
 
 
 def test_the_nodes_parameters_are_documented_as_they_are_declared() -> None:
@@ -48,3 +63,17 @@ def test_every_test_of_faults_is_in_the_documentation() -> None:
     for path in (ROOT / "test").rglob("test_faults*.py"):
         for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE):
             assert f"`{name}`" in text
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_file_that_a_page_names_exists(page: Path) -> None:
+    missing = {str(path) for path in named_files(page) if not path.exists()}
+    assert not missing
+
+
+def test_every_change_of_the_sensors_is_a_row_in_the_documentation_by_its_name() -> None:
+    """``python scripts/sensors.py RECORDING... --only NAME`` measures the row again."""
+    changes = runpy.run_path(str(ROOT / "scripts" / "sensors.py"))["CHANGES"]
+    text = (DOCS / "hard_places.md").read_text(encoding="utf-8")
+    rows = set(re.findall(r"^\| ([^|]+) \|", text, re.MULTILINE))
+    assert set(changes) - {"as recorded"} <= rows

@@ -48,6 +48,10 @@ with the `live` preset. Latency is from the receipt of a frame's last message to
 of its pose; round trip: from publication of the images until the pose is back at the publisher.
 Ready: from the start of the node's process until it has subscribed."""
 
+_MEMORY = """\
+Memory first grows, as the map of keyframes and the caches of libraries fill, and then stays:
+`docs/robustness.md` has figures of a hundred thousand frames."""
+
 
 def to_markdown(figures: _Figures) -> str:
     """The page."""
@@ -59,10 +63,10 @@ def to_markdown(figures: _Figures) -> str:
         ("Consistency of the covariance", _HONESTY, _honesty(sequences)),
         ("Robustness", _ROBUSTNESS, _robustness(sequences)),
         ("The node over DDS", _LIVE, _live(sequences)),
-        ("Memory", "", _memory(figures)),
+        ("Memory", _MEMORY, _memory(figures)),
     ):
         if body:
-            parts += [f"## {title}", *([text] if text else []), body]
+            parts += [f"## {title}", text, body]
     if figures["problems"]:
         parts += ["## Skipped", bullets(figures["problems"])]
     return "\n\n".join(parts) + "\n"

@@ -1,0 +1,61 @@
+"""The scripts' virtual environment: where it is, and when it is made; and what scripts print."""
+
+from __future__ import annotations
+
+import os
+import runpy
+import subprocess
+import sys
+import venv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rigs.paths import ROOT
+
+
+def sourced(commands: str, **variables: str) -> str:
+    """What commands print after scripts/environment.sh."""
+    return subprocess.run(
+        ["bash", "-ec", f". scripts/environment.sh; {commands}"],
+        cwd=ROOT,
+        env={**os.environ, "PYTHON": sys.executable, **variables},
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+
+
+@pytest.mark.parametrize(
+    "written",
+    [str, lambda path: f"{path}/", lambda path: os.path.relpath(path, ROOT)],
+    ids=["absolute", "with a slash", "relative"],
+)
+def test_an_environment_is_kept_and_its_commands_are_found_however_its_folder_is_written(
+    tmp_path: Path, written: Callable[[Path], str]
+) -> None:
+    folder = tmp_path / "environment"
+    venv.create(folder, with_pip=False, symlinks=True)
+    said = sourced("make_environment; command -v python", VENV=written(folder))
+    assert said == f"{folder}/bin/python\n"
+
+
+def test_an_environment_that_was_moved_is_made_again(tmp_path: Path) -> None:
+    venv.create(tmp_path / "old", with_pip=False, symlinks=True)
+    (tmp_path / "old").rename(tmp_path / "new")
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    stub = "python=echo; make_environment"
+    said = sourced(stub, VENV=str(tmp_path / "new"))
+    assert said.startswith(f"Making {tmp_path / 'new'} with Python {version}\n")
+
+
+def test_without_a_name_the_environment_is_in_the_clone() -> None:
+    assert sourced('echo "$VENV"', VENV="").startswith(f"{ROOT}/.venv-3.")
+
+
+@pytest.mark.parametrize(
+    ("step", "head"),
+    [(1, "Every frame"), (2, "Every 2nd frame"), (3, "Every 3rd frame"), (5, "Every 5th frame")],
+)
+def test_tables_of_parts_are_headed_by_the_frames_that_were_tracked(step: int, head: str) -> None:
+    assert runpy.run_path(str(ROOT / "scripts" / "ablation.py"))["rate"](step) == head
