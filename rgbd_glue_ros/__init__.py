@@ -75,7 +75,6 @@ _PLACES = {
         "ImuCalibration",
         "ImuSamples",
         "ImuUse",
-        "KeypointFeature",
         "LensModel",
         "OdometryEstimate",
         "PoseGraphEdge",

@@ -100,18 +100,16 @@ class VoxelFpfh:
 
 @dataclass(frozen=True)
 class DescribedGrid:
-    """A grid of points of the depth image with normals and descriptors.
+    """A grid of points of the depth image with descriptors.
 
     Attributes:
         points: float64 [rows, columns, 3] in the optical frame, metres; NaN where unknown.
-        normals: float64 [rows, columns, 3], unit, towards the camera.
         descriptors: float32 [rows, columns, 33].
         intrinsics: of the depth image.
         step: pixels between grid points.
     """
 
     points: Float64
-    normals: Float64
     descriptors: Float32
     intrinsics: CameraIntrinsics
     step: int
@@ -137,7 +135,7 @@ class GridFpfh:
             points, seconds_after_color(rows, view)[:, np.newaxis], view.twist
         )
         fpfh = grid_fpfh(points, normals, _GRID_FPFH_RADIUS_M, _GRID_FPFH_HALF_WINDOW)
-        return DescribedGrid(points, normals, fpfh, view.intrinsics, step)
+        return DescribedGrid(points, fpfh, view.intrinsics, step)
 
     def match(
         self, source: DescribedGrid, target: DescribedGrid, prior: TransformPrior | None

@@ -84,7 +84,7 @@ def sample_depth(depth: Float32, u: float, v: float) -> float:
     z10, z11 = depth[v0 + 1, u0], depth[v0 + 1, u0 + 1]
     nearest = min(z00, z01, z10, z11)
     farthest = max(z00, z01, z10, z11)
-    # a comparison with NaN is false, so an unknown neighbour is rejected here too
+    # false too if the first is unknown; another unknown one makes the sum below NaN
     if not farthest - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest):
         return np.nan
     z = (1 - b) * ((1 - a) * z00 + a * z01) + b * ((1 - a) * z10 + a * z11)

@@ -1,8 +1,8 @@
 """When the rows of an image were read, and where points were at another time.
 
-A moving camera sees every row of a rolling shutter from another place, and so depth that is taken
-later than colour. Points are moved to where the camera saw them when the middle row of the colour
-image was read.
+A moving camera reads each row of a rolling shutter at another place, and takes late depth at
+another place than colour. Points are moved to where the camera saw them when the middle row of the
+colour image was read.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ def normalised_row_time(rows: Float32 | Float64 | Int64, view: View) -> Float64:
     return np.asarray(rows / view.intrinsics.height - 0.5, np.float64)
 
 
-def apparent_velocity(points: Float64, twist: Float64) -> Float64:
-    """Apparent velocity, m/s, of points [N, 3] of a static room.
+def camera_velocity_at(points: Float64, twist: Float64) -> Float64:
+    """The velocity v + omega x p, m/s, of points [N, 3] that are fixed to the camera.
 
-    A camera that moves with ``twist`` [6] sees a point pass by with the opposite velocity.
+    A camera that moves with ``twist`` [6] sees points of a static room pass by with the opposite.
     """
     velocity: Float64 = twist[:3] + np.cross(twist[3:], points)
     return velocity
@@ -37,7 +37,7 @@ def displaced_points(points: Float64, seconds: Float64, twist: Float64) -> Float
         seconds: for each of them, float64 [...], or what broadcasts to it.
         twist: float64 [6], linear and angular velocity in the optical frame.
     """
-    moved: Float64 = points + seconds[..., np.newaxis] * apparent_velocity(points, twist)
+    moved: Float64 = points + seconds[..., np.newaxis] * camera_velocity_at(points, twist)
     return moved
 
 

@@ -56,15 +56,16 @@ class Acceptance:
         """One that accepts no pose that the camera can hardly reach."""
         return replace(self, includes_jumps=False)
 
-    def is_plausible(self, pose: Refinement, asked: int) -> bool:
+    def is_plausible(self, pose: Refinement, planes: int) -> bool:
         """Whether planes or pixels support a pose and the planes do not contradict it.
 
         Args:
             pose: with what its frame shows of it.
-            asked: planes of which a fraction has to agree.
+            planes: number of planes of which a fraction has to agree: the visible ones, or also
+                those that may be occluded.
         """
-        enough = asked >= self.min_planes
-        agreement = pose.planes_agreeing / max(asked, 1)
+        enough = planes >= self.min_planes
+        agreement = pose.planes_agreeing / max(planes, 1)
         if enough and agreement < self.plane_agreement / 2:
             return False
         return (enough and agreement >= self.plane_agreement) or self.correlates(pose)

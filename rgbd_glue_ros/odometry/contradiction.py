@@ -70,41 +70,13 @@ def settle_contradiction(
     is_likelier = distance_squared < chosen.distance_squared
     has_witness = last.alternative is not None or is_likelier
     if alternative.is_larger and has_witness:
-        larger = preferred(problem, alternative, chosen.coarse, acceptance)
+        larger = _refined_alternative(problem, alternative, chosen.coarse, acceptance)
         if acceptance.is_plausible(larger.refinement, larger.refinement.planes_visible):
             alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
             pose = larger
     T, T_other = pose.T_track_camera, alternative.T_track_camera
     was_carried_along = _goes_on_from_alternative(T, last, problem.predicted)
     return SettledPose(pose, alternative, T @ se3.inverse(T_other) if was_carried_along else None)
-
-
-def preferred(
-    problem: PoseProblem, alternative: Alternative, pose: Refinement, acceptance: Acceptance
-) -> PoseEstimate:
-    """The alternative, refined without planes and pixels that agree only with the other pose.
-
-    If the two poses are near each other, these would pull it back.
-
-    Args:
-        problem: the frame, and the inputs of its refinement.
-        alternative: the alternative to ``pose``.
-        pose: the pose that was accepted before.
-        acceptance: when a pose is plausible.
-    """
-    brightness = pose.affine_brightness
-    kept = []
-    for level in range(LEVELS):
-        at = problem.at_level(level)
-        own, other = alternative.T_track_camera, pose.T_model_source
-        if level == 0:
-            kept.append(agreeing_planes(at, own) | ~agreeing_planes(at, other))
-        kept.append(agreeing_pixels(at, own, brightness) | ~agreeing_pixels(at, other, brightness))
-    planes, *pixels = kept
-    model = problem.model.selected(planes, pixels)
-    of_the_rest = replace(problem, model=model)
-    coarse = of_the_rest.refined(alternative.T_track_camera, COARSE_LEVELS, brightness)
-    return of_the_rest.refined_further(coarse, acceptance)
 
 
 def doubt(
@@ -133,6 +105,31 @@ def doubt(
     if pose.planes_visible < acceptance.min_planes or agreeing >= acceptance.plane_agreement:
         return np.zeros((6, 6))
     return np.asarray((1 - agreeing) * se3.transported_covariance(T, spread), np.float64)
+
+
+def _refined_alternative(
+    problem: PoseProblem, alternative: Alternative, pose: Refinement, acceptance: Acceptance
+) -> PoseEstimate:
+    """The alternative, refined without planes and pixels that agree only with the other pose.
+
+    If the two poses are near each other, these would pull it back.
+
+    Args:
+        problem: the frame, and the inputs of its refinement.
+        alternative: the alternative to ``pose``.
+        pose: the pose that was accepted before.
+        acceptance: when a pose is plausible.
+    """
+    own, other, brightness = alternative.T_track_camera, pose.T_model_source, pose.affine_brightness
+    levels = [problem.at_level(level) for level in range(LEVELS)]
+    planes = agreeing_planes(levels[0], own) | ~agreeing_planes(levels[0], other)
+    pixels = [
+        agreeing_pixels(level, own, brightness) | ~agreeing_pixels(level, other, brightness)
+        for level in levels
+    ]
+    of_the_rest = replace(problem, model=problem.model.selected(planes, pixels))
+    coarse = of_the_rest.refined(own, COARSE_LEVELS, brightness)
+    return of_the_rest.refined_further(coarse, acceptance)
 
 
 def _goes_on_from_alternative(

@@ -15,7 +15,7 @@ _USABLE_SHARE = 0.03
 # as far if 1/5000 m is taken for millimetres, and five times as near the other way round.
 _DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 5.0
 # In any room, something is farther away than this.
-_NEAR_PERCENTILE, _DOUBTFUL_WITHIN_M = 95, 1.0
+_FAR_PERCENTILE, _DOUBTFUL_WITHIN_M = 95, 1.0
 # The size of rooms in metres if these were millimetres
 _MILLIMETRES = (300.0, 8000.0)
 
@@ -75,10 +75,10 @@ def doubt_of_scale(depth: Float32) -> str | None:
     known = values[np.isfinite(values)]
     if not len(known):
         return None
-    median, far = np.percentile(known, [50, _NEAR_PERCENTILE])
+    median, far = np.percentile(known, [50, _FAR_PERCENTILE])
     if _DOUBTFUL_NEAR_M <= median <= _DOUBTFUL_FAR_M and far >= _DOUBTFUL_WITHIN_M:
         return None
     return (
-        f"the median depth is {median:.3g} m, and {_NEAR_PERCENTILE} % of it is within {far:.3g} "
+        f"the median depth is {median:.3g} m, and {_FAR_PERCENTILE} % of it is within {far:.3g} "
         f"m; if that is not so, the unit is another one: set {_SET_SCALE}"
     )

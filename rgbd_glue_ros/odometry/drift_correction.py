@@ -19,13 +19,11 @@ from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
 from rgbd_glue_ros.odometry.keyframes import Anchor, RecentKeyframe
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS
 from rgbd_glue_ros.parameters import RefineConfig
-from rgbd_glue_ros.refinement.gauss_newton import COARSE_TO_FINE, refine
+from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
-
-# The finest level costs half of the time and adds a digit that the anchor's own pose does not have.
-_LEVELS = COARSE_TO_FINE[:-1]
 
 
 @dataclass(frozen=True)
@@ -48,8 +46,8 @@ class DriftCorrection:
         return DriftCorrection(T_odom_track, T_odom_track)
 
     @property
-    def left(self) -> Float64:
-        """Known drift that is not yet corrected, twist [6] on the left of poses."""
+    def remaining(self) -> Float64:
+        """Known drift that is not yet corrected, twist [6], multiplied on the left of poses."""
         return se3.log(self.target @ se3.inverse(self.T_odom_track))
 
     def after_shift(self, T_shift: Float64) -> DriftCorrection:
@@ -70,12 +68,12 @@ class DriftCorrection:
                 radians added.
         """
         corrected = self.T_odom_track @ T_now
-        left = se3.log(se3.inverse(corrected) @ self.target @ T_now)
-        length = float(np.linalg.norm(left[:3]) + np.linalg.norm(left[3:]))
+        remaining = se3.log(se3.inverse(corrected) @ self.target @ T_now)
+        length = float(np.linalg.norm(remaining[:3]) + np.linalg.norm(remaining[3:]))
         allowed = rate * se3.difference(T_before, T_now)
         if length <= allowed:
             return DriftCorrection.at(self.target)
-        moved = corrected @ se3.exp(left * (allowed / length))
+        moved = corrected @ se3.exp(remaining * (allowed / length))
         return DriftCorrection(moved @ se3.inverse(T_now), self.target)
 
     def pose_in_odom(self, T_track_camera: Float64, covariance: Float64) -> tuple[Float64, Float64]:
@@ -90,7 +88,7 @@ class DriftCorrection:
             that is known but not yet corrected.
         """
         T_odom_camera = self.T_odom_track @ T_track_camera
-        in_odom = self.covariance_in_odom(covariance) + np.outer(self.left, self.left)
+        in_odom = self.covariance_in_odom(covariance) + np.outer(self.remaining, self.remaining)
         return T_odom_camera, se3.pose_covariance(T_odom_camera, in_odom)
 
     def covariance_in_odom(self, covariance: Float64) -> Float64:
@@ -143,7 +141,8 @@ class DriftCorrection:
         """The comparison with one anchor; None if it is not accepted."""
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
-        found = refine(start, problem, _LEVELS)
+        # the finest level costs half of the time, and adds a digit that the anchor's own pose lacks
+        found = refine(start, problem, COARSE_LEVELS)
         if not acceptance.is_conclusive(found):
             return None
         T_seen = anchor.T_odom_track @ found.T_model_source

@@ -46,6 +46,7 @@ class Turn:
         angular_velocity: float64 [3], angular velocity at the later image, rad/s.
         angular_velocity_covariance: float64 [3, 3], covariance of ``angular_velocity``.
         jacobian: float64 [3, 4], derivative of the rotation by bias and time offset.
+        elapsed_s: between the images, seconds.
     """
 
     rotation_vector: Float64
@@ -53,6 +54,7 @@ class Turn:
     angular_velocity: Float64
     angular_velocity_covariance: Float64
     jacobian: Float64
+    elapsed_s: float
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,7 @@ class Gyroscope:
             at_knots[-1],
             to_velocity @ self.covariance @ to_velocity.T + of_velocity * np.eye(3),
             jacobian,
+            elapsed,
         )
 
     def _around(self, samples: ImuSamples, first_ns: int, last_ns: int) -> tuple[Float64, Float64]:
@@ -154,8 +157,7 @@ class Gyroscope:
         gain = self.covariance @ turn.jacobian.T @ np.linalg.inv(expected * max(1.0, surprise))
         change = gain @ innovation
         kept = np.eye(4) - gain @ turn.jacobian
-        elapsed = -turn.jacobian[0, 0]
-        walk = np.diag([_BIAS_WALK**2 * elapsed] * 3 + [0.0])
+        walk = np.diag([_BIAS_WALK**2 * turn.elapsed_s] * 3 + [0.0])
         return replace(
             self,
             bias=self.bias + change[:3],

@@ -43,9 +43,6 @@ class KeyframeMap:
         self._edges: list[PoseGraphEdge] = []
         self._drift = BackgroundValue(background, DriftCorrection.at(np.eye(4)))
 
-    def __len__(self) -> int:
-        return len(self._keyframes)
-
     def reconfigure(self, config: Config) -> None:
         """Sets other parameters; the keyframes remain."""
         self._config = config

@@ -186,8 +186,8 @@ class PredictedMotion(Motion):
 
     def expects(self, T_track_camera: Float64) -> bool:
         """Whether a pose is possible according to the filter."""
-        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, self.covariance[_POSE, _POSE]) < POSE_GATE
+        displacement = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
+        return mahalanobis_squared(displacement, self.covariance[_POSE, _POSE]) < POSE_GATE
 
     def reaches(self, T_track_camera: Float64) -> bool:
         """Whether the camera can have got to a pose."""
@@ -202,8 +202,8 @@ class PredictedMotion(Motion):
         Returns:
             The distance with ``reach_covariance``; no camera gets beyond ``POSE_GATE``.
         """
-        way = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(way, self.reach_covariance())
+        displacement = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
+        return mahalanobis_squared(displacement, self.reach_covariance())
 
     def reach_covariance(self) -> Float64:
         """How far from its predicted pose the camera can have got, float64 [6, 6].

@@ -51,12 +51,12 @@ class OwnParts:
     Attributes:
         votes: int8 [R, C], how often each block was seen as one, since its depth changed.
         views: views that the next is compared with, the oldest first.
-        said: the fraction of the view that was logged as ignored, from 0 to 1.
+        logged_share: the fraction of the view that was logged as ignored, from 0 to 1.
     """
 
     votes: NDArray[np.int8] = field(default_factory=lambda: np.zeros((0, 0), np.int8))
     views: tuple[Surfaces, ...] = ()
-    said: float = 0.0
+    logged_share: float = 0.0
 
     def needs(self, view: View, T_track_camera: Float64) -> bool:
         """Whether a view from that pose would add information."""
@@ -80,16 +80,16 @@ class OwnParts:
             own = np.any([_own(now, before, votes) for before in self.views], axis=0)
             changed = _sigmas_apart(now.depth, self.views[-1].depth) > _CHANGED_SIGMAS
             votes = np.where(changed, 0, np.minimum(votes + own, _MOST_VOTES)).astype(np.int8)
-        after = OwnParts(votes, _spaced((*self.views, now)), self.said)
+        after = OwnParts(votes, _spaced((*self.views, now)), self.logged_share)
         share = 0.0 if after.blocks is None else float(after.blocks.mean())
-        if share < self.said + _WORTH_SAYING:
+        if share < self.logged_share + _WORTH_SAYING:
             return after
         logger.warning(
             "%.0f %% of the view moves with the camera: treated as a part of the robot, and "
             "ignored; odometry.own_parts: false keeps it",
             100 * share,
         )
-        return replace(after, said=share)
+        return replace(after, logged_share=share)
 
     def without_views(self) -> OwnParts:
         """The own parts without earlier views, whose poses cannot be compared with later ones."""

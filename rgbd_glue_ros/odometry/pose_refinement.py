@@ -110,11 +110,14 @@ class PoseProblem(RefinementProblem):
             return PoseEstimate(final, twist)
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
-    def reliable(self, estimate: PoseEstimate) -> PoseEstimate:
-        """An estimate without spurious information, relative to another start."""
+    def without_spurious_information(self, estimate: PoseEstimate) -> PoseEstimate:
+        """The estimate without the spurious part of its information.
+
+        In a direction in which nothing was measured, the pose is the predicted one.
+        """
         expected, reach = self.predicted.T_track_camera, self.basin.translation
-        left = without_spurious_information(estimate.refinement, expected, self, reach)
-        return replace(estimate, refinement=left)
+        refinement = without_spurious_information(estimate.refinement, expected, self, reach)
+        return replace(estimate, refinement=refinement)
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
         """The problem with the twist that the motion filter infers from an estimate."""

@@ -23,7 +23,7 @@ class SelfCalibration:
     """The camera's time offsets, the errors of its poses, whether depth is registered to colour.
 
     The background thread updates them after a frame has its pose. The next frame is the first to
-    need them, and waits in ``prepare`` if they are not ready.
+    need them, and waits for what is not ready.
     """
 
     def __init__(self, background: BackgroundThread, config: Config) -> None:

@@ -130,16 +130,18 @@ class Session:
         basin, radius = Basin.of(config), config.prior_radius
         problem = PoseProblem(model, view, refine_config, predicted=predicted, basin=basin)
         usual, is_lost = Acceptance.of(config), self.state is TrackingState.LOST
-        asked = usual.sceptical() if is_lost or self._progress.is_after_gap else usual
+        for_tracking = usual.sceptical() if is_lost or self._progress.is_after_gap else usual
         glue, background = self._glue, self._background
-        tracked = track(problem, references[0], last, glue, background, asked, radius)
+        tracked = track(problem, references[0], last, glue, background, for_tracking, radius)
         self.keyframes.finish_revisit()
         if tracked.fix is not None:
             return tracked
         others = self.keyframes.in_turn(self._progress.frames_missed)
-        # a jump is announced by a frame without a pose: none between consecutive poses
-        asked = usual if is_lost else usual.without_jumps()
-        relocalised, ms = timed(relocalise, tracked.features, others, problem, glue, asked)
+        # consecutive poses never jump: a frame without a pose announces a jump
+        for_relocalisation = usual if is_lost else usual.without_jumps()
+        relocalised, ms = timed(
+            relocalise, tracked.features, others, problem, glue, for_relocalisation
+        )
         attempt = tracked if relocalised is None else relocalised
         stages_ms = {**tracked.registration.stages_ms, stages.RELOCALISATION: ms}
         return replace(attempt, registration=replace(attempt.registration, stages_ms=stages_ms))

@@ -79,7 +79,7 @@ def pixels_of(blocks: UInt8, view: View) -> Mask:
 def _nearest_surfaces(depth: Float32) -> Float32:
     """Smallest depth in each block and its neighbours, float32 [R, C]; NaN in empty blocks."""
     blocks = _least_of_blocks(depth)
-    around = cv2.erode(blocks, np.ones((3, 3), np.uint8))
+    around = cv2.erode(blocks, np.ones((_AROUND, _AROUND), np.uint8))
     return np.asarray(np.where(np.isinf(blocks), np.nan, around), np.float32)
 
 

@@ -54,12 +54,12 @@ class TrackedPose:
             errors: of the camera.
             acceptance: how many planes count as a contradiction of the fix.
         """
-        said = corrected_motion(predicted, fix.estimate, errors.residuals_per_independent_one)
+        seen = corrected_motion(predicted, fix.estimate, errors.residuals_per_independent_one)
         doubted = doubt(
             fix.estimate.refinement, fix.alternative, predicted.reach_covariance(), acceptance
         )
-        covariance = tracked_covariance(said, fix.reference, errors) + doubted
-        return TrackedPose(motion, covariance, timing_covariance(said, errors), fix.reference)
+        covariance = tracked_covariance(seen, fix.reference, errors) + doubted
+        return TrackedPose(motion, covariance, timing_covariance(seen, errors), fix.reference)
 
     @property
     def T_track_camera(self) -> Float64:

@@ -114,7 +114,7 @@ def track(
     if chosen is None:
         return Attempt(features, result.refused(RegistrationStatus.INCONSISTENT))
     settled = settle_contradiction(chosen, problem, last, acceptance)
-    estimate = problem.reliable(settled.estimate)
+    estimate = problem.without_spurious_information(settled.estimate)
     fix = PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)
     return Attempt(features, result, fix)
 
@@ -122,9 +122,10 @@ def track(
 def turned_candidates(
     problem: PoseProblem, last: LastPose, acceptance: Acceptance
 ) -> list[Candidate]:
-    """Poses from where the whole image has turned to: without a way, and with the expected one.
+    """Poses refined from the whole image's rotation, at the last and at the predicted position.
 
-    Any two images are laid over each other somehow, so that planes and pixels have to bear it out.
+    Phase correlation returns a rotation for any two images, so planes and pixels must both
+    confirm it.
 
     Args:
         problem: the frame, and what its pose is refined by.
@@ -205,10 +206,10 @@ def _registered_candidates(
     others: Sequence[Candidate],
     acceptance: Acceptance,
 ) -> list[Candidate]:
-    """The poses from where registration has the frame, without its inliers and with them.
+    """The poses refined from the registered transform.
 
-    None where refinement got there from another start, as it does in most frames; that with the
-    inliers only where refinement leaves them behind.
+    Empty if refinement from another start already got there, as in most frames. If refinement
+    abandons the visual inliers, a second pose is held by them.
     """
     T_registered = registration.T_track_camera
     if T_registered is None or any(

@@ -159,7 +159,8 @@ class GlueConfig:
     )
     min_visual: int = parameter(
         6,
-        "The filter is skipped if equation 4 assumes fewer visual inliers than this.",
+        "The filter is skipped if equation 4 assumes fewer visual inliers than this; with fewer "
+        "matches of both kinds there is no transform.",
         minimum=3,
         maximum=100000,
     )

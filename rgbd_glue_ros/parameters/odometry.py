@@ -17,7 +17,7 @@ class OdometryConfig:
         "lost camera and to correct drift.",
         minimum=1,
         maximum=1000,
-        fixed="memory for keyframes is reserved at the start",
+        fixed="the stored keyframes were chosen by it",
     )
     window: int = parameter(
         5,
@@ -25,7 +25,7 @@ class OdometryConfig:
         "jump of the drift since then.",
         minimum=1,
         maximum=1000,
-        fixed="memory for keyframes is reserved at the start",
+        fixed="the stored keyframes were chosen by it",
     )
     keyframe_spacing: float = parameter(
         0.6,
@@ -89,14 +89,15 @@ class OdometryConfig:
     )
     surprise_translation: float = parameter(
         0.03,
-        "A pose this far from the motion prior competes with one refined from the prior.",
+        "Refinement finds a pose from a start this far away. If the registered pose is farther "
+        "from the one refined from the prediction, it is refined too, and competes with it.",
         unit="m",
         minimum=0.0,
         maximum=1000.0,
     )
     surprise_rotation: float = parameter(
         0.03,
-        "A pose turned this much from the motion prior competes with one refined from the prior.",
+        "The same for the rotation between the two poses.",
         unit="rad",
         minimum=0.0,
         maximum=1000.0,

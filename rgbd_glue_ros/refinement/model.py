@@ -1,7 +1,7 @@
 """The model that poses are refined against: planes and textured pixels of a frame.
 
-Each keeps the image row that it was seen in and its apparent velocity, to compensate a rolling
-shutter: the rows of an image are not taken at the same time.
+Each keeps the image row that it was seen in and the camera's velocity there, to compensate a
+rolling shutter: the rows of an image are not taken at the same time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, RECEDING, depth_sigma
 from rgbd_glue_ros.geometry.motion_compensation import (
-    apparent_velocity,
+    camera_velocity_at,
     displaced_points,
     keypoints_to_points,
     normalised_row_time,
@@ -45,7 +45,7 @@ class ModelPoints:
 
     Attributes:
         points: float64 [N, 3], metres.
-        velocity: float64 [N, 3], ``apparent_velocity`` when they were seen, m/s.
+        velocity: float64 [N, 3], ``camera_velocity_at`` when they were seen, m/s.
         row_time: float64 [N], ``normalised_row_time`` of the row that they were seen in.
     """
 
@@ -171,7 +171,7 @@ def _planes(view: View, grid_step: int) -> Planes:
     return Planes(
         points=points,
         normals=normals[known] + turn,
-        velocity=apparent_velocity(points, view.twist),
+        velocity=camera_velocity_at(points, view.twist),
         row_time=normalised_row_time(rows, view),
     )
 
@@ -186,7 +186,7 @@ def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     return Pixels(
         points=points,
         brightness=image[rows[known, 0], rows[known, 1]].astype(np.float64),
-        velocity=apparent_velocity(points, view.twist),
+        velocity=camera_velocity_at(points, view.twist),
         row_time=normalised_row_time(uv[known, 1], view),
     )
 

@@ -1,8 +1,8 @@
 """The camera's velocity, from the distortion of a single frame.
 
-A rolling shutter takes each row from a different place while the camera moves, and so does depth
-that is taken later than colour. Velocity from the difference of two poses has the jitter of both,
-and shows a change of speed late; the distortion shows the velocity at the frame itself. As in
+A moving camera reads each row of a rolling shutter at another place, and takes late depth at
+another place than colour. Velocity from the difference of two poses has the jitter of both, and
+shows a change of speed late; the distortion shows the velocity at the frame itself. As in
 visual odometry for rolling shutters (Hedborg et al. 2012, Kim, Cadena and Reid 2016), it is
 estimated together with the pose.
 """

@@ -54,7 +54,7 @@ def error_variance(inliers: Correspondences, T: Float64) -> float:
     return float(np.mean(distances(T, inliers) ** 2) / 3)
 
 
-def adaptive_threshold(variance: float, confidence: float = 0.95) -> float:
+def adaptive_threshold(variance: float, confidence: float) -> float:
     """Equations 6 and 7: epsilon = sqrt(sigma² chi²_confidence(3)), metres."""
     return float(np.sqrt(variance * chi_squared(confidence, 3)))
 

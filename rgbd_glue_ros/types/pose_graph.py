@@ -13,7 +13,9 @@ class EdgeOrigin(Enum):
     """What measured the transform between two keyframes."""
 
     TRACKING = "the child was tracked from the parent"
-    ASSUMED = "the camera was lost in between, and hardly moved as far as the covariance says"
+    ASSUMED = (
+        "nothing: the camera was lost in between, and the covariance says how far it may have moved"
+    )
     REVISIT = "the child saw again what the parent, a much earlier anchor, had seen"
     LOOP = "recognised by appearance and verified by registration"
 

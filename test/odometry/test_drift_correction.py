@@ -199,8 +199,10 @@ def test_a_shift_of_the_tracked_pose_does_not_move_the_output_and_is_removed_gra
     np.testing.assert_allclose(
         after.T_odom_track @ T_shift @ T_track_camera, before.T_odom_track @ T_track_camera
     )
-    np.testing.assert_allclose(se3.exp(after.left) @ after.T_odom_track, after.target, atol=1e-12)
-    assert 0.19 < np.linalg.norm(after.left[:3]) < 0.22
+    np.testing.assert_allclose(
+        se3.exp(after.remaining) @ after.T_odom_track, after.target, atol=1e-12
+    )
+    assert 0.19 < np.linalg.norm(after.remaining[:3]) < 0.22
     moved = after
     for i in range(100):
         T_from, T_to = (se3.exp(np.array([0.5 * j, 0, 0, 0, 0, 0])) for j in (i, i + 1))

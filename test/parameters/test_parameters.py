@@ -268,7 +268,7 @@ def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
         ("glue.k", ""),
         ("max_update_rate", ""),
         ("frame_id", "it is read once, when the node starts"),
-        ("odometry.window", "memory for keyframes is reserved at the start"),
+        ("odometry.window", "the stored keyframes were chosen by it"),
         # said once, of the section
         ("features.visual", "the keyframes hold features of one kind"),
         ("features.ratio", "the keyframes hold features of one kind"),

@@ -89,9 +89,9 @@ def test_the_threshold_holds_its_95_percent(seed: int, sigma: float, T: Float64)
 
 def test_the_threshold_is_2_8_standard_deviations() -> None:
     # a table of the chi-square distribution has 7.815 for 0.95 and three degrees of freedom
-    assert adaptive_threshold(0.01**2) == pytest.approx(0.01 * np.sqrt(7.815), rel=1e-4)
+    assert adaptive_threshold(0.01**2, 0.95) == pytest.approx(0.01 * np.sqrt(7.815), rel=1e-4)
     assert adaptive_threshold(0.01**2, 0.5) < adaptive_threshold(0.01**2, 0.95)
-    assert adaptive_threshold(0.0) == 0.0
+    assert adaptive_threshold(0.0, 0.95) == 0.0
 
 
 def test_the_variance_by_moments_is_unbiased() -> None:
@@ -229,7 +229,7 @@ def test_visual_matches_tell_right_geometric_matches_from_wrong_ones(told: Told)
     glue, _ = told(geometric_matches(right=300, wrong=700), "sift", GlueConfig())
     result = registered(glue)
     assert result.filtered
-    assert result.epsilon_m == pytest.approx(adaptive_threshold(result.sigma_m**2))
+    assert result.epsilon_m == pytest.approx(adaptive_threshold(result.sigma_m**2, CONFIDENCE))
     kept_right = (result.credible.weights == 1.0).sum()
     assert kept_right > 0.95 * 300
     # a wrong match lands in a ball of radius epsilon in a room of 24 cubic metres by chance
