@@ -206,7 +206,7 @@ def set_parameter(rig: Rig, name: str, value: object) -> str:
     ("name", "value", "reason"),
     [
         ("features.visual", "sift", "the keyframes hold features of one kind"),
-        ("odometry.keyframes", 5, "memory for keyframes is reserved at the start"),
+        ("odometry.keyframes", 5, "the stored keyframes were chosen by it"),
         ("frame_id", "base_link", "it is read once, when the node starts"),
         ("glue.k", 1000.0, "out of range"),
         ("glue.k", 4, "type"),
