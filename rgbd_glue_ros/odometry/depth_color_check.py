@@ -17,10 +17,13 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.types import Float32, Float64, UInt8, View
+from rgbd_glue_ros.geometry.reduction import reduced
+from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, UInt8, View
 
 logger = logging.getLogger(__name__)
 
+# Larger images are reduced first: what is tried below is meant for images of about 640 columns.
+_MAX_WIDTH_PX = 848
 # Depth edges are searched for in every fourth row and column.
 _SPACING_PX = 4
 # Widest gap of unknown depth across a depth edge. Projectors and stereo cameras cause such shadows.
@@ -86,6 +89,7 @@ class DepthColorCheck:
 
     def after_view(self, view: View, T_track_camera: Float64) -> DepthColorCheck:
         """The check after another view. Logs a warning once depth is known to be unregistered."""
+        view, pixels_per_pixel = _reduced(view)
         along_rows, along_columns = _depth_edges(view.depth)
         count = len(along_rows) + len(along_columns)
         if count < _MIN_EDGES:
@@ -102,15 +106,16 @@ class DepthColorCheck:
             logger.warning(
                 "depth is not registered to colour: its edges are off by %.0f pixels; give the "
                 "aligned or registered depth topic. Colour counts for less from here on",
-                after.offset_px,
+                after.offset_px * pixels_per_pixel,
             )
         return after
 
     @cached_property
     def offset_px(self) -> float | None:
-        """Distance between edges of depth and colour, in pixels, half way to the border.
+        """Distance between edges of depth and colour, half way to the border.
 
-        None if depth is registered, or while there are too few views to decide.
+        In pixels of an image of about 640 columns, to which larger ones are reduced. None if depth
+        is registered, or while there are too few views to decide.
         """
         s, i, j = np.unravel_index(int(np.argmax(self.score)), self.score.shape)
         best = self.score[s, i, j]
@@ -125,6 +130,13 @@ class DepthColorCheck:
             return None
         magnified = abs(_SCALES[s] - 1.0) * _QUARTER_WIDTH_PX
         return float(np.hypot(np.hypot(_SHIFTS_PX[i], _SHIFTS_PX[j]), magnified))
+
+
+def _reduced(view: View) -> tuple[View, int]:
+    """A view of about 640 columns or fewer, and the side of the block that became a pixel."""
+    frame = reduced(RgbdFrame(0, view.grey, view.depth, view.intrinsics), _MAX_WIDTH_PX)
+    small = replace(view, grey=frame.color, depth=frame.depth, intrinsics=frame.intrinsics)
+    return small, view.intrinsics.width // frame.intrinsics.width
 
 
 def _is_of_one_moment(view: View) -> bool:

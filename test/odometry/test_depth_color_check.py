@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from dataclasses import replace
 
 import cv2
@@ -67,6 +68,28 @@ def test_unregistered_depth_is_detected_and_logged_once(
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
     assert "not registered" in record.message
+
+
+def enlarged(frame: RgbdFrame, times: int) -> RgbdFrame:
+    block = np.ones((times, times))
+    return replace(
+        frame,
+        color=np.kron(frame.color, block[..., np.newaxis]).astype(np.uint8),
+        depth=np.kron(frame.depth, block).astype(np.float32),
+        intrinsics=frame.intrinsics.scaled(
+            times * frame.intrinsics.width, times * frame.intrinsics.height
+        ),
+    )
+
+
+def test_in_large_images_edges_may_be_farther_apart(caplog: pytest.LogCaptureFixture) -> None:
+    frames = unregistered(1.0, 6.0, 0.0)[: 12 * ENOUGH : 12]
+    of_640, of_1920 = (after_views([enlarged(f, times) for f in frames]) for times in (2, 6))
+    assert of_640.offset_px is not None
+    assert abs(of_640.offset_px - 12.0) < 5
+    assert of_1920.offset_px == of_640.offset_px
+    small, large = (int(re.findall(r"(\d+) pixels", r.message)[0]) for r in caplog.records)
+    assert large == 3 * small
 
 
 def test_images_of_different_rooms_fit_nowhere() -> None:
