@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
+from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairFrame, PairResult, evaluate_pair
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, PairMethod, method_of
 from rgbd_glue_ros.geometry.camera import view_of
@@ -41,7 +42,7 @@ class PairJob:
     """
 
     path: Path
-    open_recording: Callable[[Path], Recording]
+    open_recording: Opener
     pairs: tuple[Pair, ...]
     estimators: tuple[tuple[str, Estimator], ...]
     camera: CameraConfig
