@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -20,6 +21,7 @@ from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import (
+    RECEIPT,
     Config,
     InputConfig,
     NodeConfig,
@@ -35,6 +37,8 @@ from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.player import Player
+
+logger = logging.getLogger(__name__)
 
 PRESET = "live"
 LOG = "node.log"
@@ -115,6 +119,12 @@ def demo(
     declared = {**own, **values(Config())}
     for name in given.keys() - declared.keys():
         raise unknown_parameter(name, declared)
+    if given.get("stamps") == RECEIPT:
+        raise InputError(
+            "stamps",
+            "the node's poses are assigned to what was played by the stamps in its headers",
+            "leave it out, or name the recording: rgbd-glue demo SRC --set stamps=receipt",
+        )
     with_values(NodeConfig(), {name: value for name, value in given.items() if name in own})
     config = with_values(
         load_preset(PRESET), {name: value for name, value in given.items() if name not in own}
@@ -159,6 +169,8 @@ def _played_to_the_node(
                 measured = _measured(player, node)
                 code = node.stop()
                 write_whole(log, "\n".join(node.lines) + "\n")
+                if player.unassigned:
+                    logger.warning("%d poses have the stamp of no image", player.unassigned)
                 if player.poses:
                     run = _run(recording, config, player)
                     run.command = command
