@@ -122,6 +122,21 @@ def test_after_a_frame_without_a_transform_a_peer_goes_on_from_the_last_one_that
     np.testing.assert_allclose(poses[7], expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("unusable", [{0}, {4, 5}])
+def test_a_frame_that_a_peer_cannot_prepare_has_no_pose(unusable: set[int]) -> None:
+    class Choosy(Oracle):
+        def prepare(self, view: View) -> float:
+            time_s = super().prepare(view)
+            if round(time_s * RATE_HZ) in unusable:
+                raise NoTransformError("no depth")
+            return time_s
+
+    result = contest({"choosy": Choosy()})["contest"]
+    assert result["choosy"]["lost"] == len(unusable)
+    assert result["choosy"]["ape"]["max_m"] < 1e-9
+    assert result[OURS]["frames"] == FRAMES
+
+
 def test_a_peer_out_of_time_is_measured_on_the_frames_that_it_got_done() -> None:
     result = contest({"slow": Oracle()}, patience_s=1e-9)["contest"]
     assert result["slow"]["frames"] == 1

@@ -68,13 +68,12 @@ class FrameToFrame:
 
     def process(self, frame: RgbdFrame) -> Float64 | None:
         """The pose of the last frame that has one, moved by the peer's result."""
-        prepared = self._peer.prepare(view_of(frame, self._limits))
-        if self._last is not None:
-            try:
-                T = self._peer.register(prepared, self._last)
-            except NoTransformError:
-                return None
-            self._pose = self._pose @ T
+        try:
+            prepared = self._peer.prepare(view_of(frame, self._limits))
+            if self._last is not None:
+                self._pose = self._pose @ self._peer.register(prepared, self._last)
+        except NoTransformError:
+            return None
         self._last = prepared
         return self._pose
 
