@@ -19,7 +19,7 @@ from rigs.room import room_frame, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments import bench
-from rgbd_glue_ros.experiments.bench import FIGURES, REPORT, TABLES, Plan, run_bench
+from rgbd_glue_ros.experiments.bench import FIGURES, REPORT, TABLES, Plan, live, run_bench
 from rgbd_glue_ros.experiments.bench.contest import OURS, Contest, FrameToFrame
 from rgbd_glue_ros.experiments.bench.degraded import DEGRADATIONS
 from rgbd_glue_ros.experiments.bench.figures import losses, times
@@ -358,6 +358,21 @@ def test_a_recording_that_cannot_be_used_is_named_and_the_others_are_measured(
     assert "is no recording" in (tmp_path / TABLES).read_text()
     with pytest.raises(InputError, match="is no recording"):
         run_bench(sources[:1], opened, plan(), tmp_path)
+
+
+@pytest.mark.usefixtures("_peers")
+def test_a_node_that_ends_is_reported_and_the_rest_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def end(*_: object, **__: object) -> None:
+        raise RuntimeError("the node ended: exit code -9")
+
+    monkeypatch.setattr(live, "demo", end)
+    wanted = plan(limit=3, live=True, robustness=True)
+    figures = run_bench([tmp_path], lambda _: Room(), wanted, tmp_path / "out")
+    assert figures["problems"] == ["room, first 3 frames, live: the node ended: exit code -9"]
+    (content,) = figures["sequences"].values()
+    assert content["robustness"]
 
 
 @pytest.mark.usefixtures("_peers")
