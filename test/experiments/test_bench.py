@@ -31,7 +31,7 @@ from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import NoTransformError
 from rgbd_glue_ros.experiments.report.machine import machine, resident_mb
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import CameraConfig, Config
+from rgbd_glue_ros.parameters import CameraConfig, Config, load_preset, with_values
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -182,6 +182,15 @@ def test_every_floor_belongs_to_a_stage_of_its_own_and_takes_some_time(floor: An
     assert [f.stage for f in FLOORS].count(floor.stage) == 1
 
 
+def test_floors_of_orb_are_those_of_no_other_feature() -> None:
+    floors = Floors(with_values(Config(), {"features.visual": "sift"}))
+    for i in range(50):
+        floors.show(room_frame(i % FRAMES / RATE_HZ))
+    measured = floors.figures()["floors_ms"]
+    assert "preparation" in measured
+    assert not {"visual_features", "visual_matching", "ransac"} & set(measured)
+
+
 def test_frames_that_show_nothing_have_no_floor() -> None:
     floors = Floors(Config())
     frame = room_frame(0.0)
@@ -268,13 +277,30 @@ def test_resident_memory_grows_by_what_is_allocated() -> None:
 @pytest.mark.slow
 def test_the_node_is_measured_over_dds() -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
-    part = Live(Room())
+    part = Live(Room(), load_preset("live"))
     part.run(step)
     live = part.figures()["live"]
     assert live["frames"] + sum(live["dropped"].values()) == FRAMES
     assert 0 < live["node_latency_ms"]["p50"] <= live["latency_ms"]["p95"]
     assert live["ready_s"] > 0
     assert live["ape"]["rmse_m"] < 0.05
+
+
+def test_the_node_has_the_parameters_of_the_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[object] = []
+
+    def note(*_: object, parameters: object) -> None:
+        given.append(parameters)
+        raise RuntimeError("noted")
+
+    monkeypatch.setattr(live, "demo", note)
+    live_preset = load_preset("live")
+    for config in (live_preset, with_values(live_preset, {"features.visual": "sift"})):
+        with pytest.raises(RuntimeError, match="noted"):
+            Live(Room(), config).run(step)
+    assert given == [{}, {"features.visual": "sift"}]
 
 
 def test_the_machine_has_cores_and_the_versions_of_its_libraries() -> None:

@@ -229,7 +229,7 @@ def _measured(
 def _further_parts(plan: Plan) -> list[Callable[[Recording], Part]]:
     parts: list[Callable[[Recording], Part]] = []
     if plan.live:
-        parts.append(Live)
+        parts.append(lambda recording: Live(recording, plan.config))
     if plan.robustness:
         parts.append(lambda recording: Robustness(recording, plan.config))
     return parts

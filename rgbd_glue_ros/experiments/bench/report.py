@@ -44,7 +44,7 @@ tracking lost in between. Restarts: starts at the last known pose after being lo
 
 _LIVE = """\
 The recording as raw images, published at its own rate by another process over DDS to the node
-with the `live` preset. Latency is from the receipt of a frame's last message to the publication
+with the same parameters. Latency is from the receipt of a frame's last message to the publication
 of its pose; round trip: from publication of the images until the pose is back at the publisher.
 Ready: from the start of the node's process until it has subscribed."""
 
