@@ -27,6 +27,7 @@ from rgbd_glue_ros.experiments.bench.floors import FLOORS, Floors
 from rgbd_glue_ros.experiments.bench.live import Live
 from rgbd_glue_ros.experiments.bench.memory import Memory, endless
 from rgbd_glue_ros.experiments.bench.picture import PICTURE, picture
+from rgbd_glue_ros.experiments.bench.report import to_markdown
 from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import NoTransformError
 from rgbd_glue_ros.experiments.report.machine import machine, resident_mb
@@ -265,6 +266,19 @@ def test_memory_is_that_of_the_process_and_ends_after_as_many_frames_as_asked_fo
     assert memory["frames"][-1] == 2 * FRAMES
     assert len(memory["frames"]) == len(memory["resident_mb"])
     assert all(0.5 * before < mb < before + 2000 for mb in memory["resident_mb"])
+
+
+@pytest.mark.parametrize(
+    ("resident_mb", "growth"),
+    [([100.0], "+0.0"), ([100.0, 101.0], "+1.0"), ([100.0, 100.0, 104.0, 104.5], "+4.5")],
+)
+def test_growth_is_between_halves_that_share_no_sample(
+    tmp_path: Path, resident_mb: list[float], growth: str
+) -> None:
+    figures = run_bench([tmp_path], lambda _: Room(), plan(limit=3, peers=()), tmp_path)
+    frames = list(range(50, 50 * len(resident_mb) + 1, 50))
+    memory = {"recording": "room", "frames": frames, "resident_mb": resident_mb}
+    assert f"that of the first {growth} MB" in to_markdown({**figures, "memory": memory})
 
 
 def test_resident_memory_grows_by_what_is_allocated() -> None:

@@ -224,9 +224,9 @@ def _memory(figures: _Figures) -> str:
     if not memory or not memory["frames"]:
         return ""
     frames, resident = memory["frames"], memory["resident_mb"]
-    half = len(frames) // 2
+    half = max(1, len(frames) // 2)
     chosen = sorted({round(i * (len(frames) - 1) / 7) for i in range(8)})
-    growth = f"{max(resident[half:]) - max(resident[: half + 1]):+.1f} MB"
+    growth = f"{max(resident[half:] or resident) - max(resident[:half]):+.1f} MB"
     return (
         f"{memory['recording']} repeatedly through one odometry, in one process that also reads "
         f"it: {frames[-1]} frames, at most {max(resident):.0f} MB; the maximum of the second half "
