@@ -86,6 +86,8 @@ class RerunRecording(Closing):
         self._truth = truth
         self._first_ns: int | None = None
         self._state: TrackingState | None = None
+        self._last_position: Float64 | None = None
+        # only for the truth, since a node may run for days
         self._poses: dict[int, Float64] = {}
         self._keyframes = 0
         self._T_fixed_odom = np.full((4, 4), np.nan)
@@ -119,6 +121,7 @@ class RerunRecording(Closing):
 
     def start_anew(self) -> None:
         """Ends the line of the trajectory: the next pose is in another odom frame."""
+        self._last_position = None
         self._poses.clear()
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
@@ -229,11 +232,13 @@ class RerunRecording(Closing):
         self._log(layout.COVARIANCE, ellipsoid)
 
     def _extend_trajectory(self, stamp_ns: int, T_odom_camera: Float64) -> None:
-        if self._poses:
-            last = next(reversed(self._poses.values()))
-            piece = np.stack([last[:3, 3], T_odom_camera[:3, 3]])
+        position = T_odom_camera[:3, 3].copy()
+        if self._last_position is not None:
+            piece = np.stack([self._last_position, position])
             self._draw_lines(layout.TRAJECTORY, [piece], _ESTIMATE_RGB)
-        self._poses[stamp_ns] = T_odom_camera
+        self._last_position = position
+        if self._truth is not None:
+            self._poses[stamp_ns] = T_odom_camera
 
     def _add_keyframe(self, frame: RgbdFrame, T_odom_camera: Float64) -> None:
         path = _keyframe(self._keyframes)
