@@ -108,7 +108,6 @@ def replay_into(
         command: the command line, for quoting in the report.
     """
     folder = results.path
-    logger.info("warming up; the first time, this compiles for some seconds")
     warm_up(config)
     run = Run(sequence.name, config, sequence.ground_truth, command=command)
     pictures, clouds = Thumbnails(), KeyframeClouds()
