@@ -16,7 +16,7 @@ from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.experiments.replay.run_record import Provenance
-from rgbd_glue_ros.experiments.report.markdown import bullets, table
+from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, table
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import refuse_recording
@@ -161,9 +161,9 @@ def _row(name: str, content: Mapping[str, Any]) -> list[str]:
         name,
         str(content["frames"]),
         f"{100 * content['tracked'] / content['frames']:.1f}",
-        f"{100 * ape['rmse_m']:.2f}" if ape else "–",
-        f"{100 * rpe['trans_rmse_m']:.2f}" if rpe else "–",
-        f"{rpe['rot_rmse_deg']:.2f}" if rpe else "–",
+        f"{100 * ape['rmse_m']:.2f}" if ape else NOTHING,
+        f"{100 * rpe['trans_rmse_m']:.2f}" if rpe else NOTHING,
+        f"{rpe['rot_rmse_deg']:.2f}" if rpe else NOTHING,
         f"{content['latency_ms']['p50']:.1f}",
         f"{content['fps']:.1f}",
     ]
