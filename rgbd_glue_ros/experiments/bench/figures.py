@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import evaluate, normalised_errors
+from rgbd_glue_ros.evaluation.consistency import normalised_errors
+from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState, Trajectory
 
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
-from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, path_length
+from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
 from rgbd_glue_ros.parameters import Config, InputConfig
+from rgbd_glue_ros.trajectories.path import path_length
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
