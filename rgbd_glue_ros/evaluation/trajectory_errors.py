@@ -6,7 +6,8 @@ so that figures are comparable with published ones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -103,6 +104,22 @@ def evaluate(
         errors,
         T,
     )
+
+
+def evaluated(estimate: Trajectory, reference: Trajectory | None) -> Evaluation | None:
+    """Compares ``estimate`` with ``reference``; None without one, or with too few common poses."""
+    if reference is None:
+        return None
+    try:
+        return evaluate(estimate, reference)
+    except InputError:
+        return None
+
+
+def error_figures(evaluation: Evaluation) -> dict[str, Any]:
+    """Absolute and relative error as in ``metrics.json``."""
+    rpe = evaluation.rpe
+    return {"ape": asdict(evaluation.ape), "rpe": None if rpe is None else asdict(rpe)}
 
 
 def align(estimate: Float64, reference: Float64) -> Float64:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.evaluation.trajectory_errors import evaluated
 from rgbd_glue_ros.files.user_paths import expanded
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.geometry import se3
@@ -22,6 +22,7 @@ from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL, drawn, rejected
 from rgbd_glue_ros.slam.cloud import cloud_of
+from rgbd_glue_ros.trajectories.path import trajectory_of
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -252,14 +253,8 @@ class RerunRecording(Closing):
 
     def _draw_truth(self) -> None:
         """Draws the ground truth, aligned with the trajectory as for the absolute error."""
-        if self._truth is None:
-            return
-        poses = np.array(list(self._poses.values())).reshape(-1, 4, 4)
-        try:
-            aligned = evaluate(
-                Trajectory(np.array(list(self._poses), np.int64), poses), self._truth
-            )
-        except InputError:
+        aligned = evaluated(trajectory_of(self._poses.items()), self._truth)
+        if aligned is None:
             return  # as reported in the figures of the run
         T_odom_truth = se3.inverse(aligned.T_reference_estimate)
         way = se3.transform(T_odom_truth, aligned.reference[:, :3, 3])

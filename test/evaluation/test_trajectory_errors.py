@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from rigs.trajectories import line, wandering
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.evaluation.trajectory_errors import Rpe, error_figures, evaluate, evaluated
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.trajectories.tum import read_tum, write_tum
 from rgbd_glue_ros.types import (
@@ -108,6 +108,20 @@ def test_trajectories_of_different_times_are_refused_with_their_spans() -> None:
     late = Trajectory(early.stamps_ns + 10**12, early.poses)
     with pytest.raises(InputError, match=r"only 0 poses .* from 1700000000\.0+ to 1700000002"):
         evaluate(early, late)
+
+
+def test_without_a_reference_or_common_moments_there_is_no_evaluation() -> None:
+    truth = wandering(0)
+    later = Trajectory(truth.stamps_ns + 10 * SECOND, truth.poses)
+    assert evaluated(truth, None) is None
+    assert evaluated(truth, later) is None
+    evaluation = evaluated(truth, truth)
+    assert evaluation is not None
+    figures = error_figures(evaluation)
+    assert Rpe(**figures["rpe"]) == evaluation.rpe
+    assert figures["ape"]["rmse_m"] == evaluation.ape.rmse_m
+    short = evaluate(wandering(0, 20), truth)
+    assert error_figures(short)["rpe"] is None
 
 
 def run_evo(program: str, folder: Path, *arguments: str) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
+from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluated
 from rgbd_glue_ros.experiments.compare.finished_run import FinishedRun
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, number, table
 from rgbd_glue_ros.trajectories.association import associate
@@ -100,12 +100,7 @@ def _share_moments(run: FinishedRun, first: FinishedRun) -> bool:
 
 
 def _apart(run: FinishedRun, first: FinishedRun) -> Evaluation | None:
-    if run.trajectory is None or first.trajectory is None:
-        return None
-    try:
-        return evaluate(run.trajectory, first.trajectory)
-    except InputError:
-        return None
+    return None if run.trajectory is None else evaluated(run.trajectory, first.trajectory)
 
 
 def figures_table(comparison: Comparison) -> str:

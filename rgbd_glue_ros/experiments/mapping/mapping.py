@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
-from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.evaluation.trajectory_errors import error_figures, evaluated
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import (
@@ -276,11 +275,5 @@ def _loops(optimum: Optimum) -> dict[str, Any]:
 
 def _errors(run: Run) -> dict[str, Any] | None:
     """APE and RPE before loops were closed; None without ground truth."""
-    if run.ground_truth is None:
-        return None
-    try:
-        evaluation = evaluate(run.trajectory, run.ground_truth)
-    except InputError:
-        return None
-    rpe = asdict(evaluation.rpe) if evaluation.rpe else None
-    return {"ape": asdict(evaluation.ape), "rpe": rpe}
+    evaluation = evaluated(run.trajectory, run.ground_truth)
+    return None if evaluation is None else error_figures(evaluation)
