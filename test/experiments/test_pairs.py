@@ -24,12 +24,12 @@ from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.batch.opening import Opening
-from rgbd_glue_ros.experiments.pairs import gallery
+from rgbd_glue_ros.experiments.pairs import gallery, methods
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
 from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.figures import gap_figures
 from rgbd_glue_ros.experiments.pairs.jobs import Results, Unposed, evaluate_pairs, pairs_of
-from rgbd_glue_ros.experiments.pairs.methods import Described, GlueMethod, PairMethod
+from rgbd_glue_ros.experiments.pairs.methods import Described, GlueMethod, PairMethod, method_of
 from rgbd_glue_ros.experiments.pairs.report import FIGURES, TABLES
 from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.geometry import se3
@@ -286,10 +286,26 @@ def test_peers_are_measured_on_the_same_pairs(tmp_path: Path) -> None:
     assert "| 3 | small_gicp | 3 | 0 | 100.0 |" in (tmp_path / TABLES).read_text()
 
 
+def test_a_method_is_created_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    created: list[Config] = []
+
+    class Counted(GlueMethod):
+        def __init__(self, config: Config) -> None:
+            created.append(config)
+            super().__init__(config)
+
+    monkeypatch.setattr(methods, "GlueMethod", Counted)
+    method_of.cache_clear()
+    run_pairs([Path("walk")], opened(Walk()), Experiment(BLIND, [3]), tmp_path)
+    method_of.cache_clear()
+    assert created == [BLIND]
+
+
 def test_a_peer_that_is_not_there_is_reported_and_the_rest_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "small_gicp", None)
+    method_of.cache_clear()
     experiment = Experiment(BLIND, [3], others={"small_gicp": "small_gicp"})
     run_pairs([Path("walk")], opened(Walk()), experiment, tmp_path)
     figures = figures_in(tmp_path)
