@@ -70,13 +70,11 @@ class DemoResult:
 
     Attributes:
         figures: as in ``metrics.json``.
-        frames: colour images published.
         ready_s: from the start of the node's process until it had subscribed, seconds.
         summary: the node's final summary; None if there was none.
     """
 
     figures: dict[str, Any]
-    frames: int
     ready_s: float
     summary: Summary | None
 
@@ -185,7 +183,7 @@ def _played_to_the_node(
             f"the node gave no pose of it: {node.last_warning or 'it does not say why'}",
             f"its log is in {log}",
         )
-    return DemoResult(figures, len(player.frames_ns), ready_s, player.summary)
+    return DemoResult(figures, ready_s, player.summary)
 
 
 def _parameters(recording: Played) -> dict[str, object]:
