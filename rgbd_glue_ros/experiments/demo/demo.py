@@ -170,9 +170,7 @@ def _played_to_the_node(
                 if player.unassigned:
                     logger.warning("%d poses have the stamp of no image", player.unassigned)
                 if player.poses:
-                    run = _run(recording, config, player)
-                    run.command = command
-                    run.thumbnails = _thumbnails(recording)
+                    run = _run(recording, config, player, command)
                     write_tum(folder / TRAJECTORY, run.trajectory)
                     figures = write_results(run, folder, measured)
     if code != 0:
@@ -235,8 +233,8 @@ def _play(
     on_progress(Progress(recording.frame_count, played, len(player.poses)))
 
 
-def _run(recording: Played, config: Config, player: Player) -> Run:
-    run = Run(recording.name, config, recording.ground_truth)
+def _run(recording: Played, config: Config, player: Player, command: str) -> Run:
+    run = Run(recording.name, config, recording.ground_truth, command=command)
     for stamp in sorted(player.poses):
         estimate = OdometryEstimate(
             stamp,
@@ -249,6 +247,7 @@ def _run(recording: Played, config: Config, player: Player) -> Run:
     run.unanswered_ns = tuple(sorted(player.frames_ns - player.poses.keys()))
     start, end = min(player.published_ns.values()), max(player.arrived_ns.values())
     run.wall_s = (end - start) / NANOSECONDS
+    run.thumbnails = _thumbnails(recording)
     return run
 
 
