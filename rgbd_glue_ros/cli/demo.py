@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_topics(parser)
     arguments.add_output(parser, Path("out/demo"))
     arguments.add_part(parser)
-    # unlike in other commands, where it may change how a recording is read
+    # unlike in other commands, also of the node alone
     parser.add_argument(
         "--set",
         dest="parameters",
