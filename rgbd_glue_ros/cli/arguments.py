@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -14,6 +13,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.user_paths import expanded
 
 if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.batch.opening import Opening
     from rgbd_glue_ros.experiments.demo.played import PlayedRecording
     from rgbd_glue_ros.experiments.replay.run_record import Provenance
     from rgbd_glue_ros.parameters import InputConfig, Parameter
@@ -229,9 +229,7 @@ def sources(args: argparse.Namespace) -> list[Path]:
     return recordings(args.recordings, split(args.only) if args.only else None)
 
 
-def opener(
-    args: argparse.Namespace, inputs: InputConfig | None = None
-) -> Callable[[Path], Recording]:
+def opener(args: argparse.Namespace, inputs: InputConfig | None = None) -> Opening:
     """Opens recordings according to the arguments, in this process or another.
 
     Args:
@@ -241,7 +239,8 @@ def opener(
     Raises:
         InputError: the calibration cannot be read, or a parameter is unknown or not allowed.
     """
-    from rgbd_glue_ros.recordings import Topics, open_recording, read_calibration
+    from rgbd_glue_ros.experiments.batch.opening import Opening
+    from rgbd_glue_ros.recordings import Topics, read_calibration
 
     topics = Topics(
         args.color_topic,
@@ -251,14 +250,11 @@ def opener(
         args.depth_info_topic,
         args.imu_topic,
     )
-    return partial(
-        open_recording,
-        topics=topics,
-        calibration=read_calibration(args.calibration) if args.calibration else None,
-        inputs=inputs or given_parameters.inputs_of(args),
-        depth_calibration=(
-            read_calibration(args.depth_calibration) if args.depth_calibration else None
-        ),
+    return Opening(
+        topics,
+        read_calibration(args.calibration) if args.calibration else None,
+        read_calibration(args.depth_calibration) if args.depth_calibration else None,
+        inputs or given_parameters.inputs_of(args),
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rgbd_glue_ros.cli import arguments, given_parameters
 
 if TYPE_CHECKING:
+    from rgbd_glue_ros.experiments.bench import Plan
     from rgbd_glue_ros.experiments.bench.part import Part
     from rgbd_glue_ros.recordings import Recording
 
@@ -64,10 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Measures and returns the tables."""
-    from rgbd_glue_ros.cli.progress import bar
-    from rgbd_glue_ros.experiments.bench import ODOMETRIES, REPORT, TABLES, Plan, run_bench
-    from rgbd_glue_ros.experiments.demo.demo import bundled_bag
-    from rgbd_glue_ros.recordings import recordings
+    from rgbd_glue_ros.experiments.bench import ODOMETRIES, REPORT, TABLES, Plan
 
     plan = Plan(
         given_parameters.config(args),
@@ -79,6 +77,19 @@ def run(args: argparse.Namespace) -> str:
         args.memory,
         command=arguments.command(args),
     )
+    _measure(args, plan)
+    tables = args.output / TABLES
+    text = tables.read_text(encoding="utf-8")
+    return f"{text}\ntables   {tables}\nreport   {args.output / REPORT}\n"
+
+
+def _measure(args: argparse.Namespace, plan: Plan) -> None:
+    """Measures, with the progress shown."""
+    from rgbd_glue_ros.cli.progress import bar
+    from rgbd_glue_ros.experiments.bench import run_bench
+    from rgbd_glue_ros.experiments.demo.demo import bundled_bag
+    from rgbd_glue_ros.recordings import recordings
+
     with bar(" frames", 0) as shown:
 
         def begin(part: Part, recording: Recording) -> None:
@@ -103,6 +114,3 @@ def run(args: argparse.Namespace) -> str:
             what = f"the results so far are in {args.output}" if is_measured else "nothing measured"
             logger.warning("interrupted; %s", what)
             raise
-    tables = args.output / TABLES
-    text = tables.read_text(encoding="utf-8")
-    return f"{text}\ntables   {tables}\nreport   {args.output / REPORT}\n"

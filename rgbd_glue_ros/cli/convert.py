@@ -34,13 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Converts and returns where the result is, its content and how to use it."""
-    from rgbd_glue_ros.recordings.bag.recording import BagRecording
-    from rgbd_glue_ros.recordings.convert import convert
+    from rgbd_glue_ros.recordings.convert import convert, is_bag
 
     topics = _topics(args)
     with arguments.opener(args)(args.recording) as recording:
-        is_bag = isinstance(recording, BagRecording)
-        if is_bag and args.topics_like:
+        is_from_bag = is_bag(recording)
+        if is_from_bag and args.topics_like:
             raise InputError(
                 "--topics-like",
                 f"{args.recording} is a bag, which becomes a folder of images",
@@ -49,7 +48,7 @@ def run(args: argparse.Namespace) -> str:
         convert(recording, args.target, args.compressed, topics)
     size_mb = sum(p.stat().st_size for p in args.target.rglob("*") if p.is_file()) / 1e6
     text = f"written  {args.target}, {size_mb:.1f} MB\n"
-    if not is_bag:
+    if not is_from_bag:
         suffixes = ("/compressed", "/compressedDepth") if args.compressed else ("", "")
         named = (topics.color + suffixes[0], topics.depth + suffixes[1], topics.info)
         text += f"topics   {', '.join(named)}\n"

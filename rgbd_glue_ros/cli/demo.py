@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_topics(parser)
     arguments.add_output(parser, Path("out/demo"))
     arguments.add_part(parser)
-    # unlike in other commands, where it may change how a recording is read
+    # unlike in other commands, also of the node alone
     parser.add_argument(
         "--set",
         dest="parameters",
@@ -46,10 +46,10 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.experiments.demo.demo import bundled_bag
     from rgbd_glue_ros.experiments.demo.played import PlayedBag
     from rgbd_glue_ros.parameters import (
-        OF_MESSAGES,
         InputConfig,
         by_current_names,
         parse_assignment,
+        values,
         with_values,
     )
 
@@ -57,9 +57,10 @@ def run(args: argparse.Namespace) -> str:
     is_whole = not (args.start or args.duration or args.compressed or args.depth_scale)
     if args.recording is None and is_whole:
         return _play(args, PlayedBag.load(bundled_bag()), given, InputConfig())  # byte for byte
-    # parameters about the recording's messages are applied on reading: depth is then in metres
-    of_messages = {name: given.pop(name) for name in OF_MESSAGES if name in given}
-    inputs = with_values(given_parameters.inputs_of(args), of_messages)
+    # Reading pairs the images and completes them: the node gets equal stamps, and depth in metres
+    of_reading = values(InputConfig()).keys() - {"max_width"}
+    read = {name: given.pop(name) for name in of_reading if name in given}
+    inputs = with_values(given_parameters.inputs_of(args), read)
     with arguments.opener(args, inputs)(args.recording or bundled_bag()) as recording:
         return _play(args, arguments.played(args, recording), given, inputs)
 

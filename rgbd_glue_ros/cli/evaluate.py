@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli.arguments import path
@@ -38,12 +37,9 @@ def run(args: argparse.Namespace) -> str:
 
 
 def _json(evaluation: Evaluation) -> str:
-    content = {
-        "poses": len(evaluation.stamps_ns),
-        "ape": asdict(evaluation.ape),
-        "rpe": asdict(evaluation.rpe) if evaluation.rpe else None,
-    }
-    return json_text(content)
+    from rgbd_glue_ros.evaluation.trajectory_errors import error_figures
+
+    return json_text({"poses": len(evaluation.stamps_ns), **error_figures(evaluation)})
 
 
 def _table(evaluation: Evaluation) -> str:

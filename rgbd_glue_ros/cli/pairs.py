@@ -60,9 +60,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> str:
     """Registers the pairs and returns their figures."""
-    from rgbd_glue_ros.cli.progress import bar, counted
-    from rgbd_glue_ros.experiments.batch.workers import pool
-    from rgbd_glue_ros.experiments.pairs.experiment import run_pairs
     from rgbd_glue_ros.experiments.pairs.paper_tables import write_table
     from rgbd_glue_ros.experiments.pairs.report import REPORT, TABLES
 
@@ -72,6 +69,23 @@ def run(args: argparse.Namespace) -> str:
     if not args.recordings:
         raise InputError("pairs", "no recording is given", "name a data set or a bag")
     sources = arguments.sources(args)
+    figures = _measured(args, sources, experiment)
+    summary = _summary(figures)
+    summary += f"tables   {args.output / TABLES}\nreport   {args.output / REPORT}\n"
+    if table is None:
+        return summary
+    path = write_table(table, experiment.config, figures, args.output)
+    return f"{summary}table    {path}\n\n{path.read_text(encoding='utf-8')}"
+
+
+def _measured(
+    args: argparse.Namespace, sources: list[Path], experiment: Experiment
+) -> dict[str, Any]:
+    """The figures of the experiment, with its progress shown."""
+    from rgbd_glue_ros.cli.progress import bar, counted
+    from rgbd_glue_ros.experiments.batch.workers import pool
+    from rgbd_glue_ros.experiments.pairs.experiment import run_pairs
+
     with pool(args.workers, args.scheduler) as workers, bar(" pairs", 0) as progress:
 
         def expect(total: int, done: int) -> None:
@@ -84,7 +98,7 @@ def run(args: argparse.Namespace) -> str:
             progress.update()
 
         try:
-            figures = run_pairs(
+            return run_pairs(
                 sources,
                 arguments.opener(args),
                 experiment,
@@ -101,12 +115,6 @@ def run(args: argparse.Namespace) -> str:
                     args.output,
                 )
             raise
-    summary = _summary(figures)
-    summary += f"tables   {args.output / TABLES}\nreport   {args.output / REPORT}\n"
-    if table is None:
-        return summary
-    path = write_table(table, experiment.config, figures, args.output)
-    return f"{summary}table    {path}\n\n{path.read_text(encoding='utf-8')}"
 
 
 def _experiment(args: argparse.Namespace, table: PaperTable | None) -> Experiment:

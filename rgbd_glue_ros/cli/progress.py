@@ -49,7 +49,7 @@ class _Bar(tqdm):  # type: ignore[type-arg]
 def tracking_bar(frames: int) -> Iterator[Callable[[OdometryEstimate], None]]:
     """A bar for a number of frames; its result is called with the estimate of each."""
     with bar(" frames", frames) as shown:
-        # if nothing is compiled yet, the first frame takes half a minute
+        # if nothing is compiled yet, this takes a minute or two
         shown.set_postfix_str("warming up")
 
         def show(estimate: OdometryEstimate) -> None:

@@ -68,7 +68,6 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             folder,
             pool=workers,
             limit=args.limit,
-            inputs=given_parameters.inputs_of(args),
             on_planned=expect,
             on_replayed=step,
         )

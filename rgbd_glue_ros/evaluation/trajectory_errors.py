@@ -6,18 +6,18 @@ so that figures are comparable with published ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import mahalanobis_squared, procrustes
+from rgbd_glue_ros.geometry.fitting import procrustes
 from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S, associate
-from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, OdometryEstimate, Trajectory
+from rgbd_glue_ros.types import NANOSECONDS, Float64, Int64, Trajectory
 
 RPE_DELTA_S = 1.0
 """The time over which relative errors are measured."""
@@ -27,8 +27,6 @@ NO_RPE = f"no two poses with ground truth are {RPE_DELTA_S:g} s apart"
 
 # a pair of poses may differ from RPE_DELTA_S by this fraction, for example if frames are lost
 _DELTA_TOLERANCE = 0.1
-# true motion between poses further apart than this cannot be interpolated
-_MAX_TRUTH_GAP_NS = NANOSECONDS // 10
 # fewer positions than this can be aligned with any others
 _MIN_POSES = 3
 
@@ -108,6 +106,22 @@ def evaluate(
     )
 
 
+def evaluated(estimate: Trajectory, reference: Trajectory | None) -> Evaluation | None:
+    """Compares ``estimate`` with ``reference``; None without one, or with too few common poses."""
+    if reference is None:
+        return None
+    try:
+        return evaluate(estimate, reference)
+    except InputError:
+        return None
+
+
+def error_figures(evaluation: Evaluation) -> dict[str, Any]:
+    """Absolute and relative error as in ``metrics.json``."""
+    rpe = evaluation.rpe
+    return {"ape": asdict(evaluation.ape), "rpe": None if rpe is None else asdict(rpe)}
+
+
 def align(estimate: Float64, reference: Float64) -> Float64:
     """T_reference_estimate [4, 4] that best aligns the positions of poses [N, 4, 4] with others.
 
@@ -136,90 +150,6 @@ def relative_error(stamps_ns: Int64, estimate: Float64, reference: Float64) -> R
     E = se3.inverse(truly) @ moved
     angles = np.rad2deg(Rotation.from_matrix(E[:, :3, :3]).magnitude())
     return Rpe(RPE_DELTA_S, _rmse(np.linalg.norm(E[:, :3, 3], axis=1)), _rmse(angles))
-
-
-def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajectory) -> Float64:
-    """NEES of the transforms from every frame to its keyframe: consistency of the covariances.
-
-    xi' P^-1 xi with xi = log(T_estimated T_true^-1), T from the frame to its keyframe (Bar-Shalom,
-    Li and Kirubarajan 2001). For a consistent covariance its mean is 6. If an estimate does not
-    state its uncertainty relative to its keyframe, this is the excess of the frame's covariance
-    over the keyframe's.
-
-    Args:
-        estimates: in order of time.
-        reference: true poses; between two of them the truth is interpolated, since a stamp missed
-            by milliseconds would count as an error of the estimate.
-
-    Returns:
-        float64 [N], for every frame with a pose, a keyframe other than itself, and ground truth for
-        both.
-    """
-    posed = [e for e in estimates if e.T_odom_camera is not None and e.covariance is not None]
-    truth = interpolated(reference, np.array([e.stamp_ns for e in posed], np.int64))
-    keyframes: list[tuple[OdometryEstimate, Float64]] = []
-    errors = []
-    for estimate, true in zip(posed, truth, strict=True):
-        # a frame that restarts the odometry has its own number
-        if estimate.keyframe_id < len(keyframes):
-            errors.append(_normalised_error(estimate, true, *keyframes[estimate.keyframe_id]))
-        if estimate.is_keyframe:
-            keyframes.append((estimate, true))
-    normalised = np.array(errors, np.float64)
-    return normalised[np.isfinite(normalised)]
-
-
-def _normalised_error(
-    frame: OdometryEstimate, true: Float64, keyframe: OdometryEstimate, true_keyframe: Float64
-) -> float:
-    """NEES of the transform between two estimates; NaN if ground truth is not known."""
-    T, T_keyframe = frame.T_odom_camera, keyframe.T_odom_camera
-    if T is None or T_keyframe is None or frame.covariance is None or keyframe.covariance is None:
-        return float("nan")
-    expected = T_keyframe @ se3.inverse(true_keyframe) @ true
-    if not np.isfinite(expected).all():
-        return float("nan")
-    error = se3.log(T @ se3.inverse(expected))
-    if frame.covariance_from_keyframe is not None:
-        return mahalanobis_squared(error, frame.covariance_from_keyframe)
-    covariance = se3.perturbation_covariance(T, frame.covariance)
-    covariance = covariance - se3.perturbation_covariance(T_keyframe, keyframe.covariance)
-    return mahalanobis_squared(error, covariance)
-
-
-def interpolated(reference: Trajectory, stamps_ns: Int64) -> Float64:
-    """Poses [N, 4, 4] at any stamps; NaN outside, and if neighbours are too far apart in time.
-
-    Positions are interpolated linearly, rotations along the shortest path. At the stamp of a pose,
-    the result is that pose.
-    """
-    poses = np.full((len(stamps_ns), 4, 4), np.nan)
-    stamps, rows = np.unique(reference.stamps_ns, return_index=True)
-    if not len(stamps):
-        return poses
-    known = reference.poses[rows]
-    nearest = np.searchsorted(stamps, stamps_ns).clip(0, len(stamps) - 1)
-    exact = stamps[nearest] == stamps_ns
-    poses[exact] = known[nearest[exact]]
-    if len(stamps) < 2:
-        return poses
-    after = np.searchsorted(stamps, stamps_ns).clip(1, len(stamps) - 1)
-    gap = stamps[after] - stamps[after - 1]
-    inside = (stamps_ns >= stamps[0]) & (stamps_ns <= stamps[-1]) & (gap <= _MAX_TRUTH_GAP_NS)
-    inside &= ~exact
-    if not inside.any():
-        return poses  # older versions of scipy refuse an empty interpolation
-    # floats can represent microseconds since the first stamp, but not since 1970
-    times, wanted = (np.asarray(s - stamps[0], np.float64) for s in (stamps, stamps_ns[inside]))
-    poses[inside] = np.eye(4)
-    poses[inside, :3, :3] = Slerp(times, Rotation.from_matrix(known[:, :3, :3]))(wanted).as_matrix()
-    poses[inside, :3, 3] = np.stack([np.interp(wanted, times, x) for x in known[:, :3, 3].T], 1)
-    return poses
-
-
-def path_length(poses: Float64) -> float:
-    """Length of the path through poses [N, 4, 4], metres."""
-    return float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
 
 
 def _pairs(stamps_ns: Int64) -> tuple[Int64, Int64]:

@@ -23,8 +23,8 @@ from rgbd_glue_ros.parameters.files import (
 )
 from rgbd_glue_ros.parameters.inputs import (
     HEADER,
-    OF_MESSAGES,
     READ_ONCE,
+    RECEIPT,
     InputConfig,
     metres_per_unit,
 )
@@ -63,12 +63,12 @@ __all__ = [
     "GEOMETRIC_FEATURES",
     "HEADER",
     "LEARNED_VISUAL_FEATURES",
-    "OF_MESSAGES",
     "OLD_NAMES",
     "PACKAGE",
     "POSE",
     "PROFILES_VARIABLE",
     "READ_ONCE",
+    "RECEIPT",
     "USUAL_NAMES",
     "VISUAL_FEATURES",
     "CameraConfig",

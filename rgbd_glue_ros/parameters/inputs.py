@@ -14,9 +14,6 @@ HEADER, RECEIPT = "header", "receipt"
 MAP_BY_RECEIPT = "record them and map the recording (rgbd-glue map RECORDING --set stamps=receipt)"
 """What to do about images of two clocks where the mapping node cannot go by their receipt."""
 
-OF_MESSAGES = ("depth_scale", "depth_is_registered", "depth_camera_pose", "imu_pose")
-"""Parameters that complete messages; frames that were read need none."""
-
 READ_ONCE = "it is read once, when the node starts"
 
 read_once = partial(parameter, fixed=READ_ONCE)

@@ -27,6 +27,7 @@ from rgbd_glue_ros.recordings.bag.writer import (
 )
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
+from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 from rgbd_glue_ros.types import RgbdFrame, Trajectory
 
 # When, and how
@@ -86,13 +87,20 @@ def _convert(source: Recording, target: Path, compressed: bool, topics: WrittenT
         delay=_PROGRESS_AFTER_S,
         disable=None,
     )
-    if isinstance(source, BagRecording):
+    if is_bag(source):
         with TumFolderWriter(target, first.intrinsics, source.ground_truth) as folder:
             for files in mapped_ahead(folder.encode, progress):
                 folder.write(files)
     else:
         with BagWriter(target, COMPRESSED if compressed else RAW, topics) as bag:
             write_bag(progress, source.ground_truth, bag)
+
+
+def is_bag(recording: Recording) -> bool:
+    """Whether the frames come from a bag, whatever they went through since."""
+    while isinstance(recording, WrappedRecording):
+        recording = recording.recording
+    return isinstance(recording, BagRecording)
 
 
 def write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWriter) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError, MissingExtraError
-from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.evaluation.trajectory_errors import evaluated
 from rgbd_glue_ros.files.user_paths import expanded
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.geometry import se3
@@ -22,6 +22,7 @@ from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL, drawn, rejected
 from rgbd_glue_ros.slam.cloud import cloud_of
+from rgbd_glue_ros.trajectories.path import trajectory_of
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
@@ -86,6 +87,8 @@ class RerunRecording(Closing):
         self._truth = truth
         self._first_ns: int | None = None
         self._state: TrackingState | None = None
+        self._last_position: Float64 | None = None
+        # only for the truth, since a node may run for days
         self._poses: dict[int, Float64] = {}
         self._keyframes = 0
         self._T_fixed_odom = np.full((4, 4), np.nan)
@@ -119,6 +122,7 @@ class RerunRecording(Closing):
 
     def start_anew(self) -> None:
         """Ends the line of the trajectory: the next pose is in another odom frame."""
+        self._last_position = None
         self._poses.clear()
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
@@ -229,11 +233,13 @@ class RerunRecording(Closing):
         self._log(layout.COVARIANCE, ellipsoid)
 
     def _extend_trajectory(self, stamp_ns: int, T_odom_camera: Float64) -> None:
-        if self._poses:
-            last = next(reversed(self._poses.values()))
-            piece = np.stack([last[:3, 3], T_odom_camera[:3, 3]])
+        position = T_odom_camera[:3, 3].copy()
+        if self._last_position is not None:
+            piece = np.stack([self._last_position, position])
             self._draw_lines(layout.TRAJECTORY, [piece], _ESTIMATE_RGB)
-        self._poses[stamp_ns] = T_odom_camera
+        self._last_position = position
+        if self._truth is not None:
+            self._poses[stamp_ns] = T_odom_camera
 
     def _add_keyframe(self, frame: RgbdFrame, T_odom_camera: Float64) -> None:
         path = _keyframe(self._keyframes)
@@ -247,14 +253,8 @@ class RerunRecording(Closing):
 
     def _draw_truth(self) -> None:
         """Draws the ground truth, aligned with the trajectory as for the absolute error."""
-        if self._truth is None:
-            return
-        poses = np.array(list(self._poses.values())).reshape(-1, 4, 4)
-        try:
-            aligned = evaluate(
-                Trajectory(np.array(list(self._poses), np.int64), poses), self._truth
-            )
-        except InputError:
+        aligned = evaluated(trajectory_of(self._poses.items()), self._truth)
+        if aligned is None:
             return  # as reported in the figures of the run
         T_odom_truth = se3.inverse(aligned.T_reference_estimate)
         way = se3.transform(T_odom_truth, aligned.reference[:, :3, 3])

@@ -8,60 +8,31 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
+from rigs.trajectories import line, wandering
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import (
-    evaluate,
-    interpolated,
-    normalised_errors,
-    path_length,
-)
+from rgbd_glue_ros.evaluation.trajectory_errors import Rpe, error_figures, evaluate, evaluated
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.trajectories.tum import read_tum, write_tum
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
-    Int64,
-    OdometryEstimate,
-    TrackingState,
     Trajectory,
 )
 
 SECOND = NANOSECONDS
 
 
-def stamps(length: int, rate_hz: int = 30) -> Int64:
-    # a rounded stamp misses its second by nanoseconds, as real ones do
-    return 1_700_000_000 * SECOND + np.arange(length) * SECOND // rate_hz
-
-
-def wandering(seed: int, length: int = 90, step: float = 0.02) -> Trajectory:
-    rng = np.random.default_rng(seed)
-    poses = [np.eye(4)]
-    for _ in range(length - 1):
-        poses.append(poses[-1] @ se3.exp(rng.normal(0, step, 6)))
-    return Trajectory(stamps(length), np.stack(poses))
-
-
 def disturbed(trajectory: Trajectory, seed: int, amount: float = 0.005) -> Trajectory:
     rng = np.random.default_rng(seed)
     noise = np.stack([se3.exp(rng.normal(0, amount, 6)) for _ in range(len(trajectory))])
     return Trajectory(trajectory.stamps_ns, trajectory.poses @ noise)
-
-
-def line(velocity: float, length: int = 90) -> Trajectory:
-    times = stamps(length)
-    poses = np.tile(np.eye(4), (length, 1, 1))
-    poses[:, 0, 3] = velocity * (times - times[0]) / SECOND
-    return Trajectory(times, poses)
 
 
 def test_a_trajectory_has_no_error_against_itself() -> None:
@@ -139,9 +110,18 @@ def test_trajectories_of_different_times_are_refused_with_their_spans() -> None:
         evaluate(early, late)
 
 
-def test_the_length_of_a_path_is_the_sum_of_its_steps() -> None:
-    assert path_length(line(0.5, 31).poses) == pytest.approx(0.5, abs=1e-8)
-    assert path_length(np.empty((0, 4, 4))) == 0.0
+def test_without_a_reference_or_common_moments_there_is_no_evaluation() -> None:
+    truth = wandering(0)
+    later = Trajectory(truth.stamps_ns + 10 * SECOND, truth.poses)
+    assert evaluated(truth, None) is None
+    assert evaluated(truth, later) is None
+    evaluation = evaluated(truth, truth)
+    assert evaluation is not None
+    figures = error_figures(evaluation)
+    assert Rpe(**figures["rpe"]) == evaluation.rpe
+    assert figures["ape"]["rmse_m"] == evaluation.ape.rmse_m
+    short = evaluate(wandering(0, 20), truth)
+    assert error_figures(short)["rpe"] is None
 
 
 def run_evo(program: str, folder: Path, *arguments: str) -> dict[str, float]:
@@ -211,112 +191,3 @@ def test_errors_against_denser_real_ground_truth_are_those_that_evo_gives(
     write_tum(tmp_path / "reference.txt", true)
     ape = run_evo("evo_ape", tmp_path, "--align")
     assert evaluate(estimate, true).ape.rmse_m == pytest.approx(ape["rmse"], rel=1e-6)
-
-
-def estimated(
-    truth: Trajectory, covariance: Float64, keyframe_every: int, seed: int, scale: float = 1.0
-) -> list[OdometryEstimate]:
-    """Poses registered to keyframes with errors of a covariance that they know, times a scale."""
-    rng = np.random.default_rng(seed)
-    lower = np.linalg.cholesky(covariance) * np.sqrt(scale)
-    estimates: list[OdometryEstimate] = []
-    T, P, true, number = np.eye(4), np.eye(6) * 1e-8, truth.poses[0], -1
-    for i, (stamp, pose) in enumerate(zip(truth.stamps_ns, truth.poses, strict=True)):
-        estimate, P_estimate = T, P
-        if i:
-            error = se3.exp(lower @ rng.normal(size=6))
-            estimate, P_estimate = error @ T @ se3.inverse(true) @ pose, P + covariance
-        is_keyframe = i % keyframe_every == 0
-        estimates.append(
-            OdometryEstimate(
-                int(stamp),
-                TrackingState.TRACKING,
-                estimate,
-                se3.pose_covariance(estimate, P_estimate),
-                is_keyframe=is_keyframe,
-                keyframe_id=max(number, 0),
-            )
-        )
-        if is_keyframe:
-            T, P, true, number = estimate, P_estimate, pose, number + 1
-    return estimates
-
-
-COVARIANCE = np.diag([4.0, 1.0, 9.0, 1.0, 2.0, 3.0]) * 1e-6 + 1e-7
-
-
-@pytest.mark.slow
-def test_normalised_errors_of_an_honest_covariance_are_chi_squared_with_six_degrees() -> None:
-    truth = wandering(0, 3000)
-    nees = normalised_errors(estimated(truth, COVARIANCE, 7, seed=1), truth)
-    assert len(nees) == 2999
-    # the mean of N of them has the variance 12 / N
-    assert nees.mean() == pytest.approx(6.0, abs=4 * np.sqrt(12 / 2999))
-    assert stats.kstest(nees, stats.chi2(6).cdf).pvalue > 1e-3
-
-
-@pytest.mark.parametrize("scale", [0.25, 4.0])
-def test_normalised_errors_grow_as_covariances_are_too_small(scale: float) -> None:
-    truth = wandering(0, 500)
-    honest = normalised_errors(estimated(truth, COVARIANCE, 7, seed=1), truth)
-    nees = normalised_errors(estimated(truth, COVARIANCE, 7, seed=1, scale=scale), truth)
-    # an error is no longer small beside the distance to the origin: not to the last digit
-    np.testing.assert_allclose(nees, scale * honest, rtol=1e-6)
-
-
-def test_an_error_of_one_standard_deviation_along_an_axis_has_the_normalised_error_one() -> None:
-    truth = wandering(3, 2)
-    first, second = estimated(truth, COVARIANCE, 10, seed=0)
-    moved = np.array([0, 0, np.sqrt(COVARIANCE[2, 2]), 0, 0, 0])
-    # the first pose is the identity
-    T = se3.exp(moved) @ se3.inverse(truth.poses[0]) @ truth.poses[1]
-    covariance = np.eye(6) * 1e-8 + np.diag(np.diag(COVARIANCE))
-    second = replace(second, T_odom_camera=T, covariance=se3.pose_covariance(T, covariance))
-    np.testing.assert_allclose(normalised_errors([first, second], truth), [1.0], rtol=1e-6)
-
-
-def test_frames_without_a_pose_a_keyframe_or_the_truth_have_no_normalised_error() -> None:
-    truth = wandering(0, 60)
-    estimates = estimated(truth, COVARIANCE, 7, seed=1)
-    lost = OdometryEstimate(estimates[10].stamp_ns, TrackingState.LOST)
-    estimates[10] = lost
-    known = Trajectory(truth.stamps_ns[:40], truth.poses[:40])
-    # the first frame has no other keyframe, one is lost, and 20 have no truth
-    assert len(normalised_errors(estimates, known)) == 60 - 1 - 1 - 20
-
-
-def test_interpolated_poses_of_a_steady_screw_are_exact_in_rotation_and_on_the_way() -> None:
-    step = np.array([0.02, 0, 0, 0, 0, 0.05])
-    poses = np.stack([se3.exp(i * step) for i in range(11)])
-    truth = Trajectory(stamps(11), poses)
-    between = (truth.stamps_ns[:-1] + truth.stamps_ns[1:]) // 2
-    found = interpolated(truth, between)
-    exact = np.stack([se3.exp((i + 0.5) * step) for i in range(10)])
-    np.testing.assert_allclose(found[:, :3, :3], exact[:, :3, :3], atol=1e-7)
-    # a chord of the arc, whose sagitta is that of an angle of 0.05 over 2 cm
-    assert np.abs(found[:, :3, 3] - exact[:, :3, 3]).max() < 0.02 * 0.05 / 8 * 1.01
-
-
-def test_at_its_own_stamps_an_interpolated_trajectory_is_itself() -> None:
-    truth = wandering(5)
-    order = np.random.default_rng(0).permutation(len(truth))
-    shuffled = Trajectory(truth.stamps_ns[order], truth.poses[order])
-    np.testing.assert_allclose(interpolated(shuffled, truth.stamps_ns), truth.poses, atol=1e-12)
-
-
-def test_nothing_is_known_outside_the_truth_nor_in_its_gaps() -> None:
-    truth = wandering(0, 60)
-    kept = np.r_[0:20, 40:60]
-    with_gap = Trajectory(truth.stamps_ns[kept], truth.poses[kept])
-    wanted = np.r_[truth.stamps_ns[0] - 1, truth.stamps_ns[30], truth.stamps_ns[-1] + 1]
-    assert np.isnan(interpolated(with_gap, wanted)).all()
-    assert np.isnan(interpolated(Trajectory(truth.stamps_ns[:1], truth.poses[:1]), wanted)).all()
-
-
-def test_a_truth_of_few_poses_is_known_at_their_very_stamps() -> None:
-    truth = wandering(0, 60)
-    rare = Trajectory(truth.stamps_ns[::20], truth.poses[::20])
-    wanted = np.r_[truth.stamps_ns[20], truth.stamps_ns[21]]
-    found = interpolated(rare, wanted)
-    np.testing.assert_array_equal(found[0], truth.poses[20])
-    assert np.isnan(found[1]).all()

@@ -19,7 +19,7 @@ from rigs.room import room_frame, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments import bench
-from rgbd_glue_ros.experiments.bench import FIGURES, REPORT, TABLES, Plan, run_bench
+from rgbd_glue_ros.experiments.bench import FIGURES, REPORT, TABLES, Plan, live, run_bench
 from rgbd_glue_ros.experiments.bench.contest import OURS, Contest, FrameToFrame
 from rgbd_glue_ros.experiments.bench.degraded import DEGRADATIONS
 from rgbd_glue_ros.experiments.bench.figures import losses, times
@@ -27,11 +27,12 @@ from rgbd_glue_ros.experiments.bench.floors import FLOORS, Floors
 from rgbd_glue_ros.experiments.bench.live import Live
 from rgbd_glue_ros.experiments.bench.memory import Memory, endless
 from rgbd_glue_ros.experiments.bench.picture import PICTURE, picture
+from rgbd_glue_ros.experiments.bench.report import to_markdown
 from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import NoTransformError
 from rgbd_glue_ros.experiments.report.machine import machine, resident_mb
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.parameters import CameraConfig, Config
+from rgbd_glue_ros.parameters import CameraConfig, Config, load_preset, with_values
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -122,6 +123,21 @@ def test_after_a_frame_without_a_transform_a_peer_goes_on_from_the_last_one_that
     np.testing.assert_allclose(poses[7], expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("unusable", [{0}, {4, 5}])
+def test_a_frame_that_a_peer_cannot_prepare_has_no_pose(unusable: set[int]) -> None:
+    class Choosy(Oracle):
+        def prepare(self, view: View) -> float:
+            time_s = super().prepare(view)
+            if round(time_s * RATE_HZ) in unusable:
+                raise NoTransformError("no depth")
+            return time_s
+
+    result = contest({"choosy": Choosy()})["contest"]
+    assert result["choosy"]["lost"] == len(unusable)
+    assert result["choosy"]["ape"]["max_m"] < 1e-9
+    assert result[OURS]["frames"] == FRAMES
+
+
 def test_a_peer_out_of_time_is_measured_on_the_frames_that_it_got_done() -> None:
     result = contest({"slow": Oracle()}, patience_s=1e-9)["contest"]
     assert result["slow"]["frames"] == 1
@@ -165,6 +181,15 @@ def test_every_floor_belongs_to_a_stage_of_its_own_and_takes_some_time(floor: An
         floors.show(room_frame(i % FRAMES / RATE_HZ))
     assert floors.figures()["floors_ms"][floor.stage] > 0
     assert [f.stage for f in FLOORS].count(floor.stage) == 1
+
+
+def test_floors_of_orb_are_those_of_no_other_feature() -> None:
+    floors = Floors(with_values(Config(), {"features.visual": "sift"}))
+    for i in range(50):
+        floors.show(room_frame(i % FRAMES / RATE_HZ))
+    measured = floors.figures()["floors_ms"]
+    assert "preparation" in measured
+    assert not {"visual_features", "visual_matching", "ransac"} & set(measured)
 
 
 def test_frames_that_show_nothing_have_no_floor() -> None:
@@ -243,6 +268,19 @@ def test_memory_is_that_of_the_process_and_ends_after_as_many_frames_as_asked_fo
     assert all(0.5 * before < mb < before + 2000 for mb in memory["resident_mb"])
 
 
+@pytest.mark.parametrize(
+    ("resident_mb", "growth"),
+    [([100.0], "+0.0"), ([100.0, 101.0], "+1.0"), ([100.0, 100.0, 104.0, 104.5], "+4.5")],
+)
+def test_growth_is_between_halves_that_share_no_sample(
+    tmp_path: Path, resident_mb: list[float], growth: str
+) -> None:
+    figures = run_bench([tmp_path], lambda _: Room(), plan(limit=3, peers=()), tmp_path)
+    frames = list(range(50, 50 * len(resident_mb) + 1, 50))
+    memory = {"recording": "room", "frames": frames, "resident_mb": resident_mb}
+    assert f"that of the first {growth} MB" in to_markdown({**figures, "memory": memory})
+
+
 def test_resident_memory_grows_by_what_is_allocated() -> None:
     before = resident_mb()
     block = np.ones(64 * 2**20, np.uint8)
@@ -253,13 +291,30 @@ def test_resident_memory_grows_by_what_is_allocated() -> None:
 @pytest.mark.slow
 def test_the_node_is_measured_over_dds() -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
-    part = Live(Room())
+    part = Live(Room(), load_preset("live"))
     part.run(step)
     live = part.figures()["live"]
     assert live["frames"] + sum(live["dropped"].values()) == FRAMES
     assert 0 < live["node_latency_ms"]["p50"] <= live["latency_ms"]["p95"]
     assert live["ready_s"] > 0
     assert live["ape"]["rmse_m"] < 0.05
+
+
+def test_the_node_has_the_parameters_of_the_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[object] = []
+
+    def note(*_: object, parameters: object) -> None:
+        given.append(parameters)
+        raise RuntimeError("noted")
+
+    monkeypatch.setattr(live, "demo", note)
+    live_preset = load_preset("live")
+    for config in (live_preset, with_values(live_preset, {"features.visual": "sift"})):
+        with pytest.raises(RuntimeError, match="noted"):
+            Live(Room(), config).run(step)
+    assert given == [{}, {"features.visual": "sift"}]
 
 
 def test_the_machine_has_cores_and_the_versions_of_its_libraries() -> None:
@@ -343,6 +398,21 @@ def test_a_recording_that_cannot_be_used_is_named_and_the_others_are_measured(
     assert "is no recording" in (tmp_path / TABLES).read_text()
     with pytest.raises(InputError, match="is no recording"):
         run_bench(sources[:1], opened, plan(), tmp_path)
+
+
+@pytest.mark.usefixtures("_peers")
+def test_a_node_that_ends_is_reported_and_the_rest_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def end(*_: object, **__: object) -> None:
+        raise RuntimeError("the node ended: exit code -9")
+
+    monkeypatch.setattr(live, "demo", end)
+    wanted = plan(limit=3, live=True, robustness=True)
+    figures = run_bench([tmp_path], lambda _: Room(), wanted, tmp_path / "out")
+    assert figures["problems"] == ["room, first 3 frames, live: the node ended: exit code -9"]
+    (content,) = figures["sequences"].values()
+    assert content["robustness"]
 
 
 @pytest.mark.usefixtures("_peers")

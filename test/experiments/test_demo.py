@@ -13,12 +13,17 @@ from pathlib import Path
 
 import pytest
 
+from rgbd_glue_ros.cli import demo as command
+from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.demo import demo as module
 from rgbd_glue_ros.experiments.demo.demo import Progress, bundled_bag, demo
 from rgbd_glue_ros.experiments.demo.node_process import private_domain
 from rgbd_glue_ros.experiments.demo.played import PlayedBag
+from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.trajectories.tum import read_tum
+from rgbd_glue_ros.types import NANOSECONDS
 
 
 def ignore(_: Progress) -> None:
@@ -54,10 +59,10 @@ def test_the_demonstration_leaves_the_files_of_a_replay_with_the_errors_in_them(
     assert "95 % by covariance" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "data:image/jpeg" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert figures["tracked"] == result.summary.tracked
-    assert figures["frames"] + sum(figures["dropped"].values()) == result.frames
+    assert figures["frames"] + sum(figures["dropped"].values()) == figures["played"]
     assert 50 < figures["peak_rss_mb"] < 2000
     assert 0 < figures["node_latency_ms"]["p50"] < figures["latency_ms"]["p95"]
-    assert seen[-1].played == seen[-1].frames == result.frames
+    assert seen[-1].played == seen[-1].frames == figures["played"]
 
 
 @pytest.mark.slow
@@ -92,6 +97,61 @@ def test_the_unit_of_depth_is_taken_once_however_it_is_given(tmp_path: Path) -> 
         assert json.loads((folder / "metrics.json").read_text())["ape"]["rmse_m"] < 0.02
         scale = float(words[-1].rpartition("=")[2])
         assert f"depth_scale: {scale}" in (folder / "params.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_ros")
+def test_images_may_be_paired_by_receipt(tmp_path: Path) -> None:
+    done = shown(tmp_path, "--set", "stamps=receipt")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "metrics.json").read_text())["tracked"] > 0
+    assert "stamps: receipt" in (tmp_path / "params.yaml").read_text(encoding="utf-8")
+
+
+def test_parameters_of_pairing_are_applied_on_reading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played: list[tuple[dict[str, object], InputConfig]] = []
+
+    def note(_: object, __: object, parameters: dict[str, object], inputs: InputConfig) -> str:
+        played.append((parameters, inputs))
+        return ""
+
+    monkeypatch.setattr(command, "_play", note)
+    given = {"approx_sync_max_interval": 0.05, "approx_sync": True, "max_width": 320}
+    words = [word for item in given.items() for word in ("--set", "{}={}".format(*item))]
+    assert main(["demo", str(bundled_bag()), *words, "-o", str(tmp_path)]) == 0
+    assert played == [({"max_width": 320}, InputConfig(approx_sync_max_interval=0.05))]
+
+
+def test_a_bag_as_it_is_cannot_be_paired_by_receipt(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="name the recording: rgbd-glue demo SRC --set stamps"):
+        demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, ignore, parameters={"stamps": "receipt"})
+
+
+@pytest.mark.usefixtures("_ros")
+def test_a_pose_of_no_image_is_counted_and_left_out(ros_domain: int) -> None:
+    from geometry_msgs.msg import PoseStamped
+    from rigs.ros import PATIENCE_S, Rig
+
+    from rgbd_glue_ros.experiments.demo.player import Player
+
+    known, unknown = PoseStamped(), PoseStamped()
+    unknown.header.stamp.sec = 7
+    played = PlayedBag.load(bundled_bag())
+    with Player(played, ros_domain) as player, Rig(ros_domain) as rig:
+        publisher = rig.publisher(PoseStamped, topics.POSE)
+        message = played.messages[0]
+        player.publish(message)
+        known.header.stamp.sec, known.header.stamp.nanosec = divmod(message.stamp_ns, NANOSECONDS)
+
+        def are_received() -> bool:
+            publisher.publish(unknown)
+            publisher.publish(known)
+            return bool(player.poses and player.unassigned)
+
+        assert player.wait(are_received, PATIENCE_S)
+    assert list(player.poses) == [message.stamp_ns]
 
 
 @pytest.mark.slow

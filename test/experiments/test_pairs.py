@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -16,22 +17,31 @@ import make_bag
 import numpy as np
 import pytest
 from rigs.geometry import room_points
+from rigs.opener import OpenerByName
 from rigs.room import CAMERA
 
 from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
-from rgbd_glue_ros.experiments.pairs import gallery
+from rgbd_glue_ros.experiments.batch.opening import Opening
+from rgbd_glue_ros.experiments.pairs import gallery, methods
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
 from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.figures import gap_figures
 from rgbd_glue_ros.experiments.pairs.jobs import Results, Unposed, evaluate_pairs, pairs_of
-from rgbd_glue_ros.experiments.pairs.methods import Described, GlueMethod, PairMethod
+from rgbd_glue_ros.experiments.pairs.methods import Described, GlueMethod, PairMethod, method_of
 from rgbd_glue_ros.experiments.pairs.report import FIGURES, TABLES
 from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
-from rgbd_glue_ros.parameters import CameraConfig, Config, FeaturesConfig, load_preset, values
+from rgbd_glue_ros.parameters import (
+    CameraConfig,
+    Config,
+    FeaturesConfig,
+    InputConfig,
+    load_preset,
+    values,
+)
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import Correspondences, RegistrationResult, RgbdFrame, Trajectory, View
 
@@ -276,10 +286,26 @@ def test_peers_are_measured_on_the_same_pairs(tmp_path: Path) -> None:
     assert "| 3 | small_gicp | 3 | 0 | 100.0 |" in (tmp_path / TABLES).read_text()
 
 
+def test_a_method_is_created_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    created: list[Config] = []
+
+    class Counted(GlueMethod):
+        def __init__(self, config: Config) -> None:
+            created.append(config)
+            super().__init__(config)
+
+    monkeypatch.setattr(methods, "GlueMethod", Counted)
+    method_of.cache_clear()
+    run_pairs([Path("walk")], opened(Walk()), Experiment(BLIND, [3]), tmp_path)
+    method_of.cache_clear()
+    assert created == [BLIND]
+
+
 def test_a_peer_that_is_not_there_is_reported_and_the_rest_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "small_gicp", None)
+    method_of.cache_clear()
     experiment = Experiment(BLIND, [3], others={"small_gicp": "small_gicp"})
     run_pairs([Path("walk")], opened(Walk()), experiment, tmp_path)
     figures = figures_in(tmp_path)
@@ -290,9 +316,8 @@ def test_a_peer_that_is_not_there_is_reported_and_the_rest_goes_on(
 # what goes wrong
 
 
-def opened(*walks: Walk) -> Callable[[Path], Walk]:
-    by_name = {walk.name: walk for walk in walks}
-    return lambda path: by_name[path.name]
+def opened(*walks: Walk) -> OpenerByName:
+    return OpenerByName(**{walk.name: walk for walk in walks})
 
 
 def figures_in(folder: Path) -> dict[str, Any]:
@@ -367,6 +392,48 @@ def test_an_interrupted_experiment_keeps_the_pairs_done(tmp_path: Path) -> None:
         )
     gap = figures_in(tmp_path)["gaps"]["3"]
     assert gap["pairs"] == 2
+
+
+def interrupted_experiment(source: Path, opening: Opening, folder: Path) -> None:
+    def interrupt(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_pairs([source], opening, Experiment(BLIND, [12]), folder, on_pair=interrupt)
+
+
+def test_a_recording_opened_in_another_way_does_not_continue_an_experiment(tmp_path: Path) -> None:
+    interrupted_experiment(make_bag.FOLDER, Opening(), tmp_path)
+    other = Opening(inputs=InputConfig(depth_scale=1 / 5000))
+    with pytest.raises(InputError, match="an interrupted run with other parameters"):
+        run_pairs([make_bag.FOLDER], other, Experiment(BLIND, [12]), tmp_path)
+
+
+def test_a_relative_path_means_another_recording_in_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for folder in folders:
+        shutil.copytree(make_bag.FOLDER, folder / "bag")
+    monkeypatch.chdir(folders[0])
+    interrupted_experiment(Path("bag"), Opening(), tmp_path / "out")
+    done: list[int] = []
+
+    def note(_: int, done_before: int) -> None:
+        done.append(done_before)
+        raise KeyboardInterrupt
+
+    for folder in reversed(folders):
+        monkeypatch.chdir(folder)
+        with pytest.raises(KeyboardInterrupt):
+            run_pairs(
+                [Path("bag")],
+                Opening(),
+                Experiment(BLIND, [12]),
+                tmp_path / "out",
+                on_planned=note,
+            )
+    assert done == [0, 1]
 
 
 def test_an_interrupt_while_pictures_are_made_waits_for_one_of_them(

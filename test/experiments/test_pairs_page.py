@@ -11,6 +11,7 @@ import pytest
 from rigs.pages import Page
 
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
+from rgbd_glue_ros.experiments.batch.opening import Opening
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairResult
 from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.gallery import TYPICAL, WORST, chosen, severity
@@ -18,7 +19,6 @@ from rgbd_glue_ros.experiments.pairs.page import render
 from rgbd_glue_ros.experiments.pairs.report import REPORT
 from rgbd_glue_ros.experiments.pairs.results import GLUE, PairResults
 from rgbd_glue_ros.parameters import Config, with_values
-from rgbd_glue_ros.recordings import open_recording
 
 
 def result(number: int, error: float = 1.0, *, failed: bool = False) -> PairResult:
@@ -94,7 +94,7 @@ def test_the_report_of_scannets_test_split_is_smaller_than_five_megabytes() -> N
 def test_a_run_leaves_a_report_with_pictures_of_its_pairs(tmp_path: Path) -> None:
     config = with_values(Config(), {"features.keypoints": 300})
     experiment = Experiment(config, [10], 30)
-    figures = run_pairs([make_bag.FOLDER], open_recording, experiment, tmp_path)
+    figures = run_pairs([make_bag.FOLDER], Opening(), experiment, tmp_path)
     source = (tmp_path / REPORT).read_text()
     page = Page(source)
     assert page.open == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from rigs.room import CAMERA, room_view, true_pose
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.evaluation.registration_errors import rotation_deg, translation_cm
-from rgbd_glue_ros.experiments.peers import PEERS, NoTransformError, Peer
+from rgbd_glue_ros.experiments.peers import PEERS, NoTransformError, Peer, opencv_odometry
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import View
 
@@ -52,3 +54,19 @@ def test_a_peer_gives_no_transform_of_frames_without_depth(name: str) -> None:
 def test_a_peer_whose_library_is_not_there_says_what_to_install() -> None:
     with pytest.raises(InputError, match="install the same release of opencv-contrib"):
         PEERS["opencv_rgbd"]()
+
+
+def test_what_opencv_refuses_has_no_transform(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Refusing:
+        def setCameraMatrix(self, matrix: object) -> None:
+            """Takes any."""
+
+        def compute(self, *_: object) -> tuple[bool, object]:
+            raise cv2.error("too few points")
+
+    modules = {"cv2.rgbd": SimpleNamespace(RgbdOdometry_create=Refusing)}
+    monkeypatch.setattr(opencv_odometry, "import_module", modules.__getitem__)
+    peer = PEERS["opencv_rgbd"]()
+    prepared = peer.prepare(room_view(0.0))
+    with pytest.raises(NoTransformError, match="OpenCV refuses the frames: too few points"):
+        peer.register(prepared, prepared)

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import make_bag
 import pytest
-from rigs.pan import Pan
+from rigs.opener import OpenerByName
+from rigs.pan import CAMERA, Pan
 
 from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.batch.opening import Opening
 from rgbd_glue_ros.experiments.replay.batch import FIGURES, JOURNAL, TABLE, named, run_replays
 from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, TRAJECTORY
-from rgbd_glue_ros.parameters import Config
-
-
-def opened(**pans: Pan) -> Callable[[Path], Pan]:
-    return lambda path: pans[path.name]
+from rgbd_glue_ros.parameters import Config, InputConfig
+from rgbd_glue_ros.recordings import Calibration, Topics
 
 
 def replayed(folder: Path, on_replayed: Any = lambda _: None, **pans: Pan) -> dict[str, Any]:
     paths = [folder.parent / "set" / name for name in pans]
-    return run_replays(paths, opened(**pans), Config(), folder, on_replayed=on_replayed)
+    return run_replays(paths, OpenerByName(**pans), Config(), folder, on_replayed=on_replayed)
 
 
 def test_recordings_are_named_by_their_paths_below_the_folder_of_all(tmp_path: Path) -> None:
@@ -69,6 +67,61 @@ def test_a_run_that_broke_off_goes_on(tmp_path: Path) -> None:
     # finished: the next run starts anew
     replayed(out, more.append, a=Pan(4), b=Pan(4))
     assert more == ["b", "a", "b"]
+
+
+def interrupted_batch(out: Path, sources: list[Path], opening: Opening) -> None:
+    def interrupt(_: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_replays(sources, opening, Config(), out, limit=2, on_replayed=interrupt)
+
+
+def links(folder: Path) -> list[Path]:
+    """Two recordings in a folder."""
+    folder.mkdir()
+    for name in "ab":
+        (folder / name).symlink_to(make_bag.FOLDER)
+    return [folder / name for name in "ab"]
+
+
+@pytest.mark.slow
+def test_other_recordings_of_the_same_names_do_not_continue_a_run(tmp_path: Path) -> None:
+    out, opening = tmp_path / "out", Opening()
+    interrupted_batch(out, links(tmp_path / "one"), opening)
+    (tmp_path / "bag").mkdir()
+    for file in make_bag.FOLDER.iterdir():
+        (tmp_path / "bag" / file.name).symlink_to(file)
+    others = [tmp_path / "two" / name for name in "ab"]
+    others[0].parent.mkdir()
+    for other in others:
+        other.symlink_to(tmp_path / "bag")
+    with pytest.raises(InputError, match="an interrupted run with other parameters or rec"):
+        run_replays(others, opening, Config(), out, limit=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "other",
+    [
+        Opening(topics=Topics(imu="")),
+        Opening(calibration=Calibration(CAMERA)),
+        Opening(depth_calibration=Calibration(CAMERA)),
+        Opening(inputs=InputConfig(depth_scale=1e-3)),
+    ],
+)
+def test_recordings_opened_in_another_way_do_not_continue_a_run(
+    tmp_path: Path, other: Opening
+) -> None:
+    out, sources = tmp_path / "out", links(tmp_path / "set")
+    interrupted_batch(out, sources, Opening())
+    with pytest.raises(InputError, match="an interrupted run with other parameters"):
+        run_replays(sources, other, Config(), out, limit=2)
+
+
+def test_a_calibration_counts_by_its_content() -> None:
+    openings = [Opening(calibration=Calibration(CAMERA, source=name)) for name in ("a", "./a")]
+    assert openings[0].as_json() == openings[1].as_json()
 
 
 def test_when_none_can_be_replayed_the_first_cause_is_the_error(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +18,14 @@ from rigs.tasks import digits, threads
 
 from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.batch.opening import Opening
 from rgbd_glue_ros.experiments.batch.workers import DaskPool, Failure, Pool, Serial, pool
 from rgbd_glue_ros.experiments.pairs.experiment import Experiment, run_pairs
 from rgbd_glue_ros.experiments.pairs.jobs import Results, from_json
 from rgbd_glue_ros.experiments.pairs.report import JOURNAL
 from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.recordings import open_recording, read_calibration
+from rgbd_glue_ros.recordings import read_calibration
 
 GAP, EVERY = 4, 6
 STRANGE = "0.0.1"
@@ -171,7 +171,7 @@ def pairs_on(where: Pool, folder: Path, on_pair: object = None) -> dict[str, Any
     experiment = Experiment(Config(), [GAP], EVERY)
     taken = on_pair if callable(on_pair) else lambda _: None
     recordings = [make_bag.FOLDER]
-    return run_pairs(recordings, open_recording, experiment, folder, pool=where, on_pair=taken)
+    return run_pairs(recordings, Opening(), experiment, folder, pool=where, on_pair=taken)
 
 
 def without_times(folder: Path) -> list[str]:
@@ -215,9 +215,9 @@ def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
     tmp_path: Path,
 ) -> None:
     pytest.importorskip("distributed")
-    camera = read_calibration(write_data_set(tmp_path / "poster", 12)).intrinsics
+    calibration = read_calibration(write_data_set(tmp_path / "poster", 12))
     (tmp_path / "poster/rgb/006.png").write_bytes(b"damaged")
-    opener = partial(open_recording, calibration=camera)
+    opener = Opening(calibration=replace(calibration, depth_scale=None))
     sources, experiment = [tmp_path / "poster"], Experiment(Config(), [2])
     serial, parallel = tmp_path / "serial", tmp_path / "parallel"
     here = run_pairs(sources, opener, experiment, serial)

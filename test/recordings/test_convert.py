@@ -10,6 +10,7 @@ import pytest
 from rigs.bags import CAMERA, CODECS, assert_same_frame, make_frames, recorded, write_rosbag2
 from rigs.disks import full_after
 
+from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.recordings import open_recording
@@ -89,6 +90,21 @@ def test_a_bag_becomes_a_folder_and_that_the_same_bag_again(tmp_path: Path) -> N
         convert(folder, tmp_path / "again" / "bag", compressed=False)
     with open_recording(tmp_path / "again" / "bag") as bag:
         same(iter(bag), FRAMES)
+
+
+def test_a_bag_becomes_a_folder_also_if_its_images_are_reduced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, target = tmp_path / "bag", tmp_path / "folder"
+    convert(Listed(FRAMES), source, compressed=False)
+    words = ["convert", str(source), str(target), "--set", "max_width=32"]
+    assert main([*words, "--topics-like", "oak_d"]) == 2
+    assert "is a bag, which becomes a folder of images" in capsys.readouterr().err
+    assert main(words) == 0
+    assert "topics" not in capsys.readouterr().out
+    assert (target / "rgb.txt").is_file()
+    with open_recording(target) as folder:
+        assert {frame.color.shape[1] for frame in folder} == {32}
 
 
 def test_distortion_survives_the_way_through_a_folder(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,9 +28,10 @@ from rgbd_glue_ros.types import (
     OdometryEstimate,
     PoseGraph,
     PoseGraphEdge,
+    TrackingState,
     Trajectory,
 )
-from rgbd_glue_ros.viz import layout
+from rgbd_glue_ros.viz import layout, rerun_recording
 from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 FRAMES = 20
@@ -183,6 +185,34 @@ def test_the_rerun_file_contains_its_layout(logged: Logged) -> None:
     )
     for name in ("Scene", "Matches", "Depth", "Epsilon, cm", "Time per frame, ms", "State"):
         assert f"'{name}'" in text
+
+
+class NoRerun:
+    """Takes whatever is drawn, and keeps nothing of it."""
+
+    def __getattr__(self, name: str) -> NoRerun:
+        return self
+
+    def __call__(self, *_: object, **__: object) -> NoRerun:
+        return self
+
+
+@pytest.mark.parametrize("has_truth", [False, True])
+def test_poses_are_kept_only_to_align_the_truth(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, has_truth: bool
+) -> None:
+    monkeypatch.setattr(rerun_recording, "load_rerun", NoRerun)
+    pan = Pan(3)
+    kept: list[weakref.ref[Float64]] = []
+    truth = pan.ground_truth if has_truth else None
+    with RerunRecording(str(tmp_path / "pan.rrd"), truth) as recording:
+        for frame in pan:
+            estimate = OdometryEstimate(frame.stamp_ns, TrackingState.TRACKING, np.eye(4))
+            assert estimate.T_odom_camera is not None
+            kept.append(weakref.ref(estimate.T_odom_camera))
+            recording.add(frame, estimate)
+        del estimate
+        assert [ref() is not None for ref in kept] == [has_truth] * 3
 
 
 def test_a_file_that_cannot_be_written_is_refused(needs_rerun: None, tmp_path: Path) -> None:

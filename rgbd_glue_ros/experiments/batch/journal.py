@@ -88,7 +88,7 @@ class Journal(Closing):
         if about != self._about:
             raise InputError(
                 self._path,
-                "holds results of an interrupted run with other parameters",
+                "holds results of an interrupted run with other parameters or recordings",
                 "give another folder (-o), or remove it",
             )
         self.done, self._length = done, len(whole)

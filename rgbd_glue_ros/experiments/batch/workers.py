@@ -122,36 +122,63 @@ def pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[P
             more workers than cores.
         MissingExtraError: Dask is not installed.
     """
-    if workers is None and scheduler is None:
+    if scheduler is not None:
+        _check_dask()
+        with _pool_of_scheduler(scheduler) as there:
+            yield there
+    elif workers is not None:
+        _check_dask()
+        with _local_pool(workers) as here:
+            yield here
+    else:
         yield Serial()
-        return
+
+
+def _check_dask() -> None:
     try:
         import cryptography  # noqa: F401, PLC0415 - for the certificates of local workers
-        import dask  # noqa: PLC0415
-        from distributed import Client, LocalCluster  # noqa: PLC0415
+        import distributed  # noqa: F401, PLC0415
     except ImportError as error:
         raise MissingExtraError("Dask", "scale", "working in parallel") from error
     # Dask manages starting, stopping and restarting of workers
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    if scheduler is not None:
-        try:
-            client = Client(scheduler, timeout=_CONNECT_S)
-        except (OSError, ValueError, TypeError, RuntimeError) as error:
-            # Dask's own settings define the certificates (distributed.comm.tls)
-            raise InputError(
-                scheduler,
-                f"no Dask scheduler answers ({error})",
-                "start one (dask scheduler), or set distributed.comm.tls for tls://",
-            ) from error
-        with client:
-            if not client.nthreads():
-                raise InputError(
-                    scheduler, "has no workers", f"start some: dask worker {scheduler}"
-                )
-            _check_versions(client)
-            yield DaskPool(client)
-        return
-    assert workers is not None  # noqa: S101 - for the type checker
+
+
+@contextmanager
+def _pool_of_scheduler(address: str) -> Iterator[DaskPool]:
+    """The workers of a scheduler that is there.
+
+    Raises:
+        InputError: there is no scheduler at the address, or it has no workers of this version.
+    """
+    from distributed import Client  # noqa: PLC0415
+
+    try:
+        client = Client(address, timeout=_CONNECT_S)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        # Dask's own settings define the certificates (distributed.comm.tls)
+        raise InputError(
+            address,
+            f"no Dask scheduler answers ({error})",
+            "start one (dask scheduler), or set distributed.comm.tls for tls://",
+        ) from error
+    with client:
+        if not client.nthreads():
+            raise InputError(address, "has no workers", f"start some: dask worker {address}")
+        _check_versions(client)
+        yield DaskPool(client)
+
+
+@contextmanager
+def _local_pool(workers: int) -> Iterator[DaskPool]:
+    """Processes on this machine, among which the cores are divided.
+
+    Raises:
+        InputError: there are far more workers than cores.
+    """
+    import dask  # noqa: PLC0415
+    from distributed import Client, LocalCluster  # noqa: PLC0415
+
     cores = os.cpu_count() or 1
     if workers > _MOST_PER_CORE * cores:
         cause = f"{workers} processes on {cores} cores would only compete for memory"

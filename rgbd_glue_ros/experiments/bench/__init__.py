@@ -116,7 +116,7 @@ class _Bench:
         self.on_part(part, recording)
         try:
             part.run(self.on_frame)
-        except (InputError, MissingExtraError) as error:
+        except (InputError, MissingExtraError, RuntimeError) as error:
             self.problems.append(f"{recording.name}, {part.title}: {error}")
         finally:
             figures |= part.figures()
@@ -167,7 +167,8 @@ def run_bench(
 ) -> dict[str, Any]:
     """Measures according to a plan; however it ends, the measurements are written.
 
-    An unusable recording and a peer that is not installed are reported, the rest continues.
+    An unusable recording, a peer that is not installed and a node that ends are reported, the rest
+    continues.
 
     Args:
         sources: the recordings, at least one.
@@ -228,7 +229,7 @@ def _measured(
 def _further_parts(plan: Plan) -> list[Callable[[Recording], Part]]:
     parts: list[Callable[[Recording], Part]] = []
     if plan.live:
-        parts.append(Live)
+        parts.append(lambda recording: Live(recording, plan.config))
     if plan.robustness:
         parts.append(lambda recording: Robustness(recording, plan.config))
     return parts

@@ -17,6 +17,7 @@ from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import CameraConfig, Config
 from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.trajectories.path import trajectory_of
 from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, Trajectory
 
 OURS = "rgbd_glue_ros"
@@ -68,13 +69,12 @@ class FrameToFrame:
 
     def process(self, frame: RgbdFrame) -> Float64 | None:
         """The pose of the last frame that has one, moved by the peer's result."""
-        prepared = self._peer.prepare(view_of(frame, self._limits))
-        if self._last is not None:
-            try:
-                T = self._peer.register(prepared, self._last)
-            except NoTransformError:
-                return None
-            self._pose = self._pose @ T
+        try:
+            prepared = self._peer.prepare(view_of(frame, self._limits))
+            if self._last is not None:
+                self._pose = self._pose @ self._peer.register(prepared, self._last)
+        except NoTransformError:
+            return None
         self._last = prepared
         return self._pose
 
@@ -104,9 +104,7 @@ class _Score:
         return sum(self.wall_ms) / 1e3
 
     def figures(self, truth: Trajectory | None) -> dict[str, Any]:
-        trajectory = Trajectory(
-            np.array(self.stamps_ns, np.int64), np.array(self.poses).reshape(-1, 4, 4)
-        )
+        trajectory = trajectory_of(zip(self.stamps_ns, self.poses, strict=True))
         content: dict[str, Any] = {
             "frames": len(self.wall_ms),
             "lost": len(self.wall_ms) - len(self.poses),

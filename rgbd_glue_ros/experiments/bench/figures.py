@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import evaluate, normalised_errors
+from rgbd_glue_ros.evaluation.consistency import normalised_errors
+from rgbd_glue_ros.evaluation.trajectory_errors import error_figures, evaluated
+from rgbd_glue_ros.trajectories import path
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState, Trajectory
 
 
@@ -21,14 +21,8 @@ def times(milliseconds: Sequence[float]) -> dict[str, float]:
 
 def errors(trajectory: Trajectory, truth: Trajectory | None) -> dict[str, Any]:
     """APE and RPE; nothing without ground truth, or with too few poses to compare."""
-    if truth is None:
-        return {}
-    try:
-        evaluation = evaluate(trajectory, truth)
-    except InputError:
-        return {}
-    rpe = evaluation.rpe
-    return {"ape": asdict(evaluation.ape), "rpe": asdict(rpe) if rpe else None}
+    evaluation = evaluated(trajectory, truth)
+    return {} if evaluation is None else error_figures(evaluation)
 
 
 def honesty(estimates: Sequence[OdometryEstimate], truth: Trajectory | None) -> dict[str, Any]:
@@ -66,8 +60,4 @@ def losses(estimates: Sequence[OdometryEstimate]) -> dict[str, Any]:
 
 def trajectory_of(estimates: list[OdometryEstimate]) -> Trajectory:
     """The poses of all frames that have one."""
-    posed = [(e.stamp_ns, e.T_odom_camera) for e in estimates if e.T_odom_camera is not None]
-    return Trajectory(
-        np.array([stamp for stamp, _ in posed], np.int64),
-        np.array([T for _, T in posed], np.float64).reshape(-1, 4, 4),
-    )
+    return path.trajectory_of((e.stamp_ns, e.T_odom_camera) for e in estimates)

@@ -41,12 +41,14 @@ class Floor:
         what: the operation run in its place.
         work: runs it on a frame and the previous one.
         needs_open3d: whether Open3D runs it.
+        is_of_orb: whether it works on ORB keypoints, so that it is the floor of no other feature.
     """
 
     stage: str
     what: str
     work: Callable[[Inputs, Inputs], object]
     needs_open3d: bool = False
+    is_of_orb: bool = False
 
 
 class Inputs:
@@ -182,15 +184,27 @@ def _keyframe(now: Inputs, _: Inputs) -> object:
 
 FLOORS = (
     Floor(stages.PREPARATION, "grey image by OpenCV, one copy of the depth image", _preparation),
-    Floor(stages.VISUAL_FEATURES, "cv2.ORB with the same settings", _visual_features),
+    Floor(
+        stages.VISUAL_FEATURES, "cv2.ORB with the same settings", _visual_features, is_of_orb=True
+    ),
     Floor(
         stages.GEOMETRIC_FEATURES,
         "Open3D's FPFH of the same points, normals given",
         _geometric_features,
         needs_open3d=True,
     ),
-    Floor(stages.VISUAL_MATCHING, "cv2.BFMatcher, two nearest of all", _visual_matching),
-    Floor(stages.RANSAC, "cv2.solvePnPRansac by three points; it stops once it is sure", _ransac),
+    Floor(
+        stages.VISUAL_MATCHING,
+        "cv2.BFMatcher, two nearest of all",
+        _visual_matching,
+        is_of_orb=True,
+    ),
+    Floor(
+        stages.RANSAC,
+        "cv2.solvePnPRansac by three points; it stops once it is sure",
+        _ransac,
+        is_of_orb=True,
+    ),
     Floor(
         stages.GEOMETRIC_MATCHING,
         "Open3D's nearest neighbours within 10 cm in space alone",
@@ -219,8 +233,13 @@ class Floors:
         self._config = config
         self._count = 0
         self._before: RgbdFrame | None = None
-        available = find_spec("open3d") is not None
-        self._floors = [floor for floor in FLOORS if available or not floor.needs_open3d]
+        has_open3d = find_spec("open3d") is not None
+        is_orb = config.features.visual == "orb"
+        self._floors = [
+            floor
+            for floor in FLOORS
+            if (has_open3d or not floor.needs_open3d) and (is_orb or not floor.is_of_orb)
+        ]
         self._ms: dict[str, list[float]] = {floor.stage: [] for floor in self._floors}
 
     def show(self, frame: RgbdFrame) -> None:

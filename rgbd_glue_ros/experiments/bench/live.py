@@ -7,8 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from rgbd_glue_ros.experiments.demo.demo import Progress, demo
+from rgbd_glue_ros.experiments.demo.demo import PRESET, Progress, demo
 from rgbd_glue_ros.experiments.demo.played import PlayedBag
+from rgbd_glue_ros.parameters import Config, load_preset, values
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.recordings.bag.writer import RAW, BagWriter
 from rgbd_glue_ros.recordings.convert import write_bag
@@ -30,8 +31,12 @@ class Live:
 
     title = "live"
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, config: Config) -> None:
         self._recording = recording
+        preset = values(load_preset(PRESET))
+        self._parameters = {
+            name: value for name, value in values(config).items() if value != preset[name]
+        }
         self._figures: dict[str, Any] = {}
 
     @property
@@ -58,7 +63,8 @@ class Live:
             bag = Path(folder) / "bag"
             with BagWriter(bag, RAW) as writer:
                 write_bag(self._recording, self._recording.ground_truth, writer)
-            result = demo(PlayedBag.load(bag), Path(folder) / "out", 1.0, show)
+            played_bag, out = PlayedBag.load(bag), Path(folder) / "out"
+            result = demo(played_bag, out, 1.0, show, parameters=self._parameters)
         kept = {name: result.figures[name] for name in _KEPT if name in result.figures}
         self._figures = {**kept, "ready_s": result.ready_s}
 

@@ -18,7 +18,13 @@ class Part(Protocol):
         """The maximum number of frames that it will process."""
 
     def run(self, step: Callable[[], None]) -> None:
-        """Measures; calls ``step`` after every frame."""
+        """Measures; calls ``step`` after every frame.
+
+        Raises:
+            InputError: the recording cannot be used.
+            MissingExtraError: a library is not installed.
+            RuntimeError: what is measured ended.
+        """
 
     def figures(self) -> dict[str, Any]:
         """What was measured, ready for JSON."""

@@ -44,7 +44,7 @@ tracking lost in between. Restarts: starts at the last known pose after being lo
 
 _LIVE = """\
 The recording as raw images, published at its own rate by another process over DDS to the node
-with the `live` preset. Latency is from the receipt of a frame's last message to the publication
+with the same parameters. Latency is from the receipt of a frame's last message to the publication
 of its pose; round trip: from publication of the images until the pose is back at the publisher.
 Ready: from the start of the node's process until it has subscribed."""
 
@@ -228,9 +228,9 @@ def _memory(figures: _Figures) -> str:
     if not memory or not memory["frames"]:
         return ""
     frames, resident = memory["frames"], memory["resident_mb"]
-    half = len(frames) // 2
+    half = max(1, len(frames) // 2)
     chosen = sorted({round(i * (len(frames) - 1) / 7) for i in range(8)})
-    growth = f"{max(resident[half:]) - max(resident[: half + 1]):+.1f} MB"
+    growth = f"{max(resident[half:] or resident) - max(resident[:half]):+.1f} MB"
     return (
         f"{memory['recording']} repeatedly through one odometry, in one process that also reads "
         f"it: {frames[-1]} frames, at most {max(resident):.0f} MB; the maximum of the second half "

@@ -10,10 +10,24 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
+from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluated
 from rgbd_glue_ros.experiments.compare.finished_run import FinishedRun
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, number, table
 from rgbd_glue_ros.trajectories.association import associate
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs of one recording.
+
+    Attributes:
+        runs: at least two.
+        apart: of each run its trajectory compared with the first one's; None for the first, and
+            where the two have too few moments in common.
+    """
+
+    runs: Sequence[FinishedRun]
+    apart: Sequence[Evaluation | None]
 
 
 @dataclass(frozen=True)
@@ -37,12 +51,31 @@ class Figure:
         value = reduce(_below, self.keys, figures)
         return self.scale * float(value) if isinstance(value, (int, float)) else None
 
+    def cells(self, comparison: Comparison) -> Iterator[str]:
+        """Its values, with the ratio to that of the first run."""
+        first, *others = (self.of(run.figures) for run in comparison.runs)
+        yield number(first, self.digits)
+        for value in others:
+            ratio = f" (x {value / first:.2f})" if first and value is not None else ""
+            yield f"{number(value, self.digits)}{ratio}"
+
 
 def _below(content: Any, key: str) -> Any:
     return content.get(key) if isinstance(content, Mapping) else None
 
 
-FIGURES = (
+class _Apart:
+    """How far a run is from the first, which no run knows of itself."""
+
+    title = "apart from the first, rmse (cm)"
+
+    def cells(self, comparison: Comparison) -> Iterator[str]:
+        """The error of each run's trajectory against the first one's."""
+        for apart in comparison.apart:
+            yield number(None if apart is None else 100 * apart.ape.rmse_m, 2)
+
+
+_ROWS: tuple[Figure | _Apart, ...] = (
     Figure("frames", ("frames",)),
     Figure("tracked", ("tracked",)),
     Figure("lost", ("lost",)),
@@ -50,28 +83,12 @@ FIGURES = (
     Figure("APE rmse (cm)", ("ape", "rmse_m"), 2, 100),
     Figure("drift, RPE rmse (cm/s)", ("rpe", "trans_rmse_m"), 2, 100),
     Figure("rotation drift, RPE rmse (°/s)", ("rpe", "rot_rmse_deg"), 3),
+    _Apart(),
     Figure("length of path (m)", ("path_m",), 2),
     Figure("latency, median (ms)", ("latency_ms", "p50"), 1),
     Figure("latency, p95 (ms)", ("latency_ms", "p95"), 1),
     Figure("memory, peak (MB)", ("peak_rss_mb",)),
 )
-"""The rows of the table."""
-
-_APART = "apart from the first, rmse (cm)"
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Runs of one recording.
-
-    Attributes:
-        runs: at least two.
-        apart: of each run its trajectory compared with the first one's; None for the first, and
-            where the two have too few moments in common.
-    """
-
-    runs: Sequence[FinishedRun]
-    apart: Sequence[Evaluation | None]
 
 
 def compare(runs: Sequence[FinishedRun]) -> Comparison:
@@ -100,33 +117,13 @@ def _share_moments(run: FinishedRun, first: FinishedRun) -> bool:
 
 
 def _apart(run: FinishedRun, first: FinishedRun) -> Evaluation | None:
-    if run.trajectory is None or first.trajectory is None:
-        return None
-    try:
-        return evaluate(run.trajectory, first.trajectory)
-    except InputError:
-        return None
+    return None if run.trajectory is None else evaluated(run.trajectory, first.trajectory)
 
 
 def figures_table(comparison: Comparison) -> str:
     """All figures, with the ratio to those of the first run; a column for each run."""
-    runs = comparison.runs
-    rows = [[figure.title, *_cells(figure, runs)] for figure in FIGURES]
-    apart = [None if e is None else 100 * e.ape.rmse_m for e in comparison.apart]
-    rows.insert(_row_after_errors(), [_APART, *(number(value, 2) for value in apart)])
-    return _aligned(["", *(run.name for run in runs)], rows)
-
-
-def _row_after_errors() -> int:
-    return next(i for i, figure in enumerate(FIGURES) if figure.keys == ("path_m",))
-
-
-def _cells(figure: Figure, runs: Sequence[FinishedRun]) -> Iterator[str]:
-    first, *others = (figure.of(run.figures) for run in runs)
-    yield number(first, figure.digits)
-    for value in others:
-        ratio = f" (x {value / first:.2f})" if first and value is not None else ""
-        yield f"{number(value, figure.digits)}{ratio}"
+    rows = [[row.title, *row.cells(comparison)] for row in _ROWS]
+    return _aligned(["", *(run.name for run in comparison.runs)], rows)
 
 
 def parameters_text(runs: Sequence[FinishedRun]) -> str:

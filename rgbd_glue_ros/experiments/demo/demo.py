@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -20,6 +21,7 @@ from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import (
+    RECEIPT,
     Config,
     InputConfig,
     NodeConfig,
@@ -35,6 +37,8 @@ from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.player import Player
+
+logger = logging.getLogger(__name__)
 
 PRESET = "live"
 LOG = "node.log"
@@ -66,13 +70,11 @@ class DemoResult:
 
     Attributes:
         figures: as in ``metrics.json``.
-        frames: colour images published.
         ready_s: from the start of the node's process until it had subscribed, seconds.
         summary: the node's final summary; None if there was none.
     """
 
     figures: dict[str, Any]
-    frames: int
     ready_s: float
     summary: Summary | None
 
@@ -115,6 +117,12 @@ def demo(
     declared = {**own, **values(Config())}
     for name in given.keys() - declared.keys():
         raise unknown_parameter(name, declared)
+    if given.get("stamps") == RECEIPT:
+        raise InputError(
+            "stamps",
+            "the node's poses are assigned to what was played by the stamps in its headers",
+            "leave it out, or name the recording: rgbd-glue demo SRC --set stamps=receipt",
+        )
     with_values(NodeConfig(), {name: value for name, value in given.items() if name in own})
     config = with_values(
         load_preset(PRESET), {name: value for name, value in given.items() if name not in own}
@@ -159,10 +167,10 @@ def _played_to_the_node(
                 measured = _measured(player, node)
                 code = node.stop()
                 write_whole(log, "\n".join(node.lines) + "\n")
+                if player.unassigned:
+                    logger.warning("%d poses have the stamp of no image", player.unassigned)
                 if player.poses:
-                    run = _run(recording, config, player)
-                    run.command = command
-                    run.thumbnails = _thumbnails(recording)
+                    run = _run(recording, config, player, command)
                     write_tum(folder / TRAJECTORY, run.trajectory)
                     figures = write_results(run, folder, measured)
     if code != 0:
@@ -173,7 +181,7 @@ def _played_to_the_node(
             f"the node gave no pose of it: {node.last_warning or 'it does not say why'}",
             f"its log is in {log}",
         )
-    return DemoResult(figures, len(player.frames_ns), ready_s, player.summary)
+    return DemoResult(figures, ready_s, player.summary)
 
 
 def _parameters(recording: Played) -> dict[str, object]:
@@ -225,8 +233,8 @@ def _play(
     on_progress(Progress(recording.frame_count, played, len(player.poses)))
 
 
-def _run(recording: Played, config: Config, player: Player) -> Run:
-    run = Run(recording.name, config, recording.ground_truth)
+def _run(recording: Played, config: Config, player: Player, command: str) -> Run:
+    run = Run(recording.name, config, recording.ground_truth, command=command)
     for stamp in sorted(player.poses):
         estimate = OdometryEstimate(
             stamp,
@@ -239,6 +247,7 @@ def _run(recording: Played, config: Config, player: Player) -> Run:
     run.unanswered_ns = tuple(sorted(player.frames_ns - player.poses.keys()))
     start, end = min(player.published_ns.values()), max(player.arrived_ns.values())
     run.wall_s = (end - start) / NANOSECONDS
+    run.thumbnails = _thumbnails(recording)
     return run
 
 

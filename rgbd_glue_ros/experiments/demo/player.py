@@ -197,7 +197,8 @@ class Player(Camera):
         published_ns: by stamp, when publication of the last message of a frame with it began,
             monotonic clock.
         frames_ns: stamps of the colour images published.
-        poses: by stamp, the received poses [4, 4].
+        poses: by stamp, the received poses [4, 4] of what was published.
+        unassigned: number of poses with a stamp of nothing that was published.
         covariances: by stamp, those of the poses [6, 6].
         arrived_ns: by stamp, when the pose arrived, monotonic clock.
         keyframes: stamps of the frames that became keyframes.
@@ -215,6 +216,7 @@ class Player(Camera):
         self.published_ns: dict[int, int] = {}
         self.frames_ns: set[int] = set()
         self.poses: dict[int, Float64] = {}
+        self.unassigned = 0
         self.covariances: dict[int, Float64] = {}
         self.arrived_ns: dict[int, int] = {}
         self.keyframes: set[int] = set()
@@ -250,6 +252,9 @@ class Player(Camera):
     def _receive_pose(self, message: PoseStamped) -> None:
         now_ns = time.monotonic_ns()
         stamp = stamp_ns(message.header.stamp)
+        if stamp not in self.published_ns:
+            self.unassigned += 1
+            return
         self.poses[stamp] = pose_from_message(message, topics.POSE)
         self.arrived_ns[stamp] = now_ns
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -12,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
-from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
+from rgbd_glue_ros.evaluation.trajectory_errors import error_figures, evaluated
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import (
@@ -37,6 +37,7 @@ from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.optimiser import Optimum, load_gtsam
 from rgbd_glue_ros.slam.picture import map_jpeg
+from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import (
     EdgeOrigin,
@@ -169,15 +170,7 @@ def map_recording(
     # learned features have networks, which are loaded once
     glue = Glue(config)
     odometry = Odometry(config, glue)
-
-    @uninterrupted()
-    def new_mapper() -> Mapper:
-        mapper = Mapper(config, glue, SearchTree())
-        if before is not None:
-            mapper.restore(before)
-        return mapper
-
-    sink, shown = MappingSink(odometry, new_mapper), outputs.shown
+    sink, shown = MappingSink(odometry, partial(_new_mapper, config, glue, before)), outputs.shown
     with (
         results_of(sequence.name, config, folder, provenance.inputs, (ODOMETRY, CLOUD)) as results,
         ExitStack() as end,
@@ -193,33 +186,41 @@ def map_recording(
         )
         # an interrupt inside of GTSAM is a crash, and the rest takes seconds
         end.enter_context(uninterrupted())
-        whole, run = run, run.longest_part
-        mapper, clouds = sink.longest(whole)
-        write_tum(folder / ODOMETRY, run.trajectory)
-        start = perf_counter()
-        optimum = mapper.finish()
-        finish_ms = 1000 * (perf_counter() - start)
-        mapped = _mapped(run, mapper, optimum)
-        write_tum(folder / TRAJECTORY, mapped.trajectory)
-        if shown is not None:
-            shown.correct(mapped.trajectory, mapped.pose_graph, _keyframes_before(whole))
-        cloud = fused(clouds, optimum.graph.keyframes.poses[mapper.session_start :])
-        write_ply(folder / CLOUD, cloud)
-        mapped = replace(mapped, map_jpeg=map_jpeg(cloud, mapped.trajectory.poses))
-        figures = write_results(
-            mapped,
-            folder,
-            {
-                "odometry": _errors(run),
-                "loops": _loops(optimum),
-                "mapping_ms": {"keyframe_p50": float(np.median(sink.ms)), "finish": finish_ms},
-                "map_points": len(cloud),
-                **_of_the_whole(whole),
-            },
-        )
-        # the largest comes last: on a disk that it fills, the others are of one state
-        if outputs.save_map is not None:
-            write_map(outputs.save_map, mapper.saved(optimum.graph))
+        return _optimised(run, sink, folder, outputs)
+
+
+@uninterrupted()
+def _new_mapper(config: Config, glue: Glue, before: SavedMap | None) -> Mapper:
+    mapper = Mapper(config, glue, SearchTree())
+    if before is not None:
+        mapper.restore(before)
+    return mapper
+
+
+def _optimised(whole: Run, sink: MappingSink, folder: Path, outputs: MapOutputs) -> MappedRun:
+    """Optimises the longest part of a run, and replaces its results in the folder."""
+    part = whole.longest_part
+    mapper, clouds = sink.longest(whole)
+    write_tum(folder / ODOMETRY, part.trajectory)
+    optimum, finish_ms = timed(mapper.finish)
+    mapped = _mapped(part, mapper, optimum)
+    write_tum(folder / TRAJECTORY, mapped.trajectory)
+    if outputs.shown is not None:
+        outputs.shown.correct(mapped.trajectory, mapped.pose_graph, _keyframes_before(whole))
+    cloud = fused(clouds, optimum.graph.keyframes.poses[mapper.session_start :])
+    write_ply(folder / CLOUD, cloud)
+    mapped = replace(mapped, map_jpeg=map_jpeg(cloud, mapped.trajectory.poses))
+    measured = {
+        "odometry": _errors(part),
+        "loops": _loops(optimum),
+        "mapping_ms": {"keyframe_p50": float(np.median(sink.ms)), "finish": finish_ms},
+        "map_points": len(cloud),
+        **_of_the_whole(whole),
+    }
+    figures = write_results(mapped, folder, measured)
+    # the largest comes last: on a disk that it fills, the others are of one state
+    if outputs.save_map is not None:
+        write_map(outputs.save_map, mapper.saved(optimum.graph))
     return MappedRun(mapped, optimum, cloud, figures)
 
 
@@ -276,11 +277,5 @@ def _loops(optimum: Optimum) -> dict[str, Any]:
 
 def _errors(run: Run) -> dict[str, Any] | None:
     """APE and RPE before loops were closed; None without ground truth."""
-    if run.ground_truth is None:
-        return None
-    try:
-        evaluation = evaluate(run.trajectory, run.ground_truth)
-    except InputError:
-        return None
-    rpe = asdict(evaluation.rpe) if evaluation.rpe else None
-    return {"ape": asdict(evaluation.ape), "rpe": rpe}
+    evaluation = evaluated(run.trajectory, run.ground_truth)
+    return None if evaluation is None else error_figures(evaluation)

@@ -11,6 +11,7 @@ from typing import Any
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments.batch.journal import Journal
+from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.batch.workers import Pool, Serial
 from rgbd_glue_ros.experiments.pairs.gallery import chosen, examples
 from rgbd_glue_ros.experiments.pairs.jobs import (
@@ -26,11 +27,9 @@ from rgbd_glue_ros.experiments.pairs.report import FIGURES, JOURNAL, REPORT, TAB
 from rgbd_glue_ros.experiments.pairs.results import GLUE, Plan, ResultCollector
 from rgbd_glue_ros.files.writing import ResultFolder
 from rgbd_glue_ros.parameters import Config, values
-from rgbd_glue_ros.recordings import Recording, refuse_recording
+from rgbd_glue_ros.recordings import refuse_recording
 
 logger = logging.getLogger(__name__)
-
-OpenRecording = Callable[[Path], Recording]
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class Experiment:
 
 def run_pairs(
     sources: Iterable[Path],
-    open_source: OpenRecording,
+    open_source: Opener,
     experiment: Experiment,
     folder: Path,
     *,
@@ -69,7 +68,7 @@ def run_pairs(
 
     Args:
         sources: the recordings.
-        open_source: opens one; with workers it must be serialisable.
+        open_source: opens one.
         experiment: what to measure.
         folder: where the results go; created if it is not there.
         pool: executes the work; None does it in this process.
@@ -92,7 +91,7 @@ def run_pairs(
 
 def _measured(
     sources: Iterable[Path],
-    open_source: OpenRecording,
+    open_source: Opener,
     experiment: Experiment,
     folder: Path,
     pool: Pool,
@@ -102,10 +101,12 @@ def _measured(
     refuse_recording(folder)
     estimators, absent = _estimators(experiment)
     plan, names, unusable = _planned(sources, open_source, experiment)
-    with Journal(folder / JOURNAL, _about(experiment, estimators)) as journal:
+    with Journal(folder / JOURNAL, _about(experiment, estimators, open_source)) as journal:
         collector = ResultCollector(journal, unusable)
-        on_planned(sum(map(len, plan.values())), len(collector))
-        jobs = _jobs(collector.missing(plan), open_source, estimators, experiment, pool)
+        missing = collector.missing(plan)
+        total = _count(plan)
+        on_planned(total, total - _count(missing))
+        jobs = _jobs(missing, open_source, estimators, experiment, pool)
         try:
             for job, outcome in pool.run(run_job, jobs):
                 collector.add(job, outcome)
@@ -135,7 +136,7 @@ def _measured(
 
 
 def _planned(
-    sources: Iterable[Path], open_source: OpenRecording, experiment: Experiment
+    sources: Iterable[Path], open_source: Opener, experiment: Experiment
 ) -> tuple[Plan, list[str], list[InputError]]:
     """The pairs and the name of each recording, and the errors of unusable ones."""
     plan: dict[Path, list[Pair]] = {}
@@ -156,15 +157,20 @@ def _planned(
     return plan, names, unusable
 
 
+def _count(plan: Plan) -> int:
+    """The number of pairs."""
+    return sum(map(len, plan.values()))
+
+
 def _jobs(
     missing: Plan,
-    open_source: OpenRecording,
+    open_source: Opener,
     estimators: Mapping[str, Estimator],
     experiment: Experiment,
     pool: Pool,
 ) -> list[PairJob]:
     """The pairs in batches, each of one recording."""
-    size = pool.batch_size(sum(map(len, missing.values())))
+    size = pool.batch_size(_count(missing))
     methods, camera = tuple(estimators.items()), experiment.config.camera
     return [
         PairJob(path, open_source, tuple(pairs[i : i + size]), methods, camera)
@@ -173,14 +179,17 @@ def _jobs(
     ]
 
 
-def _about(experiment: Experiment, estimators: Mapping[str, Estimator]) -> Mapping[str, Any]:
-    """Everything that a pair's results depend on."""
+def _about(
+    experiment: Experiment, estimators: Mapping[str, Estimator], open_source: Opener
+) -> Mapping[str, Any]:
+    """Everything that a pair's results depend on besides the recording and its frames."""
     return {
         "parameters": values(experiment.config),
         "methods": {
             name: values(estimator) if isinstance(estimator, Config) else estimator
             for name, estimator in estimators.items()
         },
+        "opening": open_source.as_json(),
     }
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from statistics import fmean, median
+from statistics import fmean
 from typing import Any
 
 from rgbd_glue_ros.evaluation.registration_errors import error_statistics
 from rgbd_glue_ros.experiments.pairs.evaluation import INLIER_THRESHOLDS_CM, Inliers, PairResult
+from rgbd_glue_ros.experiments.replay.run_record import stage_medians
 
 EPSILON_SQUARED_M2 = (0.002, 0.004, 0.006, 0.008, 0.01)
 """Upper ends of the ranges of table S3."""
@@ -37,7 +38,7 @@ def gap_figures(results: Sequence[PairResult]) -> dict[str, Any]:
         "visual_matches": fmean(r.visual.matches for r in results),
         "geometric_matches": fmean(r.before.matches for r in results),
         "seconds_per_pair": fmean(r.seconds for r in results),
-        "stages_ms": _stages(results),
+        "stages_ms": stage_medians(r.stages_ms for r in results),
     }
 
 
@@ -58,14 +59,6 @@ def _by_epsilon(results: Sequence[PairResult]) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-def _stages(results: Sequence[PairResult]) -> dict[str, float]:
-    stages: dict[str, list[float]] = {}
-    for result in results:
-        for stage, milliseconds in result.stages_ms.items():
-            stages.setdefault(stage, []).append(milliseconds)
-    return {stage: median(times) for stage, times in stages.items()}
 
 
 def _means(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
+from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairFrame, PairResult, evaluate_pair
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, PairMethod, method_of
 from rgbd_glue_ros.geometry.camera import view_of
@@ -41,7 +41,7 @@ class PairJob:
     """
 
     path: Path
-    open_recording: Callable[[Path], Recording]
+    open_recording: Opener
     pairs: tuple[Pair, ...]
     estimators: tuple[tuple[str, Estimator], ...]
     camera: CameraConfig
@@ -68,7 +68,7 @@ def pairs_of(frames: int, gaps: Sequence[int], every: int | None = None) -> list
 
 def run_job(job: PairJob) -> Iterator[Results | Unposed | InputError]:
     """The results of each pair; a fault of the recording is returned where it occurred."""
-    methods = {name: _method(estimator) for name, estimator in job.estimators}
+    methods = {name: method_of(estimator) for name, estimator in job.estimators}
     try:
         with job.open_recording(job.path) as recording:
             yield from evaluate_pairs(recording, job.pairs, methods, job.camera)
@@ -173,12 +173,6 @@ def _result(fields: Mapping[str, Any]) -> PairResult:
     epsilon_m = float("nan") if fields["epsilon_m"] is None else fields["epsilon_m"]
     errors = RegistrationErrors(**fields["errors"])
     return PairResult(**{**fields, **inliers, "errors": errors, "epsilon_m": epsilon_m})
-
-
-@lru_cache(maxsize=32)
-def _method(estimator: Estimator) -> PairMethod:
-    """A method, created once per process."""
-    return method_of(estimator)
 
 
 def pose_at(truth: Trajectory, stamp_ns: int) -> Float64 | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol
 
 from rgbd_glue_ros.errors import InputError
@@ -63,8 +64,9 @@ class PairMethod(Protocol):
         """T_target_source of two frames, or the reason why there is none."""
 
 
+@lru_cache(maxsize=32)
 def method_of(estimator: Estimator) -> PairMethod:
-    """Creates a method by name.
+    """A method by name, created once per process: some load networks.
 
     Raises:
         InputError: there is no such peer, or its library is not available.

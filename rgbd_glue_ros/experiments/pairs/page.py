@@ -15,6 +15,7 @@ from rgbd_glue_ros.experiments.pairs.metrics import METRICS
 from rgbd_glue_ros.experiments.pairs.results import GLUE, ByGap
 from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.escaping import escape
+from rgbd_glue_ros.experiments.report.markdown import NOTHING, number
 from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_parameters, page, tiles
 from rgbd_glue_ros.parameters import Config
 
@@ -189,7 +190,7 @@ def _worst(own: ByGap) -> str:
         f'<tr><td>{escape(r.recording)}</td><td class="n">{r.target}</td>'
         f'<td class="n">{r.source}</td>'
         + (
-            '<td class="n">–</td>' * 3
+            f'<td class="n">{NOTHING}</td>' * 3
             if r.errors.failed
             else f'<td class="n">{r.errors.rotation_deg:.2f}</td>'
             f'<td class="n">{r.errors.translation_cm:.2f}</td>'
@@ -226,9 +227,9 @@ def _ranges(content: Mapping[str, Any]) -> str:
     head = "".join(f'<th class="n">{limit:g} cm</th>' for limit in INLIER_THRESHOLDS_CM)
     body = "".join(
         f"<tr><td>{row['above_m2']:g} – {row['up_to_m2']:g}</td>"
-        f'<td class="n">{row["pairs"]}</td><td class="n">{_number(row["visual_matches"], 0)}</td>'
+        f'<td class="n">{row["pairs"]}</td><td class="n">{number(row["visual_matches"], 0)}</td>'
         + "".join(
-            f'<td class="n">{_number(ratio, 1)}</td>'
+            f'<td class="n">{number(ratio, 1)}</td>'
             for ratio in row["visual_inlier_ratio"].values()
         )
         + "</tr>"
@@ -252,7 +253,7 @@ def _correspondences(gaps: Mapping[str, Any]) -> str:
         for side in ("before", "after"):
             cells = "".join(
                 f'<td class="n{" first" if limit == limits[0] else ""}">'
-                f"{_number(content[figure][side][limit], digits)}</td>"
+                f"{number(content[figure][side][limit], digits)}</td>"
                 for figure, digits in (("inlier_ratio", 1), ("inlier_amount", 0))
                 for limit in limits
             )
@@ -282,7 +283,3 @@ def _problems(problems: Sequence[str]) -> list[str]:
         return []
     rows = "".join(f"<tr><td>{escape(problem)}</td></tr>" for problem in problems)
     return ["<h2>Left out</h2>", f"<table>{rows}</table>"]
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"

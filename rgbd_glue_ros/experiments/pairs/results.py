@@ -93,10 +93,6 @@ class ResultCollector:
         self.unusable = list(unusable)
         self.problems = [str(error) for error in unusable]
 
-    def __len__(self) -> int:
-        """The number of pairs done."""
-        return len(self._results)
-
     def missing(self, plan: Plan) -> dict[Path, list[Pair]]:
         """The pairs of a plan that have no results yet."""
         return {
@@ -151,4 +147,4 @@ def _by_method(pairs: Iterable[Results]) -> dict[str, ByGap]:
 
 
 def _key(path: Path, pair: Pair) -> str:
-    return f"{path}:{pair[0]}-{pair[1]}"
+    return f"{path.resolve()}:{pair[0]}-{pair[1]}"

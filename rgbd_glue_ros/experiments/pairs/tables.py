@@ -8,7 +8,7 @@ from typing import Any
 from rgbd_glue_ros.evaluation.registration_errors import THRESHOLDS
 from rgbd_glue_ros.experiments.pairs.metrics import METRICS
 from rgbd_glue_ros.experiments.report.escaping import markdown
-from rgbd_glue_ros.experiments.report.markdown import bullets, number, table
+from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, number, table
 
 _ERRORS = """\
 Accuracy: percent of all pairs whose error is at most the threshold. For a pair without a transform,
@@ -55,7 +55,7 @@ def to_markdown(figures: dict[str, Any]) -> str:
     if others:
         own = [("ours", gap, content) for gap, content in gaps.items()]
         by_gap = sorted([*own, *others], key=lambda row: int(row[1]))
-        parts += ["## Others on the same pairs", comparison(by_gap), _OTHERS]
+        parts += ["## Others on the same pairs", _comparison(by_gap), _OTHERS]
     if figures["problems"]:
         parts += ["## Skipped", bullets(figures["problems"])]
     return "\n\n".join(parts) + "\n"
@@ -72,7 +72,7 @@ def _registration(gaps: dict[str, dict[str, Any]]) -> str:
     )
 
 
-def comparison(rows: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
+def _comparison(rows: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
     """A table of several methods.
 
     Args:
@@ -116,7 +116,7 @@ def _correspondences(gaps: dict[str, dict[str, Any]]) -> str:
     for gap, content in gaps.items():
         for side in ("before", "after"):
             ratio, amount = content["inlier_ratio"][side], content["inlier_amount"][side]
-            recall = number(content["filter_recall"], 1) if side == "after" else "–"
+            recall = number(content["filter_recall"], 1) if side == "after" else NOTHING
             figures = [number(v, 1) for v in ratio.values()]
             figures += [number(v, 0) for v in amount.values()]
             rows.append([gap, side, *figures, recall])

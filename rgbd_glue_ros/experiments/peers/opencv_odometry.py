@@ -36,9 +36,12 @@ class OpenCvOdometry:
         """T_target_source; the frames are of one camera."""
         odometry = self._create()
         odometry.setCameraMatrix(target.intrinsics.matrix)
-        found, T = odometry.compute(
-            source.grey, source.depth, _known(source), target.grey, target.depth, _known(target)
-        )
+        try:
+            found, T = odometry.compute(
+                source.grey, source.depth, _known(source), target.grey, target.depth, _known(target)
+            )
+        except cv2.error as error:
+            raise NoTransformError(f"OpenCV refuses the frames: {error}") from error
         if not found:
             raise NoTransformError("too few pixels correspond, or the motion is beyond the limits")
         return np.array(T, np.float64)

@@ -12,13 +12,14 @@ from typing import Any
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.batch.journal import Journal
+from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.experiments.replay.run_record import Provenance
-from rgbd_glue_ros.experiments.report.markdown import bullets, table
+from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, table
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
-from rgbd_glue_ros.parameters import Config, InputConfig, values
-from rgbd_glue_ros.recordings import Recording, refuse_recording
+from rgbd_glue_ros.parameters import Config, values
+from rgbd_glue_ros.recordings import refuse_recording
 from rgbd_glue_ros.recordings.first_frames import first_frames
 
 logger = logging.getLogger(__name__)
@@ -36,26 +37,23 @@ class ReplayJob:
         config: of the odometry.
         folder: where its results go.
         limit: number of frames to stop after; None takes all.
-        inputs: how it is opened.
     """
 
     path: Path
-    open_recording: Callable[[Path], Recording]
+    open_recording: Opener
     config: Config
     folder: Path
     limit: int | None
-    inputs: InputConfig
 
 
 def run_replays(
     sources: Sequence[Path],
-    open_source: Callable[[Path], Recording],
+    open_source: Opener,
     config: Config,
     folder: Path,
     *,
     pool: Pool | None = None,
     limit: int | None = None,
-    inputs: InputConfig | None = None,
     on_planned: Callable[[int, int], None] = lambda *_: None,
     on_replayed: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
@@ -65,12 +63,11 @@ def run_replays(
 
     Args:
         sources: the recordings, at least one.
-        open_source: opens one; with workers it must be serialisable.
+        open_source: opens one.
         config: of the odometry.
         folder: where the results go; created if it is not there.
         pool: executes the work; None does it in this process.
         limit: number of frames to stop after in each; None takes all.
-        inputs: how ``open_source`` opens them, for the record; None for the defaults.
         on_planned: called with the number of recordings, and of those done by an earlier run.
         on_replayed: called with the name of each recording that is done.
 
@@ -83,13 +80,18 @@ def run_replays(
             could be replayed.
     """
     refuse_recording(folder)
-    pool, inputs = pool or Serial(), inputs or InputConfig()
+    pool = pool or Serial()
     jobs = {
-        name: ReplayJob(path, open_source, config, folder / name, limit, inputs)
+        name: ReplayJob(path, open_source, config, folder / name, limit)
         for name, path in named(sources).items()
     }
     problems: dict[str, str] = {}
-    about = {"parameters": {**values(inputs), **values(config)}, "limit": limit}
+    about = {
+        "parameters": values(config),
+        "limit": limit,
+        "sources": {name: str(job.path.resolve()) for name, job in jobs.items()},
+        "opening": open_source.as_json(),
+    }
     with (
         ResultFolder(folder, (FIGURES, TABLE)),
         Journal(folder / JOURNAL, about) as journal,
@@ -125,7 +127,7 @@ def run_job(job: ReplayJob) -> Iterator[dict[str, Any] | InputError]:
     try:
         with job.open_recording(job.path) as recording:
             taken = first_frames(recording, job.limit)
-            replay(taken, job.config, job.folder, provenance=Provenance(job.inputs))
+            replay(taken, job.config, job.folder, provenance=Provenance(job.open_recording.inputs))
     except InputError as error:
         yield error
         return
@@ -159,9 +161,9 @@ def _row(name: str, content: Mapping[str, Any]) -> list[str]:
         name,
         str(content["frames"]),
         f"{100 * content['tracked'] / content['frames']:.1f}",
-        f"{100 * ape['rmse_m']:.2f}" if ape else "–",
-        f"{100 * rpe['trans_rmse_m']:.2f}" if rpe else "–",
-        f"{rpe['rot_rmse_deg']:.2f}" if rpe else "–",
+        f"{100 * ape['rmse_m']:.2f}" if ape else NOTHING,
+        f"{100 * rpe['trans_rmse_m']:.2f}" if rpe else NOTHING,
+        f"{rpe['rot_rmse_deg']:.2f}" if rpe else NOTHING,
         f"{content['latency_ms']['p50']:.1f}",
         f"{content['fps']:.1f}",
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused
 from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame
 
@@ -13,26 +14,21 @@ class KeyframeClouds:
 
     def __init__(self) -> None:
         self._parts: list[list[tuple[ColoredCloud, Float64]]] = [[]]
-        self._poses = [0]
 
     def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Takes a frame."""
-        if estimate.T_odom_camera is None:
-            return
-        self._poses[-1] += 1
-        if estimate.is_keyframe:
+        if estimate.is_keyframe and estimate.T_odom_camera is not None:
             self._parts[-1].append((cloud_of(frame), estimate.T_odom_camera))
 
     def start_anew(self) -> None:
         """Begins another part."""
         self._parts.append([])
-        self._poses.append(0)
 
     def close(self) -> None:
         """Nothing: the cloud is in memory."""
 
-    def fused(self) -> ColoredCloud:
-        """The clouds of the longest part as one, in its odom frame."""
-        longest = self._parts[int(np.argmax(self._poses))]
-        poses = np.array([T for _, T in longest]).reshape(-1, 4, 4)
-        return fused([cloud for cloud, _ in longest], poses)
+    def longest(self, run: Run) -> ColoredCloud:
+        """The clouds of the longest part of a run as one, in its odom frame."""
+        part = self._parts[run.longest_row]
+        poses = np.array([T for _, T in part]).reshape(-1, 4, 4)
+        return fused([cloud for cloud, _ in part], poses)

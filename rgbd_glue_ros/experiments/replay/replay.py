@@ -108,7 +108,6 @@ def replay_into(
         command: the command line, for quoting in the report.
     """
     folder = results.path
-    logger.info("warming up; the first time, this compiles for some seconds")
     warm_up(config)
     run = Run(sequence.name, config, sequence.ground_truth, command=command)
     pictures, clouds = Thumbnails(), KeyframeClouds()
@@ -158,7 +157,7 @@ def _after_frames(error: InputError, count: int) -> InputError:
 def _leave_cloud(left: ExitStack, file: Path | None, clouds: KeyframeClouds, run: Run) -> None:
     """Adds a picture of the keyframes' cloud to the run, and writes the file."""
     if file is not None:
-        seen = clouds.fused()
+        seen = clouds.longest(run)
         left.callback(write_ply, file, seen)
         run.map_jpeg = map_jpeg(seen, run.longest_part.trajectory.poses)
 

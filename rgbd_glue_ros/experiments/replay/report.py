@@ -34,6 +34,11 @@ _STATES: dict[TrackingState | None, tuple[str, str]] = {
     _UNANSWERED: ("dropped, or without a pose", "var(--truth)"),
 }
 _TALL, _LOW = 5, 3
+_ERRORS = (
+    "<p>APE: distance of positions after alignment by rotation and translation (no "
+    f"scale), poses nearest in time, one-to-one, within {MAX_TIME_DIFFERENCE_S:g} s. "
+    f"RPE: error of the motion over every pair of poses {RPE_DELTA_S:g} s apart.</p>"
+)
 _CSS = ".map { display: block; width: 100%; border-radius: 6px; }\n"
 
 
@@ -216,48 +221,48 @@ def _stages(medians: Mapping[str, float]) -> list[str]:
     ]
 
 
+_Table = tuple[str, list[tuple[str, str]]]
+"""A caption, and the name and value of each row."""
+
+
 def _figures(figures: Mapping[str, Any]) -> str:
-    latency = figures["latency_ms"]
-    tables = [
-        (
-            "Tracking",
-            [
-                ("frames", f"{figures['frames']}"),
-                ("tracked", f"{figures['tracked']}"),
-                ("lost", f"{figures['lost']}"),
-                ("keyframes", f"{figures['keyframes']}"),
-                ("length of path", f"{figures['path_m']:.2f} m"),
-            ],
-        ),
-        (
-            "Speed",
-            [
-                ("frames per second", f"{figures['fps']:.1f}"),
-                *((f"latency, {name}", f"{value:.1f} ms") for name, value in latency.items()),
-                ("memory, peak", f"{figures['peak_rss_mb']:.0f} MB"),
-            ],
-        ),
-    ]
-    note = ""
-    if "ape" in figures:
-        ape = [(name[:-2], f"{100 * value:.2f} cm") for name, value in figures["ape"].items()]
-        tables.insert(0, ("Absolute error (APE)", ape))
-        note = (
-            "<p>APE: distance of positions after alignment by rotation and translation (no "
-            f"scale), poses nearest in time, one-to-one, within {MAX_TIME_DIFFERENCE_S:g} s. "
-            f"RPE: error of the motion over every pair of poses {RPE_DELTA_S:g} s apart.</p>"
-        )
-    if figures.get("rpe"):
-        rpe = figures["rpe"]
-        drift = [
-            ("translation, rmse", f"{100 * rpe['trans_rmse_m']:.2f} cm"),
-            ("rotation, rmse", f"{rpe['rot_rmse_deg']:.2f}°"),
-        ]
-        tables.insert(1, (f"Relative error over {rpe['delta_s']:g} s (RPE)", drift))
+    tables = [*_error_tables(figures), _tracking_table(figures), _speed_table(figures)]
     body = "".join(
         f"<table><caption>{title}</caption>"
         + "".join(f'<tr><td>{name}</td><td class="n">{value}</td></tr>' for name, value in rows)
         + "</table>"
         for title, rows in tables
     )
-    return f'{note}<div class="two">{body}</div>'
+    return f'{_ERRORS if "ape" in figures else ""}<div class="two">{body}</div>'
+
+
+def _error_tables(figures: Mapping[str, Any]) -> list[_Table]:
+    tables = []
+    if "ape" in figures:
+        ape = [(name[:-2], f"{100 * value:.2f} cm") for name, value in figures["ape"].items()]
+        tables.append(("Absolute error (APE)", ape))
+    if figures.get("rpe"):
+        rpe = figures["rpe"]
+        drift = [
+            ("translation, rmse", f"{100 * rpe['trans_rmse_m']:.2f} cm"),
+            ("rotation, rmse", f"{rpe['rot_rmse_deg']:.2f}°"),
+        ]
+        tables.append((f"Relative error over {rpe['delta_s']:g} s (RPE)", drift))
+    return tables
+
+
+def _tracking_table(figures: Mapping[str, Any]) -> _Table:
+    counted = [(name, f"{figures[name]}") for name in ("frames", "tracked", "lost", "keyframes")]
+    return "Tracking", [*counted, ("length of path", f"{figures['path_m']:.2f} m")]
+
+
+def _speed_table(figures: Mapping[str, Any]) -> _Table:
+    latency = figures["latency_ms"]
+    return (
+        "Speed",
+        [
+            ("frames per second", f"{figures['fps']:.1f}"),
+            *((f"latency, {name}", f"{value:.1f} ms") for name, value in latency.items()),
+            ("memory, peak", f"{figures['peak_rss_mb']:.0f} MB"),
+        ],
+    )

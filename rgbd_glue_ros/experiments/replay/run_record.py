@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
-from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, path_length
+from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, error_figures
 from rgbd_glue_ros.parameters import Config, InputConfig
+from rgbd_glue_ros.trajectories.path import path_length, trajectory_of
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
@@ -166,11 +167,7 @@ class Run:
 
 
 def _trajectory(frames: list[FrameRecord]) -> Trajectory:
-    poses = [(f.stamp_ns, f.T_odom_camera) for f in frames if f.T_odom_camera is not None]
-    return Trajectory(
-        np.array([stamp for stamp, _ in poses], np.int64),
-        np.array([T for _, T in poses], np.float64).reshape(-1, 4, 4),
-    )
+    return trajectory_of((frame.stamp_ns, frame.T_odom_camera) for frame in frames)
 
 
 def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
@@ -212,8 +209,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     if run.imu is not None:
         content["imu"] = run.imu.values()
     if evaluation is not None:
-        content["ape"] = asdict(evaluation.ape)
-        content["rpe"] = asdict(evaluation.rpe) if evaluation.rpe else None
+        content |= error_figures(evaluation)
     if run.ground_truth is not None and graph.edges:
         errors = edge_errors(graph, run.ground_truth)
         content["edges"] = {origin.name.lower(): asdict(e) for origin, e in errors.items()}
