@@ -187,13 +187,14 @@ class NewFolder:
         """Gives it its name; removes it if it is of no use.
 
         Raises:
-            InputError: something else has taken that name.
+            InputError: something else has taken that name; the folder stays where it is.
         """
         try:
             if is_of_use and self.path.exists():
                 self.path.rename(self._target)
-        except OSError as error:
-            raise not_written(self._target, error) from error
-        finally:
             shutil.rmtree(self._place, ignore_errors=True)
+        except OSError as error:
+            cause = not_written(self._target, error).cause
+            raise InputError(self._target, cause, f"it is in {self.path}: move it") from error
+        finally:
             self._folder.close()

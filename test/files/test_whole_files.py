@@ -150,10 +150,17 @@ def test_a_new_folder_appears_when_it_is_written_and_replaces_nothing(tmp_path: 
     assert os.listdir(target.parent) == ["bag"]  # noqa: PTH208
     with pytest.raises(InputError, match="exists already"):
         NewFolder(target)
-    other = NewFolder(tmp_path / "late")
-    other.path.mkdir()
+
+
+def test_a_new_folder_whose_name_was_taken_meanwhile_is_kept_and_it_is_said_where(
+    tmp_path: Path,
+) -> None:
+    new = NewFolder(tmp_path / "late")
+    new.path.mkdir()
+    (new.path / "file").write_text("x")
     (tmp_path / "late").mkdir()
     (tmp_path / "late" / "own").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        other.close()
+    with pytest.raises(InputError, match=f"cannot be written.*; it is in {new.path}: move it"):
+        new.close()
     assert (tmp_path / "late" / "own").exists()
+    assert (new.path / "file").read_text() == "x"
