@@ -81,13 +81,19 @@ def transform(x: float) -> Any:
 
 def write(path: Path, unit_m: float, left_out: str = "", reference: str = "tf/0") -> Path:
     """Three frames of a wall, its depth camera beside that of colour."""
+    float32 = message("std_msgs/msg/Float32", data=unit_m)
+    return write_with_unit(path, unit_m, float32, left_out, reference)
+
+
+def write_with_unit(
+    path: Path, unit_m: float, told_unit: Any, left_out: str = "", reference: str = "tf/0"
+) -> Path:
     units = np.zeros((48, 64), np.uint16)
     units[:, EDGE:] = round(WALL_M / unit_m)
-    float32 = message("std_msgs/msg/Float32", data=unit_m)
     told = [
         (f"{DEPTH}/info/camera_info", info()),
         (f"{COLOR}/info/camera_info", info()),
-        (f"{SENSOR}/option/Depth Units/value", float32),
+        (f"{SENSOR}/option/Depth Units/value", told_unit),
         (f"{DEPTH}/{reference}", transform(0.0)),
         (f"{COLOR}/{reference}", transform(BASELINE_M)),
     ]
@@ -133,6 +139,15 @@ def test_a_given_unit_is_taken_in_place_of_the_bags(tmp_path: Path) -> None:
     path = write(tmp_path / "viewer.bag", 0.001)
     with BagRecording(path, inputs=InputConfig(depth_scale=0.0005)) as recording:
         assert np.nanmedian(next(iter(recording)).depth) == pytest.approx(WALL_M / 2, abs=1e-3)
+
+
+@pytest.mark.parametrize("unit", [message("std_msgs/msg/String", data="fine"), transform(0.0)])
+def test_a_unit_that_is_no_number_is_refused_unless_one_is_given(unit: Any, tmp_path: Path) -> None:
+    path = write_with_unit(tmp_path / "viewer.bag", 0.001, unit)
+    with pytest.raises(InputError, match=r"holds no valid unit of depth .*; give --depth-scale"):
+        BagRecording(path)
+    with BagRecording(path, inputs=InputConfig(depth_scale=0.001)) as recording:
+        assert_registered(next(iter(recording)).depth)
 
 
 def test_without_its_place_depth_is_refused_with_what_to_give(tmp_path: Path) -> None:

@@ -271,7 +271,7 @@ class BagRecording(Closing):
 
     def _say_of_unit(self, match: Match[Any]) -> None:
         """Warns if the calibration file gives other units than the bag's images have."""
-        unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
+        unit = self._depth_camera.metres_per_unit
         is_other = self._told_scale not in {None, 1 / DEPTH_UNITS_PER_METRE, 1}
         if unit is None and is_other and holds_whole_numbers(match.depth):
             logger.warning(
@@ -284,7 +284,7 @@ class BagRecording(Closing):
 
     def _frame(self, paired: tuple[Match[Any], DepthCamera | None]) -> RgbdFrame | InputError:
         match, taken_by = paired
-        unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
+        unit = self._depth_camera.metres_per_unit
         try:
             return frame_of_match(match, self._topics, taken_by, unit)
         except InputError as error:
