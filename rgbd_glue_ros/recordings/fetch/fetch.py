@@ -81,12 +81,8 @@ def fetch(
         result = Fetched(target, source.url, source.licence, archive.stat().st_size, checksum)
         try:
             remove(work)
-            unpack(archive, work, on_unpack)
+            _unpack_or_discard(archive, work, on_unpack)
             _record(result, only_folder(work)).rename(target)
-        except InputError:
-            # a damaged archive must not be used again
-            archive.unlink()
-            raise
         finally:
             remove(work)
         archive.unlink()
@@ -95,6 +91,15 @@ def fetch(
             directory, f"cannot be written ({error.strerror})", "give another folder (-o)"
         ) from error
     return result
+
+
+def _unpack_or_discard(archive: Path, folder: Path, on_bytes: Callable[[int], None]) -> None:
+    try:
+        unpack(archive, folder, on_bytes)
+    except InputError:
+        # a damaged archive must not be used again
+        archive.unlink()
+        raise
 
 
 def _record(fetched: Fetched, folder: Path) -> Path:
