@@ -7,6 +7,7 @@ from pathlib import Path
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes
 from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
     ImagePair,
@@ -15,7 +16,7 @@ from rgbd_glue_ros.recordings.image_sequence import (
     ground_truth,
     matrix,
 )
-from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens, stamp_ns
+from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens
 from rgbd_glue_ros.types import CameraIntrinsics
 
 _DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0,))
@@ -61,7 +62,7 @@ def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageS
     pairs: list[ImagePair] = []
     poses: list[tuple[int, Path]] = []
     for number, color in sorted((_number(path), path) for path in files):
-        stamp = stamp_ns(number)
+        stamp = frame_stamp_ns(number)
         depth, pose = folder / f"depth/{number}.png", folder / f"pose/{number}.txt"
         if not depth.is_file():
             raise InputError(depth, "is missing", f"restore it, or remove {color.name}")

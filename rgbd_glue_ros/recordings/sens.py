@@ -18,10 +18,10 @@ from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, reduced, to_rgb
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
-    NANOSECONDS,
     CameraIntrinsics,
     Float32,
     Float64,
@@ -32,7 +32,6 @@ from rgbd_glue_ros.types import (
 
 SUFFIX = ".sens"
 VERSION = 4
-RATE_HZ = 30
 
 # After version and name: four 4x4 matrices (intrinsics and extrinsics of colour and depth), kinds
 # of compression, sizes, units of depth to a metre, number of frames
@@ -108,7 +107,7 @@ class SensSequence(Closing):
             raise
         self._camera = calibration or self._header.camera
         known = np.isfinite(poses).all(axis=(1, 2))
-        stamps = np.array([stamp_ns(i) for i in range(len(poses))], np.int64)
+        stamps = np.array([frame_stamp_ns(i) for i in range(len(poses))], np.int64)
         self.ground_truth: Trajectory | None = (
             Trajectory(stamps[known], poses[known]) if known.any() else None
         )
@@ -233,7 +232,7 @@ class SensSequence(Closing):
         place = self._places[index]
         color = self._color(self._bytes(place.color, place.color_size), where)
         depth = self._depth(self._bytes(place.depth, place.depth_size), where)
-        return RgbdFrame(stamp_ns(index), color, depth, self._camera)
+        return RgbdFrame(frame_stamp_ns(index), color, depth, self._camera)
 
     def _color(self, data: bytes, where: str) -> UInt8:
         image: NDArray[Any] = decode(data, where)
@@ -260,11 +259,6 @@ class SensSequence(Closing):
 
     def _unusable(self, cause: str, remedy: str) -> InputError:
         return InputError(self.path, cause, remedy)
-
-
-def stamp_ns(index: int) -> int:
-    """Assumed stamp of frame ``index``, nanoseconds; not zero, which means no time in ROS."""
-    return (index + 1) * NANOSECONDS // RATE_HZ
 
 
 def is_sens(path: Path) -> bool:
