@@ -102,13 +102,13 @@ def _open_seven(path: Path, given: Given) -> Recording:
 
 
 def _open_scannet(path: Path, given: Given) -> Recording:
-    scan = scannet.open_scannet(path, given.camera)
+    scan = scannet.open_scannet(path, given.camera, given.inputs.metres_per_unit)
     if isinstance(scan, ImageSequence):
         return _understood(scan, given)
     if given.depth_calibration is not None:
         scan.close()
         raise InputError("--depth-calibration", f"{path} holds aligned images", "leave it out")
-    return scan.with_depth_scale(given.inputs.metres_per_unit)
+    return scan
 
 
 def _open_folder(path: Path, given: Given) -> Recording:

@@ -7,7 +7,7 @@ import struct
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +86,18 @@ class SensSequence(Closing):
     is at (i + 1) / 30 s in both.
     """
 
-    def __init__(self, path: Path, calibration: CameraIntrinsics | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        calibration: CameraIntrinsics | None = None,
+        metres_per_unit: float | None = None,
+    ) -> None:
         """Opens the file and looks up where its frames are.
 
         Args:
             path: of the file.
             calibration: of the depth camera; None uses the file's.
+            metres_per_unit: of the depth images; None uses the file's.
 
         Raises:
             InputError: the file is not a sensor stream, has another version, or impossible values.
@@ -106,17 +112,12 @@ class SensSequence(Closing):
             self.close()
             raise
         self._camera = calibration or self._header.camera
+        self._encoding = self._header.encoding.with_scale(metres_per_unit)
         known = np.isfinite(poses).all(axis=(1, 2))
         stamps = np.array([frame_stamp_ns(i) for i in range(len(poses))], np.int64)
         self.ground_truth: Trajectory | None = (
             Trajectory(stamps[known], poses[known]) if known.any() else None
         )
-
-    def with_depth_scale(self, metres_per_unit: float | None) -> SensSequence:
-        """Sets other units of depth than the file's; None leaves them."""
-        encoding = self._header.encoding.with_scale(metres_per_unit)
-        self._header = replace(self._header, encoding=encoding)
-        return self
 
     @property
     def name(self) -> str:
@@ -255,7 +256,7 @@ class SensSequence(Closing):
                 "download the file again",
             )
         image = np.frombuffer(data, "<u2").reshape(camera.height, camera.width)
-        return self._header.encoding.metres(image)
+        return self._encoding.metres(image)
 
     def _unusable(self, cause: str, remedy: str) -> InputError:
         return InputError(self.path, cause, remedy)
