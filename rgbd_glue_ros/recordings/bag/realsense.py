@@ -45,7 +45,7 @@ def camera_in_text(bag: BagFile, image_topic: str) -> CameraIntrinsics | None:
         InputError: the text is not a camera.
     """
     topic = _stream(image_topic) + _TEXT_INFO
-    if topic not in bag.topics or not bag.topics[topic].type.endswith("String"):
+    if topic not in bag.topics or not _is_text(bag, topic):
         return None
     values = _values(bag.first(topic).data)
     try:
@@ -114,6 +114,10 @@ def T_color_depth(bag: BagFile, color_topic: str, depth_topic: str) -> Float64:
     return T_color_reference @ se3.inverse(T_depth_reference)
 
 
+def _is_text(bag: BagFile, topic: str) -> bool:
+    return bag.topics[topic].type.rpartition("/")[2] == "String"
+
+
 def _stream(image_topic: str) -> str:
     return image_topic.removesuffix(_IMAGES)
 
@@ -122,8 +126,8 @@ def _place(bag: BagFile, topic: str) -> Float64:
     """The transform [4, 4] from the reference to the stream."""
     message = bag.first(topic)
     try:
-        T = _of_text(message.data) if hasattr(message, "data") else _of_transform(message)
-    except (KeyError, ValueError) as error:
+        T = _of_text(message.data) if _is_text(bag, topic) else _of_transform(message)
+    except (AttributeError, KeyError, ValueError) as error:
         raise InputError(
             topic, f"holds no valid transform ({error})", "check the recording"
         ) from error
