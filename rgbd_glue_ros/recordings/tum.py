@@ -116,7 +116,9 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
         imu=_accelerations(folder / ACCELEROMETER),
         left_out=found.left_out,
     )
-    return sequence.with_told_scale(told.depth_scale or scale_in_comments(folder / DEPTH_LIST))
+    return sequence.with_calibration_depth_scale(
+        told.depth_scale or scale_in_comments(folder / DEPTH_LIST)
+    )
 
 
 def _accelerations(path: Path) -> ImuSamples | None:

@@ -48,7 +48,8 @@ def fetch(
     """Downloads and unpacks a data set; its folder appears once it is complete.
 
     No publisher in the catalogue gives checksums. Instead the server's certificate is trusted, and
-    the checksums in gzip and zip; if ``source`` has a checksum, it is decisive.
+    the checksums in gzip and zip; if ``source`` has a checksum, it is decisive. A file in
+    ``directory`` with the archive's name is used and not downloaded again.
 
     Args:
         source: what to fetch.
@@ -56,8 +57,6 @@ def fetch(
         on_download: called for every block of the archive.
         on_unpack: called with the bytes of every block unpacked.
         pause_s: between attempts to resume a download.
-
-    A file in ``directory`` with the archive's name is used and not downloaded again.
 
     Raises:
         InputError: the folder exists or cannot be written, the download fails, or the archive is
