@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.patient_lookup import MOST_MISSES
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
@@ -154,8 +155,9 @@ def test_a_guess_too_far_away_is_ignored_and_costs_no_pose(ros_domain: int) -> N
     with running_node(ros_domain, **given) as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
+        T_utm_base = se3.from_rotation_translation(np.eye(3), np.array([0, 1.001e7, 0]))
         for at_ns in range(0, 3 * PERIOD_NS, PERIOD_NS):
-            far = transform("utm", "base_link", parse_pose("", "0 1.001e7 0 0 0 0"), at_ns)
+            far = transform("utm", "base_link", T_utm_base, at_ns)
             robot.moving.publish(TFMessage(transforms=[far]))
             robot.pose_of(corner_frame(at_ns))
         line = node.wait_for_line("base_link to utm (guess_frame_id) is not used", PATIENCE_S)
