@@ -232,7 +232,7 @@ class BagRecording(Closing):
             channels[self._topics.info] = Channel.INFO
         else:
             sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
-        stamps = StampSource(self._stamp_source())
+        stamps = StampSource[Any](self._stamp_source())
         for recorded in self._bag.messages(channels):
             try:
                 message = self._bag.deserialize(recorded)
@@ -240,8 +240,11 @@ class BagRecording(Closing):
                 faults.add(error)
                 continue
             channel = channels[recorded.topic]
-            stamp = stamps.of(channel, stamp_ns(message.header.stamp), recorded.stamp_ns)
-            yield from sync.add(channel, stamp, message)
+            in_header_ns = stamp_ns(message.header.stamp)
+            for stamp, item in stamps.accept(channel, in_header_ns, recorded.stamp_ns, message):
+                yield from sync.add(channel, stamp, item)
+        for channel, stamp, item in stamps.flush():
+            yield from sync.add(channel, stamp, item)
         yield from sync.flush()
 
     def _stamp_source(self) -> str:
