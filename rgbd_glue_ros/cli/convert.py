@@ -66,4 +66,5 @@ def _topics(args: argparse.Namespace) -> WrittenTopics:
     if not args.topics_like:
         return AS_REALSENSE
     named = load_camera(args.topics_like).topics
-    return WrittenTopics(named["color"], named["depth"], named["camera_info"])
+    imu = named.get("imu", AS_REALSENSE.imu)
+    return WrittenTopics(named["color"], named["depth"], named["camera_info"], imu)

@@ -29,6 +29,8 @@ NO_RPE = f"no two poses with ground truth are {RPE_DELTA_S:g} s apart"
 _DELTA_TOLERANCE = 0.1
 # fewer positions than this can be aligned with any others
 _MIN_POSES = 3
+# Added to a stamp, longer ones exceed 64 bits
+_LONGEST_DIFFERENCE_S = 1e9
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,14 @@ def evaluate(
     """Compares ``estimate`` with ``reference``.
 
     Raises:
-        InputError: too few poses are within ``max_difference_s`` of each other.
+        InputError: too few poses are within ``max_difference_s`` of each other, or it is no time.
     """
+    if not 0 <= max_difference_s <= _LONGEST_DIFFERENCE_S:
+        raise InputError(
+            "evaluate.max_difference_s",
+            f"is {max_difference_s:g}",
+            f"give seconds, such as {MAX_TIME_DIFFERENCE_S:g}",
+        )
     rows, true_rows = associate(estimate.stamps_ns, reference.stamps_ns, max_difference_s)
     if len(rows) < _MIN_POSES:
         raise InputError(

@@ -8,8 +8,10 @@ import fcntl
 import json
 import math
 import os
+import secrets
 import shutil
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,8 @@ from rgbd_glue_ros.errors import InputError
 
 # Errors of file systems without locks, such as some network ones
 _NO_LOCKS = {errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
+
+_TOKEN_BYTES = 4
 
 
 def not_written(path: Path, error: OSError) -> InputError:
@@ -37,8 +41,6 @@ def write_whole(path: Path, content: str | bytes) -> None:
     data = content.encode() if isinstance(content, str) else content
     try:
         _check_kind(path)
-        # what is there is from a killed run, or a link that leads elsewhere
-        aside.unlink(missing_ok=True)
         with aside.open("xb") as file:
             file.write(data)
             file.flush()
@@ -65,7 +67,6 @@ def check_writable(path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         _check_kind(path)
         aside = _aside(path)
-        aside.unlink(missing_ok=True)
         aside.open("xb").close()
         aside.unlink()
     except OSError as error:
@@ -73,7 +74,14 @@ def check_writable(path: Path) -> None:
 
 
 def _aside(path: Path) -> Path:
-    return path.with_name(f".{path.name}.part")
+    """A name beside the file, of this writer alone: others may save the same file at once."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(_TOKEN_BYTES)}.part")
+
+
+def _left_asides(path: Path) -> Iterator[Path]:
+    """What writers that were killed left beside a file."""
+    token = "[0-9a-f]" * 2 * _TOKEN_BYTES
+    return path.parent.glob(f".{escape(path.name)}.{token}.part")
 
 
 def _check_kind(path: Path) -> None:
@@ -145,7 +153,8 @@ class ResultFolder(Closing):
         try:
             for name in names:
                 (path / name).unlink(missing_ok=True)
-                (path / f".{name}.part").unlink(missing_ok=True)
+                for aside in _left_asides(path / name):
+                    aside.unlink(missing_ok=True)
             (path / ".part").touch()
             (path / ".part").unlink()
         except OSError as error:
@@ -187,13 +196,14 @@ class NewFolder:
         """Gives it its name; removes it if it is of no use.
 
         Raises:
-            InputError: something else has taken that name.
+            InputError: something else has taken that name; the folder stays where it is.
         """
         try:
             if is_of_use and self.path.exists():
                 self.path.rename(self._target)
-        except OSError as error:
-            raise not_written(self._target, error) from error
-        finally:
             shutil.rmtree(self._place, ignore_errors=True)
+        except OSError as error:
+            cause = not_written(self._target, error).cause
+            raise InputError(self._target, cause, f"it is in {self.path}: move it") from error
+        finally:
             self._folder.close()

@@ -13,8 +13,8 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.fields import PoseStamped
 from rgbd_glue_ros.messages.reading import reader_of
 from rgbd_glue_ros.parameters import POSE
-from rgbd_glue_ros.parameters.checks import FARTHEST_M
 from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types.checks import FARTHEST_READ_M
 
 # Quaternions should have unit length; one with all elements below this has no direction.
 _SHORTEST = 1e-3
@@ -42,11 +42,11 @@ def pose_from_message(msg: PoseStamped, where: str) -> Float64:
     position, orientation = reader_of(_READERS, msg, where)(msg)
     t = np.array([position.x, position.y, position.z])
     q = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
-    is_far = not np.abs(t).max() < FARTHEST_M  # a comparison with NaN is false too
+    is_far = not np.abs(t).max() < FARTHEST_READ_M  # a comparison with NaN is false too
     if is_far or not _SHORTEST < np.abs(q).max() < 1 / _SHORTEST:
         raise InputError(
             where,
-            f"a pose is not finite, without direction, or {FARTHEST_M:.0e} m away",
+            f"a pose is not finite, without direction, or {FARTHEST_READ_M:.0e} m away",
             "correct its source",
         )
     return se3.from_translation_quaternion(t, q)

@@ -70,7 +70,7 @@ class NodeWatch:
         node: Node,
         synchronizer: Synchronizer[Any],
         monitor: Monitor,
-        stamps: StampSource,
+        stamps: StampSource[Any],
         learned: Sequence[str],
         with_two_clocks: str,
     ) -> None:

@@ -58,7 +58,7 @@ class RgbdInput(Closing):
         self._node = node
         self._config = config
         self._receive_match = receive
-        self._stamps = StampSource(config.stamps)
+        self._stamps = StampSource[Any](config.stamps)
         self.synchronizer: Synchronizer[Any] = Synchronizer(
             round(config.max_interval_s * NANOSECONDS), config.sync_queue_size
         )
@@ -86,14 +86,14 @@ class RgbdInput(Closing):
 
     def _receive(self, channel: Channel, message: Any) -> None:
         arrived_ns = time.monotonic_ns()
-        stamp = self._stamps.of(
-            channel, stamp_ns(message.header.stamp), self._node.get_clock().now().nanoseconds
-        )
+        receipt_ns = self._node.get_clock().now().nanoseconds
+        taken = self._stamps.accept(channel, stamp_ns(message.header.stamp), receipt_ns, message)
         if channel in self._stamps.unstamped:
             topic = next(i.topic for i in self._inputs if i.channel is channel)
             self._node.warn_once(topic, "has no stamp; the time of receipt is used")
-        for match in self.synchronizer.add(channel, stamp, message):
-            self._receive_match(match, arrived_ns)
+        for stamp, item in taken:
+            for match in self.synchronizer.add(channel, stamp, item):
+                self._receive_match(match, arrived_ns)
 
     def frame(self, match: Match[Any]) -> RgbdFrame:
         """Converts matching messages to a frame, at most ``max_width`` pixels wide.

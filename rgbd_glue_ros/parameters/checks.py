@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-FARTHEST_M = 1e9
-"""Beyond this a double cannot resolve a tenth of a millimetre; no robot gets there."""
+from rgbd_glue_ros.types.checks import FARTHEST_M
 
 
 @dataclass(frozen=True)

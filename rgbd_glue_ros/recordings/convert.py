@@ -16,7 +16,7 @@ from tqdm import tqdm
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import NewFolder, not_written
-from rgbd_glue_ros.recordings import Recording
+from rgbd_glue_ros.recordings import Recording, imu_of
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 from rgbd_glue_ros.recordings.bag.writer import (
     AS_REALSENSE,
@@ -28,7 +28,7 @@ from rgbd_glue_ros.recordings.bag.writer import (
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
-from rgbd_glue_ros.types import RgbdFrame, Trajectory
+from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
 
 # When, and how
 _Write = tuple[int, Callable[[], None]]
@@ -42,7 +42,9 @@ _PROGRESS_AFTER_S = 2.0
 def convert(
     source: Recording, target: Path, compressed: bool, topics: WrittenTopics = AS_REALSENSE
 ) -> None:
-    """Writes a recording in another format, with its camera and true poses.
+    """Writes a recording in another format, with its camera, true poses and IMU.
+
+    A folder holds the accelerations of an IMU alone; that angular velocities are lost is logged.
 
     The target appears once it is written. However that ends, the frames written are there and
     readable.
@@ -88,12 +90,13 @@ def _convert(source: Recording, target: Path, compressed: bool, topics: WrittenT
         disable=None,
     )
     if is_bag(source):
-        with TumFolderWriter(target, first.intrinsics, source.ground_truth) as folder:
+        writer = TumFolderWriter(target, first.intrinsics, source.ground_truth, imu_of(source))
+        with writer as folder:
             for files in mapped_ahead(folder.encode, progress):
                 folder.write(files)
     else:
         with BagWriter(target, COMPRESSED if compressed else RAW, topics) as bag:
-            write_bag(progress, source.ground_truth, bag)
+            write_bag(progress, source.ground_truth, bag, imu_of(source), first.frame_id)
 
 
 def is_bag(recording: Recording) -> bool:
@@ -103,13 +106,29 @@ def is_bag(recording: Recording) -> bool:
     return isinstance(recording, BagRecording)
 
 
-def write_bag(frames: Iterable[RgbdFrame], truth: Trajectory | None, bag: BagWriter) -> None:
-    """Writes frames and poses, merged in order of time."""
+def write_bag(
+    frames: Iterable[RgbdFrame],
+    truth: Trajectory | None,
+    bag: BagWriter,
+    imu: ImuSamples | None = None,
+    imu_frame: str = "",
+) -> None:
+    """Writes frames, poses and samples of an IMU, merged in order of time.
+
+    Args:
+        frames: of the recording.
+        truth: T_world_camera of the optical frame, None if not known.
+        bag: to write to.
+        imu: the samples in the axes of the camera's optical frame, None if there are none.
+        imu_frame: name of that frame; "" if not known.
+    """
     streams: list[Iterable[_Write]] = [
         ((f.stamp_ns, partial(bag.write, f)) for f in mapped_ahead(bag.encode, frames))
     ]
     if truth is not None:
         streams.append(_poses(truth, bag))
+    if imu is not None:
+        streams.append(_samples(imu, imu_frame, bag))
     for _, write in heapq.merge(*streams, key=itemgetter(0)):
         with uninterrupted():  # a bag holds no half of a message
             write()
@@ -119,3 +138,8 @@ def _poses(truth: Trajectory, bag: BagWriter) -> Iterator[_Write]:
     for row in np.argsort(truth.stamps_ns, kind="stable"):
         stamp_ns = int(truth.stamps_ns[row])
         yield stamp_ns, partial(bag.write_pose, stamp_ns, truth.poses[row])
+
+
+def _samples(imu: ImuSamples, frame_id: str, bag: BagWriter) -> Iterator[_Write]:
+    for index, stamp_ns in enumerate(imu.stamps_ns.tolist()):
+        yield stamp_ns, partial(bag.write_imu, imu, index, frame_id)

@@ -54,7 +54,7 @@ class Given:
         return None if self.calibration is None else self.calibration.intrinsics
 
     @property
-    def told_scale(self) -> float | None:
+    def calibration_depth_scale(self) -> float | None:
         """Metres per unit of depth from the calibration; None if it does not give them."""
         return None if self.calibration is None else self.calibration.depth_scale
 
@@ -102,17 +102,19 @@ def _open_seven(path: Path, given: Given) -> Recording:
 
 
 def _open_scannet(path: Path, given: Given) -> Recording:
-    scan = scannet.open_scannet(path, given.camera)
+    scan = scannet.open_scannet(path, given.camera, given.inputs.metres_per_unit)
     if isinstance(scan, ImageSequence):
         return _understood(scan, given)
     if given.depth_calibration is not None:
         scan.close()
         raise InputError("--depth-calibration", f"{path} holds aligned images", "leave it out")
-    return scan.with_depth_scale(given.inputs.metres_per_unit)
+    return scan
 
 
 def _open_folder(path: Path, given: Given) -> Recording:
-    is_unit_told = given.inputs.metres_per_unit is not None or given.told_scale is not None
+    is_unit_told = (
+        given.inputs.metres_per_unit is not None or given.calibration_depth_scale is not None
+    )
     if tum.has_lost_its_lists(path) and not is_unit_told:
         raise InputError(
             path,
@@ -139,14 +141,14 @@ def _open_bag(path: Path, given: Given) -> Recording:
         given.camera,
         given.inputs,
         given.depth_calibration,
-        given.told_scale,
+        given.calibration_depth_scale,
     )
 
 
 def _understood(sequence: ImageSequence, given: Given) -> ImageSequence:
     """The sequence with the given information about its depth."""
     if given.inputs.metres_per_unit is None:
-        sequence = sequence.with_told_scale(given.told_scale)
+        sequence = sequence.with_calibration_depth_scale(given.calibration_depth_scale)
     sequence = sequence.with_depth_scale(given.inputs.metres_per_unit)
     return sequence.with_depth_camera(given.depth_camera)
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.recordings.folder.lists import read_association
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
-from rgbd_glue_ros.recordings.sens import stamp_ns
 from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
 
@@ -38,7 +38,7 @@ def open_icl_nuim(folder: Path, calibration: CameraIntrinsics | None = None) -> 
     """
     found = read_association(folder / ASSOCIATIONS)
     numbered = read_tum(next(iter(sorted(folder.glob(TRUTH)))))
-    stamps = [stamp_ns(round(number / NANOSECONDS)) for number in numbered.stamps_ns]
+    stamps = [frame_stamp_ns(round(number / NANOSECONDS)) for number in numbered.stamps_ns]
     truth = Trajectory(np.array(stamps, np.int64), mirrored(numbered.poses))
     return ImageSequence(
         folder.resolve().name,

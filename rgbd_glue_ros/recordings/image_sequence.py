@@ -73,7 +73,7 @@ class DepthEncoding:
         units = 1 / metres_per_unit
         return replace(self, units_per_metre=units, float_units_per_metre=units)
 
-    def with_told_scale(self, metres_per_unit: float | None) -> DepthEncoding:
+    def with_calibration_depth_scale(self, metres_per_unit: float | None) -> DepthEncoding:
         """This encoding in the units of a calibration file; None leaves them unchanged.
 
         A unit of one metre, as in ORB-SLAM's ``DepthMapFactor: 1.0``, is for floats: depth in whole
@@ -163,7 +163,7 @@ class ImageSequence(Closing):
         """This sequence with depth in other units; None leaves them unchanged."""
         return replace(self, encoding=self.encoding.with_scale(metres_per_unit))
 
-    def with_told_scale(self, metres_per_unit: float | None) -> ImageSequence:
+    def with_calibration_depth_scale(self, metres_per_unit: float | None) -> ImageSequence:
         """This sequence with depth in the units of a calibration file; None leaves them."""
         if metres_per_unit == 1 and _holds_whole_numbers(self.pairs[0].depth):
             logger.warning(
@@ -172,7 +172,7 @@ class ImageSequence(Closing):
                 self.name,
                 1 / self.encoding.units_per_metre,
             )
-        return replace(self, encoding=self.encoding.with_told_scale(metres_per_unit))
+        return replace(self, encoding=self.encoding.with_calibration_depth_scale(metres_per_unit))
 
     def with_depth_camera(self, depth_camera: DepthCamera | None) -> ImageSequence:
         """This sequence with depth from another camera than colour; None leaves it registered."""

@@ -13,9 +13,9 @@ logger = logging.getLogger(__name__)
 
 COLOR, DEPTH = "color", "depth"
 
-# Fewer images than this part of all are told in the figures alone, as the node does it.
+# Below a tenth of all images, only the counts tell, as in the node.
 _WORTH_A_WARNING = 0.1
-# but a camera that is followed does not pause for so long
+# A longer pause is worth a warning: a tracked camera does not pause.
 _LONG_GAP_NS = NANOSECONDS
 
 

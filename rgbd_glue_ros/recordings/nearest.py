@@ -72,25 +72,34 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
         return _of_file(path)
     below = sorted(child.name for child in recordings)
     if below:
-        more = " and others" if len(below) > _NAMED else ""
-        return InputError(
-            path,
-            f"is not a recording, but holds {', '.join(below[:_NAMED])}{more}, which are",
-            "give one of them",
-        )
+        return _of_parent(path, below)
     if not any(path.iterdir()):
         return InputError(
             path, "is not a recording in a known format: it is empty", "give the folder of one"
         )
     found = _nearest(path)
-    if found is None:
-        held = ", ".join(sorted(child.name for child in islice(path.iterdir(), 5)))
-        return InputError(
-            path,
-            f"is not a recording in a known format; it holds {held}",
-            f"give a bag, or a folder of colour images (rgb) beside one of depth (depth); {SEE}",
-        )
-    layout, missing = found
+    return _of_other(path) if found is None else _of_incomplete(path, *found)
+
+
+def _of_parent(path: Path, below: list[str]) -> InputError:
+    more = " and others" if len(below) > _NAMED else ""
+    return InputError(
+        path,
+        f"is not a recording, but holds {', '.join(below[:_NAMED])}{more}, which are",
+        "give one of them",
+    )
+
+
+def _of_other(path: Path) -> InputError:
+    held = ", ".join(sorted(child.name for child in islice(path.iterdir(), 5)))
+    return InputError(
+        path,
+        f"is not a recording in a known format; it holds {held}",
+        f"give a bag, or a folder of colour images (rgb) beside one of depth (depth); {SEE}",
+    )
+
+
+def _of_incomplete(path: Path, layout: Layout, missing: list[str]) -> InputError:
     if not missing:
         return InputError(
             path,

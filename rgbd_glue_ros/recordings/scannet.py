@@ -7,6 +7,7 @@ from pathlib import Path
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes
 from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
     ImagePair,
@@ -15,7 +16,7 @@ from rgbd_glue_ros.recordings.image_sequence import (
     ground_truth,
     matrix,
 )
-from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens, stamp_ns
+from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens
 from rgbd_glue_ros.types import CameraIntrinsics
 
 _DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0,))
@@ -29,22 +30,25 @@ def matches(path: Path) -> bool:
 
 
 def open_scannet(
-    path: Path, calibration: CameraIntrinsics | None = None
+    path: Path,
+    calibration: CameraIntrinsics | None = None,
+    metres_per_unit: float | None = None,
 ) -> ImageSequence | SensSequence:
     """The scan at ``path``.
 
     Args:
         path: a sensor stream, the folder of a scan with one, or one of exported images.
         calibration: of the depth camera; None uses the scan's.
+        metres_per_unit: of the depth images; None uses the scan's.
 
     Raises:
         InputError: the scan is unusable.
     """
     if is_sens(path):
-        return SensSequence(path, calibration)
+        return SensSequence(path, calibration, metres_per_unit)
     if _is_exported(path):
-        return _open_exported(path, calibration)
-    return SensSequence(_streams(path)[0], calibration)
+        return _open_exported(path, calibration).with_depth_scale(metres_per_unit)
+    return SensSequence(_streams(path)[0], calibration, metres_per_unit)
 
 
 def _streams(folder: Path) -> list[Path]:
@@ -61,7 +65,7 @@ def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageS
     pairs: list[ImagePair] = []
     poses: list[tuple[int, Path]] = []
     for number, color in sorted((_number(path), path) for path in files):
-        stamp = stamp_ns(number)
+        stamp = frame_stamp_ns(number)
         depth, pose = folder / f"depth/{number}.png", folder / f"pose/{number}.txt"
         if not depth.is_file():
             raise InputError(depth, "is missing", f"restore it, or remove {color.name}")

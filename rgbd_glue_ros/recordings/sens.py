@@ -7,7 +7,7 @@ import struct
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,10 @@ from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, reduced, to_rgb
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
-    NANOSECONDS,
     CameraIntrinsics,
     Float32,
     Float64,
@@ -32,7 +32,6 @@ from rgbd_glue_ros.types import (
 
 SUFFIX = ".sens"
 VERSION = 4
-RATE_HZ = 30
 
 # After version and name: four 4x4 matrices (intrinsics and extrinsics of colour and depth), kinds
 # of compression, sizes, units of depth to a metre, number of frames
@@ -87,12 +86,18 @@ class SensSequence(Closing):
     is at (i + 1) / 30 s in both.
     """
 
-    def __init__(self, path: Path, calibration: CameraIntrinsics | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        calibration: CameraIntrinsics | None = None,
+        metres_per_unit: float | None = None,
+    ) -> None:
         """Opens the file and looks up where its frames are.
 
         Args:
             path: of the file.
             calibration: of the depth camera; None uses the file's.
+            metres_per_unit: of the depth images; None uses the file's.
 
         Raises:
             InputError: the file is not a sensor stream, has another version, or impossible values.
@@ -107,17 +112,12 @@ class SensSequence(Closing):
             self.close()
             raise
         self._camera = calibration or self._header.camera
+        self._encoding = self._header.encoding.with_scale(metres_per_unit)
         known = np.isfinite(poses).all(axis=(1, 2))
-        stamps = np.array([stamp_ns(i) for i in range(len(poses))], np.int64)
+        stamps = np.array([frame_stamp_ns(i) for i in range(len(poses))], np.int64)
         self.ground_truth: Trajectory | None = (
             Trajectory(stamps[known], poses[known]) if known.any() else None
         )
-
-    def with_depth_scale(self, metres_per_unit: float | None) -> SensSequence:
-        """Sets other units of depth than the file's; None leaves them."""
-        encoding = self._header.encoding.with_scale(metres_per_unit)
-        self._header = replace(self._header, encoding=encoding)
-        return self
 
     @property
     def name(self) -> str:
@@ -233,7 +233,7 @@ class SensSequence(Closing):
         place = self._places[index]
         color = self._color(self._bytes(place.color, place.color_size), where)
         depth = self._depth(self._bytes(place.depth, place.depth_size), where)
-        return RgbdFrame(stamp_ns(index), color, depth, self._camera)
+        return RgbdFrame(frame_stamp_ns(index), color, depth, self._camera)
 
     def _color(self, data: bytes, where: str) -> UInt8:
         image: NDArray[Any] = decode(data, where)
@@ -256,15 +256,10 @@ class SensSequence(Closing):
                 "download the file again",
             )
         image = np.frombuffer(data, "<u2").reshape(camera.height, camera.width)
-        return self._header.encoding.metres(image)
+        return self._encoding.metres(image)
 
     def _unusable(self, cause: str, remedy: str) -> InputError:
         return InputError(self.path, cause, remedy)
-
-
-def stamp_ns(index: int) -> int:
-    """Assumed stamp of frame ``index``, nanoseconds; not zero, which means no time in ROS."""
-    return (index + 1) * NANOSECONDS // RATE_HZ
 
 
 def is_sens(path: Path) -> bool:

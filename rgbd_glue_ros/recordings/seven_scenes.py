@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
     ImagePair,
@@ -13,10 +14,9 @@ from rgbd_glue_ros.recordings.image_sequence import (
     ground_truth,
     matrix,
 )
-from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics
+from rgbd_glue_ros.types import CameraIntrinsics
 
 _DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0, 65535))
-_RATE_HZ = 30
 _INTRINSICS = "camera-intrinsics.txt"
 _WIDTH, _HEIGHT = 640, 480
 # 7-Scenes comes without a file of intrinsics; its page gives these for every scene
@@ -66,8 +66,7 @@ def _stamp(path: Path, stem: str) -> int:
         number = int(stem.removeprefix("frame-"))
     except ValueError as error:
         raise InputError(path, "has no number in its name", "name it frame-000000…") from error
-    # from 1/30 s on: in ROS a stamp of zero means none
-    return (number + 1) * NANOSECONDS // _RATE_HZ
+    return frame_stamp_ns(number)
 
 
 def _camera(folder: Path) -> CameraIntrinsics:

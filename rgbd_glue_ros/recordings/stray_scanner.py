@@ -19,7 +19,7 @@ from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
-from rgbd_glue_ros.recordings.folder.lists import frame_stamp_ns
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
     DepthEncoding,
     ImagePair,

@@ -35,8 +35,8 @@ COLOR_LIST, DEPTH_LIST, GROUND_TRUTH = "rgb.txt", "depth.txt", "groundtruth.txt"
 ACCELEROMETER = "accelerometer.txt"
 """Lines of a stamp and an acceleration, m/s²; if present, it shows which way is up."""
 
-# The axes of a Kinect's accelerometer are x left, y up, z forward.
-_R_OPTICAL_ACCELEROMETER = np.diag([-1.0, -1.0, 1.0])
+R_OPTICAL_ACCELEROMETER = np.diag([-1.0, -1.0, 1.0])
+"""From the axes of a Kinect's accelerometer, which are x left, y up, z forward."""
 
 CALIBRATION = "camera_info.yaml"
 """Not part of the published layout; used if present."""
@@ -116,7 +116,9 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
         imu=_accelerations(folder / ACCELEROMETER),
         left_out=found.left_out,
     )
-    return sequence.with_told_scale(told.depth_scale or scale_in_comments(folder / DEPTH_LIST))
+    return sequence.with_calibration_depth_scale(
+        told.depth_scale or scale_in_comments(folder / DEPTH_LIST)
+    )
 
 
 def _accelerations(path: Path) -> ImuSamples | None:
@@ -128,7 +130,7 @@ def _accelerations(path: Path) -> ImuSamples | None:
     if len(readings) < len(lines):
         skipped = len(lines) - len(readings)
         logger.warning("%s: %d lines hold no acceleration and were skipped", path, skipped)
-    return imu_samples(readings).rotated(_R_OPTICAL_ACCELEROMETER) if readings else None
+    return imu_samples(readings).rotated(R_OPTICAL_ACCELEROMETER) if readings else None
 
 
 def _reading(line: Line) -> ImuReading | None:

@@ -1,7 +1,8 @@
-"""Writes frames and true poses to a folder in the layout of TUM RGB-D."""
+"""Writes frames, true poses and accelerations to a folder in the layout of TUM RGB-D."""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,14 +16,18 @@ from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.messages.fields import distortion_model
 from rgbd_glue_ros.messages.image_codecs import encode_png, quantised
 from rgbd_glue_ros.recordings.tum import (
+    ACCELEROMETER,
     CALIBRATION,
     COLOR_LIST,
     DEPTH_LIST,
     GROUND_TRUTH,
+    R_OPTICAL_ACCELEROMETER,
     UNITS_PER_METRE,
 )
 from rgbd_glue_ros.trajectories.tum import write_tum
-from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame, Trajectory
+from rgbd_glue_ros.types import CameraIntrinsics, ImuSamples, RgbdFrame, Trajectory
+
+logger = logging.getLogger(__name__)
 
 _COLOR_FOLDER, _DEPTH_FOLDER = "rgb", "depth"
 
@@ -40,13 +45,22 @@ class EncodedFrame:
 class TumFolderWriter(Closing):
     """A folder under construction: everything that its lists name is completely on disk."""
 
-    def __init__(self, folder: Path, camera: CameraIntrinsics, truth: Trajectory | None) -> None:
-        """Creates the folder, with the calibration and the true poses.
+    def __init__(
+        self,
+        folder: Path,
+        camera: CameraIntrinsics,
+        truth: Trajectory | None,
+        imu: ImuSamples | None = None,
+    ) -> None:
+        """Creates the folder, with the calibration, the true poses and the accelerations.
+
+        The layout has no place for angular velocities; that they are left out is logged.
 
         Args:
             folder: must not exist.
             camera: of all frames.
             truth: T_world_camera of the optical frame, None if not known.
+            imu: samples in the axes of the optical frame, None if there are none.
 
         Raises:
             InputError: the folder exists or cannot be written.
@@ -63,6 +77,8 @@ class TumFolderWriter(Closing):
         (folder / CALIBRATION).write_text(_calibration(camera), encoding="utf-8")
         if truth is not None:
             write_tum(folder / GROUND_TRUTH, truth)
+        if imu is not None:
+            self._write_accelerations(imu)
         self._colors = (folder / COLOR_LIST).open("w", encoding="ascii", buffering=1)
         self._depths = (folder / DEPTH_LIST).open("w", encoding="ascii", buffering=1)
 
@@ -92,10 +108,30 @@ class TumFolderWriter(Closing):
             (self._folder / name).write_bytes(data)
             names.write(f"{stamp} {name}\n")
 
+    def _write_accelerations(self, imu: ImuSamples) -> None:
+        if np.isfinite(imu.linear_acceleration).any():
+            (self._folder / ACCELEROMETER).write_text(_accelerations(imu), encoding="ascii")
+        if np.isfinite(imu.angular_velocity).any():
+            logger.warning(
+                "%s: has no place for the angular velocities of the IMU", self._folder.name
+            )
+
     def close(self) -> None:
         """Closes the lists."""
         self._colors.close()
         self._depths.close()
+
+
+def _accelerations(imu: ImuSamples) -> str:
+    """Lines of a stamp and an acceleration, of the samples that have one."""
+    lines = ["# timestamp ax ay az\n"]
+    measured = imu.rotated(R_OPTICAL_ACCELEROMETER.T)
+    for stamp_ns, acceleration in zip(
+        measured.stamps_ns.tolist(), measured.linear_acceleration.tolist(), strict=True
+    ):
+        if np.isfinite(acceleration).all():
+            lines.append(f"{format_stamp(stamp_ns)} {' '.join(map(repr, acceleration))}\n")
+    return "".join(lines)
 
 
 def _calibration(camera: CameraIntrinsics) -> str:

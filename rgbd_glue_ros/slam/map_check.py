@@ -12,11 +12,9 @@ import numpy as np
 
 from rgbd_glue_ros.slam.optimiser import unlinked
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
-from rgbd_glue_ros.types.checks import are_rigid
+from rgbd_glue_ros.types.checks import FARTHEST_READ_M, are_rigid
 
 _NOT_SYMMETRIC = 1e-6
-# Beyond the earth's circumference nothing is a room.
-_FARTHEST_M = 4e7
 
 
 def numbers(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Float64:
@@ -42,7 +40,7 @@ def transforms(arrays: Mapping[str, Any], name: str, count: int) -> Float64:
         ValueError: one is no rotation and translation.
     """
     T = numbers(arrays, name, (count, 4, 4))
-    is_near = (np.abs(T[:, :3, 3]) < _FARTHEST_M).all(axis=1)
+    is_near = (np.abs(T[:, :3, 3]) < FARTHEST_READ_M).all(axis=1)
     _refuse(~(are_rigid(T) & is_near), name, "no rotation and translation")
     return T
 

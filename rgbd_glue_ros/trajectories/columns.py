@@ -50,7 +50,7 @@ def stamped_poses(path: Path) -> tuple[list[int], list[Float64]]:
         names.append(lines[0].words)
         lines = lines[1:]
     parse = _parser(path, lines, names)
-    skipped: list[str] = []
+    skipped: list[tuple[str, str]] = []
     stamps: list[str] = []
     poses: list[Float64] = []
     for line in lines:
@@ -59,22 +59,20 @@ def stamped_poses(path: Path) -> tuple[list[int], list[Float64]]:
             stamps_ns([stamp])
         except (ValueError, ArithmeticError, IndexError) as error:
             reason = str(error) if isinstance(error, ValueError) else "not a number"
-            skipped.append(f"{path}:{line.number}: {reason}")
+            skipped.append((f"{path}:{line.number}", reason))
             continue
         stamps.append(stamp)
         poses.append(pose)
     if not poses:
-        place, reason = (skipped or [f"{path}: no line of numbers"])[0].rsplit(": ", 1)
+        place, reason = skipped[0] if skipped else (str(path), "no line of numbers")
         raise InputError(place, reason, f"write '{' '.join(TUM_COLUMNS)}' on each line")
     if skipped:
         logger.warning(
-            "%d lines contain no pose and were skipped; the first: %s", *_counted(skipped)
+            "%d lines contain no pose and were skipped; the first: %s: %s",
+            len(skipped),
+            *skipped[0],
         )
     return _without_duplicates(path, stamps_ns(stamps), poses)
-
-
-def _counted(skipped: list[str]) -> tuple[int, str]:
-    return len(skipped), skipped[0]
 
 
 def _without_duplicates(

@@ -9,8 +9,8 @@ import numpy as np
 from rgbd_glue_ros.files.text_lines import finite_numbers, numbers_text
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types.checks import FARTHEST_READ_M
 
-_FARTHEST_M = 1e9
 # the squares of other numbers are zero, or infinite
 _SQUARED = (1e-100, 1e100)
 
@@ -36,13 +36,13 @@ def parse_pose(words: list[str]) -> Float64:
 
 
 def check_position(position: Float64) -> None:
-    """Refuses a position beyond the moon, which would overflow in an alignment.
+    """Refuses a position too far away, which would overflow in an alignment.
 
     Raises:
         ValueError: the position is that far away.
     """
-    if np.abs(position).max() > _FARTHEST_M:
-        raise ValueError(f"a position more than {_FARTHEST_M:g} m away")
+    if np.abs(position).max() > FARTHEST_READ_M:
+        raise ValueError(f"a position more than {FARTHEST_READ_M:g} m away")
 
 
 def parse_matrix(words: Sequence[str]) -> Float64:

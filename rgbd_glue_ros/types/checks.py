@@ -16,7 +16,11 @@ _SHORTEST, _LONGEST = 0.01, 1e6
 # The error of a single-precision rotation that was multiplied a few times.
 _NOT_ORTHONORMAL = 1e-3
 FARTHEST_M = 1e7
-"""The farthest an odometry gets from its start, metres."""
+"""Limit of the coordinates of a pose that is given, metres: UTM's reach that far, and doubles
+resolve nanometres there."""
+FARTHEST_READ_M = 10 * FARTHEST_M
+"""Limit of those of a pose that is read: an odometry moves on from the pose that it was given, and
+what it writes has to be readable."""
 
 _GUESS = "T_guess_camera"
 _CAMERA, _FRAME, _IMU = "CameraIntrinsics", "RgbdFrame", "ImuSamples"

@@ -43,6 +43,12 @@ def test_a_trajectory_has_no_error_against_itself() -> None:
     assert result.rpe.rot_rmse_deg < 1e-5
 
 
+@pytest.mark.parametrize("difference_s", [np.nan, np.inf, -0.1, 1e300])
+def test_a_difference_that_is_no_time_is_refused(difference_s: float) -> None:
+    with pytest.raises(InputError, match=r"max_difference_s: is .*; give seconds, such as 0.02"):
+        evaluate(line(0.5), line(0.5), difference_s)
+
+
 def test_relative_error_of_a_false_speed_is_that_speed_times_one_second() -> None:
     rpe = evaluate(line(0.55), line(0.5)).rpe
     assert rpe is not None

@@ -107,6 +107,13 @@ def test_a_parameter_that_only_another_version_has_is_a_dash(runs: Path, tmp_pat
     assert cells(parameters_text(compared), "of_the_future") == ["–", "yes"]
 
 
+def test_versions_of_the_package_that_differ_are_named(runs: Path, tmp_path: Path) -> None:
+    newer = with_figures(copied(runs / "before", tmp_path / "newer"), version="9.8.7")
+    old = with_figures(copied(runs / "before", tmp_path / "old"), version=None)
+    text = parameters_text(read_runs([newer, old]))
+    assert "the versions of rgbd_glue_ros differ: newer 9.8.7, old not known" in text
+
+
 def test_a_run_that_stores_no_parameters_is_compared_and_that_is_said(
     runs: Path, tmp_path: Path
 ) -> None:

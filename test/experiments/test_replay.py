@@ -48,7 +48,7 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     assert set(figures) == {
         *("sequence", "played", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
         *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe", "edges"),
-        *("restarts", "duplicates", "unpaired", "longest_gap_s"),
+        *("restarts", "duplicates", "unpaired", "longest_gap_s", "version"),
     }
     assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}
     assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}

@@ -66,14 +66,44 @@ def test_a_place_that_can_hold_no_file_is_told_as_that(tmp_path: Path) -> None:
             write_whole(path, "{}")
 
 
-def test_a_link_in_place_of_a_file_in_the_writing_is_not_followed(tmp_path: Path) -> None:
+def test_a_link_in_place_of_a_file_in_the_writing_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     other = tmp_path / "others"
     other.write_text("not ours")
-    (tmp_path / ".metrics.json.part").symlink_to(other)
+    (tmp_path / ".metrics.json.1234abcd.part").symlink_to(other)
     write_whole(tmp_path / "metrics.json", "{}\n")
+    monkeypatch.setattr("secrets.token_hex", lambda _: "1234abcd")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_whole(tmp_path / "metrics.json", "[]\n")
     assert other.read_text() == "not ours"
     assert (tmp_path / "metrics.json").read_text() == "{}\n"
     assert not (tmp_path / "metrics.json").is_symlink()
+
+
+def test_of_two_that_save_one_file_at_once_each_saves_it_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "map.ply"
+
+    def meanwhile(_: int) -> None:
+        monkeypatch.undo()
+        write_whole(path, "the other's")
+        assert path.read_text() == "the other's"
+
+    monkeypatch.setattr("os.fsync", meanwhile)
+    write_whole(path, "the first")
+    assert path.read_text() == "the first"
+    assert [file.name for file in tmp_path.iterdir()] == ["map.ply"]
+
+
+def test_a_file_has_the_mode_that_the_user_wishes(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        write_whole(tmp_path / "a.txt", "x")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
 
 
 def test_a_trajectory_on_a_full_disk_ends_with_a_whole_line(tmp_path: Path) -> None:
@@ -106,6 +136,27 @@ def test_two_runs_do_not_write_to_one_folder(tmp_path: Path) -> None:
             ResultFolder(tmp_path / "out", ())
         ResultFolder(tmp_path / "other", ()).close()
     ResultFolder(tmp_path / "out", ()).close()
+
+
+KILLED_WHILE_WRITING = """
+import os, sys
+from pathlib import Path
+from rgbd_glue_ros.files.writing import write_whole
+os.fsync = lambda _: os.kill(os.getpid(), 9)
+write_whole(Path(sys.argv[1]) / "a[1].txt", "new")
+"""
+
+
+def test_what_a_killed_writer_left_is_removed_by_the_next_run_and_nothing_else(
+    tmp_path: Path,
+) -> None:
+    own = tmp_path / ".a1.txt.1234abcd.part"
+    own.touch()
+    script = [sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path)]
+    assert subprocess.run(script, check=False).returncode == -9
+    assert len(list(tmp_path.iterdir())) == 2
+    ResultFolder(tmp_path, ("a[1].txt",)).close()
+    assert list(tmp_path.iterdir()) == [own]
 
 
 KILLED = """
@@ -150,10 +201,17 @@ def test_a_new_folder_appears_when_it_is_written_and_replaces_nothing(tmp_path: 
     assert os.listdir(target.parent) == ["bag"]  # noqa: PTH208
     with pytest.raises(InputError, match="exists already"):
         NewFolder(target)
-    other = NewFolder(tmp_path / "late")
-    other.path.mkdir()
+
+
+def test_a_new_folder_whose_name_was_taken_meanwhile_is_kept_and_it_is_said_where(
+    tmp_path: Path,
+) -> None:
+    new = NewFolder(tmp_path / "late")
+    new.path.mkdir()
+    (new.path / "file").write_text("x")
     (tmp_path / "late").mkdir()
     (tmp_path / "late" / "own").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        other.close()
+    with pytest.raises(InputError, match=f"cannot be written.*; it is in {new.path}: move it"):
+        new.close()
     assert (tmp_path / "late" / "own").exists()
+    assert (new.path / "file").read_text() == "x"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.fields import Quaternion, pose_stamped
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
+from rgbd_glue_ros.slam.map_check import transforms
+from rgbd_glue_ros.trajectories.tum import read_tum, write_tum
+from rgbd_glue_ros.types import Trajectory
 
 
 def test_six_numbers_are_urdfs_roll_pitch_yaw_and_seven_a_quaternion() -> None:
@@ -49,3 +53,13 @@ def test_a_quaternion_without_direction_is_refused(w: float) -> None:
     message = replace(whole, pose=replace(whole.pose, orientation=Quaternion(0, 0, 0, w)))
     with pytest.raises(InputError, match="without direction"):
         pose_from_message(message, "/tf")
+
+
+def test_what_is_written_of_the_farthest_start_can_be_read(tmp_path: Path) -> None:
+    """An odometry moves on from there."""
+    T = parse_pose("initial_pose", "1e7 -1e7 1e7 0.1 0.2 0.3")
+    T[:3, 3] *= 1.5
+    assert pose_from_message(pose_stamped(T, HEAD), "/pose") == pytest.approx(T, abs=1e-8)
+    write_tum(tmp_path / "poses.txt", Trajectory(np.array([1]), T[np.newaxis]))
+    assert read_tum(tmp_path / "poses.txt").poses[0] == pytest.approx(T, abs=1e-6)
+    assert transforms({"poses": T[np.newaxis]}, "poses", 1)[0] == pytest.approx(T)

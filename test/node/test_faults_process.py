@@ -22,7 +22,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rigs.faults import COMPILE_S, running_node, shown
 from rigs.paths import ROOT
-from rigs.ros import PATIENCE_S, Rig, corner_frame
+from rigs.ros import PATIENCE_S, START_NS, Rig, corner_frame
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_with_a_damaged_cache_of_compiled_code_no_pose_is_lost(
         node.wait_for_line("is damaged", COMPILE_S)
         with Rig(ros_domain) as rig:
             rig.wait_until_matched()
-            rig.pose_of(corner_frame(0))
+            rig.pose_of(corner_frame(START_NS))
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.messages.fields import color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
@@ -69,6 +70,7 @@ def test_images_without_a_stamp_use_the_time_of_receipt_which_is_logged_once(
             return len(rig.poses) > 2
 
         rig.wait(has_poses, "poses")
+        assert min(stamp_ns(pose.header.stamp) for pose in rig.poses) > START_NS
         for topic in ("rgb/image", "depth/image", "rgb/camera_info"):
             lines = [line for line in node.lines if f"/{topic}: has no stamp" in line]
             assert len(lines) == 1

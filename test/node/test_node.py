@@ -32,7 +32,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigs.faults import running_node
-from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_S, Rig, corner_frame, frame_messages
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, START_S, Rig, corner_frame, frame_messages
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Empty
 
@@ -225,34 +225,34 @@ def test_changes_of_live_parameters_apply_from_the_next_frame_on(ros_domain: int
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(2):
-            rig.pose_of(corner_frame(i * PERIOD_NS))
+            rig.pose_of(corner_frame(START_NS + i * PERIOD_NS))
         # nothing is believed any more, and then everything again
         assert not set_parameter(rig, "odometry.min_planes", 10**6)
         assert not set_parameter(rig, "odometry.min_pixels", 10**6)
         node.wait_for_line("Changed: odometry.min_pixels: 1000000", 1.0)
-        rig.publish(corner_frame(2 * PERIOD_NS))
-        node.wait_for_line("Lost at 0.067", PATIENCE_S)
+        rig.publish(corner_frame(START_NS + 2 * PERIOD_NS))
+        node.wait_for_line("Lost at 1.067", PATIENCE_S)
         assert not set_parameter(rig, "odometry.min_planes", 200)
-        rig.pose_of(corner_frame(3 * PERIOD_NS))
+        rig.pose_of(corner_frame(START_NS + 3 * PERIOD_NS))
         # the new start is for the next reset, so that odom does not jump
         assert not set_parameter(rig, "initial_pose", "5 0 0 0 0 0")
-        x = rig.pose_of(corner_frame(4 * PERIOD_NS)).pose.position.x
+        x = rig.pose_of(corner_frame(START_NS + 4 * PERIOD_NS)).pose.position.x
         assert abs(x) < 0.01
         call(rig, "reset_odom")
-        assert rig.pose_of(corner_frame(5 * PERIOD_NS)).pose.position.x == 5
+        assert rig.pose_of(corner_frame(START_NS + 5 * PERIOD_NS)).pose.position.x == 5
 
 
 @pytest.mark.slow
 def test_a_missing_pose_is_explained_with_the_current_limits(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        rig.pose_of(corner_frame(0))
+        rig.pose_of(corner_frame(START_NS))
         assert not set_parameter(rig, "camera.depth_max", 0.5)
-        beyond = corner_frame(PERIOD_NS)
+        beyond = corner_frame(START_NS + PERIOD_NS)
         # in the dark, lest colour alone give a pose
         rig.publish(replace(beyond, color=np.zeros_like(beyond.color)))
         why = "100% of the pixels have a depth, but 0% one from 0.1 to 0.5 m (camera.depth_min"
-        node.wait_for_line(f"Lost at 0.033 ({why}", PATIENCE_S)
+        node.wait_for_line(f"Lost at 1.033 ({why}", PATIENCE_S)
 
         def explained() -> bool:
             return any(why in message.status[0].message for message in rig.diagnostics)
@@ -316,9 +316,9 @@ def test_a_signal_while_a_frame_is_processed_ends_the_node_with_exit_code_0(
 ) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        rig.pose_of(corner_frame(0, 640, 480))
+        rig.pose_of(corner_frame(START_NS, 640, 480))
         for i in range(1, 5):  # of which one is in work, and the last waits or is in work
-            rig.publish(corner_frame(i * PERIOD_NS, 640, 480))
+            rig.publish(corner_frame(START_NS + i * PERIOD_NS, 640, 480))
         assert node.stop(how) == 0
         assert not [line for line in node.lines if "Traceback" in line]
         assert "frames" in node.lines[-1]  # the summary
@@ -330,7 +330,7 @@ def test_a_robot_starts_at_the_origin_of_odom_wherever_its_camera_is(ros_domain:
     with running_node(ros_domain, **given), Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(2):
-            pose = rig.pose_of(corner_frame(i * PERIOD_NS))
+            pose = rig.pose_of(corner_frame(START_NS + i * PERIOD_NS))
         np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
         rig.wait(lambda: rig.odoms, "the odometry message")
         assert rig.odoms[0].child_frame_id == "base_link"
@@ -348,14 +348,14 @@ def test_compressed_topics_follow_the_remapped_base_topics(ros_domain: int) -> N
         Rig(ros_domain, compressed=True, remapped=remapped) as rig,
     ):
         rig.wait_until_matched()
-        rig.pose_of(corner_frame(0))
+        rig.pose_of(corner_frame(START_NS))
 
 
 @pytest.mark.slow
 def test_a_publisher_that_restarts_with_another_reliability_is_received_again(
     ros_domain: int,
 ) -> None:
-    stamps = itertools.count(0, PERIOD_NS)
+    stamps = itertools.count(START_NS, PERIOD_NS)
     with running_node(ros_domain):
         for reliability in (
             ReliabilityPolicy.BEST_EFFORT,
@@ -393,11 +393,11 @@ def test_a_subscription_that_asks_for_more_than_is_published_is_named(ros_domain
 def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_invented(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        rig.pose_of(corner_frame(0))
+        rig.pose_of(corner_frame(START_NS))
         for i in (1, 2):
-            rig.publish(blank(corner_frame(i * PERIOD_NS)))
-            node.wait_for_line("Lost at 0.033", PATIENCE_S)
-        pose = rig.pose_of(corner_frame(3 * PERIOD_NS))
+            rig.publish(blank(corner_frame(START_NS + i * PERIOD_NS)))
+            node.wait_for_line("Lost at 1.033", PATIENCE_S)
+        pose = rig.pose_of(corner_frame(START_NS + 3 * PERIOD_NS))
         node.wait_for_line("Tracking again", PATIENCE_S)
         np.testing.assert_allclose(pose_from_message(pose, "pose")[:3, 3], 0, atol=1e-2)
         assert len(rig.poses) == 2
@@ -427,10 +427,10 @@ def call(rig: Rig, service: str) -> None:
 def test_reset_restarts_at_the_initial_pose_whatever_the_time(ros_domain: int) -> None:
     with running_node(ros_domain, initial_pose="'1 2 3 0 0 0.5'") as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        first = rig.pose_of(corner_frame(PERIOD_NS))
+        first = rig.pose_of(corner_frame(START_NS + PERIOD_NS))
         call(rig, "reset_odom")
         node.wait_for_line("Reset requested", PATIENCE_S)
-        again = rig.pose_of(corner_frame(2 * PERIOD_NS))
+        again = rig.pose_of(corner_frame(START_NS + 2 * PERIOD_NS))
         assert again.pose == first.pose
         expected = parse_pose("", "1 2 3 0 0 0.5") @ T_BODY_OPTICAL
         np.testing.assert_allclose(pose_from_message(again, "pose"), expected, atol=1e-12)
@@ -476,9 +476,9 @@ def test_frames_faster_than_the_update_rate_are_skipped_and_counted(ros_domain: 
     with running_node(ros_domain, max_update_rate=10) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         for i in range(7):
-            rig.publish(corner_frame(i * PERIOD_NS))
+            rig.publish(corner_frame(START_NS + i * PERIOD_NS))
             if i % 3 == 0:
-                rig.pose_at(i * PERIOD_NS)
+                rig.pose_at(START_NS + i * PERIOD_NS)
         node.stop()
         assert "4 because it came sooner" in node.lines[-1]
 
@@ -487,8 +487,8 @@ def test_frames_faster_than_the_update_rate_are_skipped_and_counted(ros_domain: 
 def test_with_exact_synchronisation_only_equal_stamps_pair(ros_domain: int) -> None:
     with running_node(ros_domain, approx_sync=False), Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        rig.publish(replace(corner_frame(0), depth_delay_ns=1_000_000))
-        rig.pose_of(corner_frame(PERIOD_NS))
+        rig.publish(replace(corner_frame(START_NS), depth_delay_ns=1_000_000))
+        rig.pose_of(corner_frame(START_NS + PERIOD_NS))
         assert len(rig.poses) == 1
 
 
@@ -499,7 +499,7 @@ def test_without_always_process_most_recent_frame_every_frame_of_a_burst_gets_a_
     given = {"always_process_most_recent_frame": False}
     with running_node(ros_domain, **given), Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        stamps = [i * PERIOD_NS for i in range(8)]
+        stamps = [START_NS + i * PERIOD_NS for i in range(8)]
         for stamp in stamps:
             rig.publish(corner_frame(stamp))
         for stamp in stamps:
@@ -510,9 +510,9 @@ def test_without_always_process_most_recent_frame_every_frame_of_a_burst_gets_a_
 def test_a_lost_frame_gets_a_null_odometry_if_the_parameter_asks_for_it(ros_domain: int) -> None:
     with running_node(ros_domain, publish_null_when_lost=True) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        rig.pose_of(corner_frame(0))
-        rig.publish(blank(corner_frame(PERIOD_NS)))
-        node.wait_for_line("Lost at 0.033", PATIENCE_S)
+        rig.pose_of(corner_frame(START_NS))
+        rig.publish(blank(corner_frame(START_NS + PERIOD_NS)))
+        node.wait_for_line("Lost at 1.033", PATIENCE_S)
         rig.wait(lambda: rig.odoms, "the odometry of the lost frame")
         odom = rig.odoms[-1]
         q = odom.pose.pose.orientation
@@ -527,7 +527,7 @@ def test_a_lost_frame_gets_a_null_odometry_if_the_parameter_asks_for_it(ros_doma
 def test_frames_that_were_never_sent_and_stamps_too_far_apart_are_reported(ros_domain: int) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        stamps = [i * PERIOD_NS for i in range(20) if i not in {12, 15}]
+        stamps = [START_NS + i * PERIOD_NS for i in range(20) if i not in {12, 15}]
         # so far apart, the first pairs when the second shows to be no nearer
         rig.publish(replace(corner_frame(stamps[0]), depth_delay_ns=18_000_000))
         for stamp in stamps[1:]:
@@ -552,7 +552,7 @@ def test_the_path_is_bounded_and_the_match_image_has_the_frames_stamp(
         rig.wait_until_matched()
         both = (PATH, MATCHES)
         rig.wait(lambda: all(map(rig.node.count_publishers, both)), "the publishers")
-        stamps = [i * PERIOD_NS for i in range(10)]
+        stamps = [START_NS + i * PERIOD_NS for i in range(10)]
         for stamp in stamps:
             rig.pose_of(corner_frame(stamp))
         rig.wait(lambda: len(paths) == 5 and len(pictures) == 10, "path and pictures")
@@ -570,7 +570,7 @@ def test_an_info_published_once_before_the_node_started_is_received(ros_domain: 
         rig.node.destroy_publisher(rig.info)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         rig.info = rig.node.create_publisher(CameraInfo, SUBSCRIBED[Channel.INFO], latched)
-        frames = (corner_frame(i * PERIOD_NS) for i in itertools.count(1))
+        frames = (corner_frame(START_NS + i * PERIOD_NS) for i in itertools.count(1))
         rig.info.publish(frame_messages(next(frames), is_compressed=False).info)
         with running_node(ros_domain) as node:
             node.wait_for_line("camera_info: subscribing as reliable, transient local", PATIENCE_S)

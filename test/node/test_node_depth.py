@@ -17,7 +17,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rclpy.publisher import Publisher
 from rigs.faults import running_node
-from rigs.ros import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, Rig, corner_frame
 from sensor_msgs.msg import CameraInfo, Image
 
 PERIOD_NS = NANOSECONDS // 30
@@ -55,7 +55,7 @@ def test_unregistered_depth_is_refused_with_what_to_enable_in_the_driver(
 ) -> None:
     with running_node(ros_domain) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        publish(rig, 0)
+        publish(rig, START_NS)
         line = node.wait_for_line("is not registered to colour", PATIENCE_S)
         assert "align_depth.enable" in line
         assert DEPTH_INFO in line
@@ -77,9 +77,9 @@ def test_unregistered_depth_is_registered_if_its_camera_and_pose_are_known(
         info = rig.publisher(CameraInfo, "/elsewhere/camera_info")
         rig.wait_until_matched()
         rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
-        publish(rig, 0)
+        publish(rig, START_NS)
         node.wait_for_line("/elsewhere/camera_info: no camera info was received", PATIENCE_S)
-        stamps = itertools.count(PERIOD_NS, PERIOD_NS)
+        stamps = itertools.count(START_NS + PERIOD_NS, PERIOD_NS)
 
         def has_pose() -> bool:
             publish(rig, next(stamps), info)
@@ -105,9 +105,9 @@ def test_the_pose_of_the_depth_camera_may_come_from_tf(ros_domain: int) -> None:
             info = rig.publisher(CameraInfo, DEPTH_INFO)
             rig.wait_until_matched()
             rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
-            publish(rig, 0, info)
-            rig.pose_at(0)
-            pose = rig.pose_of(corner_frame(PERIOD_NS))
+            publish(rig, START_NS, info)
+            rig.pose_at(START_NS)
+            pose = rig.pose_of(corner_frame(START_NS + PERIOD_NS))
             np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=2e-3)
 
 
@@ -117,9 +117,9 @@ def test_depth_that_is_registered_despite_its_frame_is_used_unchanged(
 ) -> None:
     with running_node(ros_domain, depth_is_registered=True), Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        frame = corner_frame(0)
-        head = header(0, frame.frame_id)
+        frame = corner_frame(START_NS)
+        head, depth_head = (header(START_NS, name) for name in (frame.frame_id, DEPTH_FRAME))
         rig.color.publish(copy_fields(color_image(frame.color, head), Image()))
-        rig.depth.publish(copy_fields(depth_image(frame.depth, header(0, DEPTH_FRAME)), Image()))
+        rig.depth.publish(copy_fields(depth_image(frame.depth, depth_head), Image()))
         rig.info.publish(copy_fields(camera_info(frame.intrinsics, head), CameraInfo()))
-        rig.pose_at(0)
+        rig.pose_at(START_NS)

@@ -19,7 +19,7 @@ import rclpy
 from rcl_interfaces.msg import Log
 from rclpy.context import Context
 from rigs.faults import running_node
-from rigs.ros import PATIENCE_S, Rig, corner_frame
+from rigs.ros import PATIENCE_S, START_NS, Rig, corner_frame
 from std_srvs.srv import Trigger
 
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler, explain_no_file
@@ -39,11 +39,11 @@ def test_frames_and_files_with_hostile_names_are_logged_in_one_printable_line(
         save = rig.node.create_client(Trigger, f"/rgbd_odometry/{topics.SAVE_GRAPH_SERVICE[2:]}")
         rig.wait_until_matched()
         rig.wait(save.service_is_ready, "the service")
-        rig.pose_of(corner_frame(0))
+        rig.pose_of(corner_frame(START_NS))
         # of another camera the second frame in turn is believed, and a busy node drops some
         rig.poses.clear()
-        other = (replace(corner_frame(i * PERIOD_NS), frame_id=HOSTILE) for i in count(1))
-        rig.publish_until_posed(other)
+        later = map(corner_frame, count(START_NS + PERIOD_NS, PERIOD_NS))
+        rig.publish_until_posed(replace(frame, frame_id=HOSTILE) for frame in later)
         answer = save.call_async(Trigger.Request())
         rig.wait(answer.done, "the answer")
         rig.wait(lambda: [log for log in heard if "Saving the graph" in log.msg], "the last line")

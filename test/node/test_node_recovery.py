@@ -17,7 +17,7 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rigs.faults import node_in
-from rigs.ros import OPTICAL_FRAME, PATIENCE_S, Rig, corner_frame
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, Rig, corner_frame
 
 PERIOD_NS = NANOSECONDS // 30
 COVERED_NS = 5 * NANOSECONDS
@@ -43,8 +43,8 @@ def test_a_camera_covered_for_five_seconds_is_found_only_where_it_was(
     room = recorded_frames()
     with node_in(ros_domain, camera_axes="optical") as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
-        before = poses_of(rig, [at(i * PERIOD_NS, room[i]) for i in range(30)])
-        now = 30 * PERIOD_NS
+        before = poses_of(rig, [at(START_NS + i * PERIOD_NS, room[i]) for i in range(30)])
+        now = START_NS + 30 * PERIOD_NS
         for late in range(0, COVERED_NS, NANOSECONDS):
             rig.publish(at(now + late, covered(room[30])))
         node.wait_for_line("Lost at", PATIENCE_S)

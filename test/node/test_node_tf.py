@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.patient_lookup import MOST_MISSES
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
@@ -21,7 +22,7 @@ pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-m
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
 from rigs.faults import running_node
-from rigs.ros import OPTICAL_FRAME, PATIENCE_S, corner_frame
+from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, corner_frame
 from rigs.tf import T_BASE_LINK, Robot, transform
 from tf2_msgs.msg import TFMessage
 
@@ -36,12 +37,12 @@ def test_the_camera_pose_comes_from_tf_once_available_and_is_never_assumed(
 ) -> None:
     with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.wait_until_matched()
-        robot.publish(corner_frame(0))
+        robot.publish(corner_frame(START_NS))
         line = node.wait_for_line("no transform", PATIENCE_S)
         assert f"from {OPTICAL_FRAME} to base_link" in line
         robot.tell_where_the_camera_is()
         line = node.wait_for_line("The camera's pose in base_link will come from TF", PATIENCE_S)
-        stamps = iter(range(PERIOD_NS, NANOSECONDS, PERIOD_NS))
+        stamps = itertools.count(START_NS + PERIOD_NS, PERIOD_NS)
         robot.publish_until_posed(map(corner_frame, stamps))
         pose = robot.poses[0]
         np.testing.assert_allclose(pose_from_message(pose, "pose"), np.eye(4), atol=1e-9)
@@ -61,7 +62,7 @@ def test_a_static_transform_published_before_the_node_started_is_known(
         robot.tell_where_the_camera_is()
         with running_node(ros_domain, frame_id="base_link"):
             robot.wait_until_matched()
-            robot.publish_until_posed(map(corner_frame, iter(range(0, NANOSECONDS, PERIOD_NS))))
+            robot.publish_until_posed(map(corner_frame, itertools.count(START_NS, PERIOD_NS)))
             T = pose_from_message(robot.poses[0], "pose")
             np.testing.assert_allclose(T, np.eye(4), atol=1e-9)
 
@@ -75,7 +76,7 @@ def test_no_tf_is_published_for_an_optical_frame_or_if_disabled(
 ) -> None:
     with running_node(ros_domain, **given), Robot(ros_domain) as robot:
         robot.wait_until_matched()
-        robot.pose_of(corner_frame(0))
+        robot.pose_of(corner_frame(START_NS))
         assert robot.node.count_publishers(TF) == 1  # the robot's own
 
 
@@ -88,7 +89,7 @@ def test_with_a_guess_frame_its_motion_is_used_and_its_pose_in_odom_is_published
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
         T_wheels_base = parse_pose("", "4 2 0 0 0 1")
-        for at_ns in (0, PERIOD_NS):
+        for at_ns in (START_NS, START_NS + PERIOD_NS):
             frame = corner_frame(at_ns)
             robot.publish(frame)
             wheels = transform("wheels", "base_link", T_wheels_base, at_ns)
@@ -115,7 +116,7 @@ def test_frames_do_not_wait_for_a_guess_that_never_comes_until_it_comes(ros_doma
     with running_node(ros_domain, **given) as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
-        stamps = itertools.count(0, PERIOD_NS)
+        stamps = itertools.count(START_NS, PERIOD_NS)
         for _ in range(MOST_MISSES):
             robot.pose_of(corner_frame(next(stamps)))
         start_s = time.monotonic()
@@ -154,8 +155,9 @@ def test_a_guess_too_far_away_is_ignored_and_costs_no_pose(ros_domain: int) -> N
     with running_node(ros_domain, **given) as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
-        for at_ns in range(0, 3 * PERIOD_NS, PERIOD_NS):
-            far = transform("utm", "base_link", parse_pose("", "0 1.001e7 0 0 0 0"), at_ns)
+        T_utm_base = se3.from_rotation_translation(np.eye(3), np.array([0, 1.001e7, 0]))
+        for at_ns in range(START_NS, START_NS + 3 * PERIOD_NS, PERIOD_NS):
+            far = transform("utm", "base_link", T_utm_base, at_ns)
             robot.moving.publish(TFMessage(transforms=[far]))
             robot.pose_of(corner_frame(at_ns))
         line = node.wait_for_line("base_link to utm (guess_frame_id) is not used", PATIENCE_S)
@@ -169,7 +171,7 @@ def test_images_of_another_camera_restart_with_its_own_pose(ros_domain: int) -> 
         robot.tell_where_the_camera_is()
         robot.tell(transform("base_link", "rear_camera", parse_pose("", "-0.3 0 0.4 0 0 3")))
         robot.wait_until_matched()
-        stamps = itertools.count(0, PERIOD_NS)
+        stamps = itertools.count(START_NS, PERIOD_NS)
         robot.publish_until_posed(map(corner_frame, stamps))
         before = len(robot.poses)
         rear = (replace(corner_frame(at_ns), frame_id="rear_camera") for at_ns in stamps)
@@ -189,7 +191,7 @@ def test_a_camera_that_moves_on_the_robot_is_reported_while_frames_arrive(ros_do
     with running_node(ros_domain, frame_id="base_link") as node, Robot(ros_domain) as robot:
         robot.tell_where_the_camera_is()
         robot.wait_until_matched()
-        stamps = itertools.count(0, PERIOD_NS)
+        stamps = itertools.count(START_NS, PERIOD_NS)
         robot.publish_until_posed(map(corner_frame, stamps))
         moved = T_BASE_LINK @ parse_pose("", "0.1 0 0 0 0 0")
         robot.tell(transform("base_link", "camera_link", moved))
@@ -213,4 +215,4 @@ def test_one_invalid_transform_does_not_affect_others_in_its_message(ros_domain:
             transform("camera_link", OPTICAL_FRAME, T_BODY_OPTICAL),
         )
         robot.wait_until_matched()
-        robot.publish_until_posed(map(corner_frame, itertools.count(0, PERIOD_NS)))
+        robot.publish_until_posed(map(corner_frame, itertools.count(START_NS, PERIOD_NS)))

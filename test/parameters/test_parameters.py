@@ -293,7 +293,8 @@ def test_a_declaration_says_whether_and_why_it_is_fixed_while_the_node_runs(
         ("frame_id", "/", "is not a valid frame name"),
         ("frame_id", "base\x1b[2Jlink", "is not a valid frame name"),
         ("frame_id", "/base_link", "begins with a slash"),
-        ("camera_pose", "1e300 0 0 0 0 0", "is farther away than 1e\\+09 m"),
+        ("camera_pose", "1e300 0 0 0 0 0", "is farther away than 1e\\+07 m"),
+        ("initial_pose", "5e7 0 0 0 0 0", "is farther away than 1e\\+07 m"),
     ],
 )
 def test_a_text_is_checked_where_it_is_set_and_told_what_it_should_be(

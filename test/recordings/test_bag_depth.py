@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigs.bags import CAMERA, COLOR, INFO, Recorded, write_rosbag2
+from rigs.bags import CAMERA, COLOR, INFO, Recorded, write_rosbag1, write_rosbag2
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
@@ -81,6 +81,24 @@ def test_depth_of_another_camera_is_registered_by_its_info_and_the_static_transf
         (frame,) = sequence
     assert frame.depth.shape == frame.color.shape == (48, 64)
     np.testing.assert_allclose(frame.depth[10:-10, 10:-10], 1.5, rtol=1e-5)
+
+
+def test_an_only_info_that_is_damaged_is_ignored_unless_it_was_given(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    info = recorded("only_here")[-1]
+    bag = write_rosbag1(tmp_path / "latched.bag", [*without_info("depth_optical"), info])
+    content = bytearray(bag.read_bytes())
+    # number and stamp of the header, and the length of its frame's name, are before that name
+    size = content.index(b"only_here") - 16 - 4
+    content[size : size + 4] = b"\xff" * 4
+    bag.write_bytes(content)
+    with BagRecording(bag) as sequence, pytest.raises(InputError, match="chunks are damaged"):
+        list(sequence)
+    assert f"{DEPTH_INFO}: no message can be read" in caplog.text
+    assert "depth is assumed to be registered" in caplog.text
+    with pytest.raises(InputError, match=f"{DEPTH_INFO}: no message can be read"):
+        BagRecording(bag, Topics(depth_info=DEPTH_INFO))
 
 
 def test_ros_1_tells_the_place_on_tf(tmp_path: Path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ STORE = get_typestore(Stores.ROS1_NOETIC)
 STRING: Any = get_typestore(Stores.ROS2_JAZZY).types["std_msgs/msg/String"]
 SENSOR = "/device_0/sensor_0"
 COLOR, DEPTH = "/device_0/sensor_1/Color_0", f"{SENSOR}/Depth_0"
+UNIT = f"{SENSOR}/option/Depth Units/value"
 BASELINE_M, WALL_M = 0.1, 2.0
 EDGE = 20
 """Column of the depth image from which on the wall is; before it, nothing is known."""
@@ -79,19 +82,25 @@ def transform(x: float) -> Any:
     )
 
 
-def write(path: Path, unit_m: float, left_out: str = "", reference: str = "tf/0") -> Path:
+def write(
+    path: Path,
+    unit_m: float,
+    left_out: str = "",
+    reference: str = "tf/0",
+    replaced: Mapping[str, Any] = MappingProxyType({}),
+) -> Path:
     """Three frames of a wall, its depth camera beside that of colour."""
     units = np.zeros((48, 64), np.uint16)
     units[:, EDGE:] = round(WALL_M / unit_m)
-    float32 = message("std_msgs/msg/Float32", data=unit_m)
-    told = [
-        (f"{DEPTH}/info/camera_info", info()),
-        (f"{COLOR}/info/camera_info", info()),
-        (f"{SENSOR}/option/Depth Units/value", float32),
-        (f"{DEPTH}/{reference}", transform(0.0)),
-        (f"{COLOR}/{reference}", transform(BASELINE_M)),
-    ]
-    messages = [(topic, 1, content) for topic, content in told if topic != left_out]
+    told = {
+        f"{DEPTH}/info/camera_info": info(),
+        f"{COLOR}/info/camera_info": info(),
+        UNIT: message("std_msgs/msg/Float32", data=unit_m),
+        f"{DEPTH}/{reference}": transform(0.0),
+        f"{COLOR}/{reference}": transform(BASELINE_M),
+        **replaced,
+    }
+    messages = [(topic, 1, content) for topic, content in told.items() if topic != left_out]
     for i in range(3):
         stamp_ns = 360 * 10**9 + i * 33_333_333
         color = image(stamp_ns, "rgb8", np.full((48, 64, 3), 9, np.uint8))
@@ -133,6 +142,25 @@ def test_a_given_unit_is_taken_in_place_of_the_bags(tmp_path: Path) -> None:
     path = write(tmp_path / "viewer.bag", 0.001)
     with BagRecording(path, inputs=InputConfig(depth_scale=0.0005)) as recording:
         assert np.nanmedian(next(iter(recording)).depth) == pytest.approx(WALL_M / 2, abs=1e-3)
+
+
+@pytest.mark.parametrize("unit", [message("std_msgs/msg/String", data="fine"), transform(0.0)])
+def test_a_unit_that_is_no_number_is_refused_unless_one_is_given(unit: Any, tmp_path: Path) -> None:
+    path = write(tmp_path / "viewer.bag", 0.001, replaced={UNIT: unit})
+    with pytest.raises(InputError, match=r"holds no valid unit of depth .*; give --depth-scale"):
+        BagRecording(path)
+    with BagRecording(path, inputs=InputConfig(depth_scale=0.001)) as recording:
+        assert_registered(next(iter(recording)).depth)
+
+
+@pytest.mark.parametrize(
+    "place", [message("std_msgs/msg/String", data="fine"), message("std_msgs/msg/Float32", data=0)]
+)
+def test_a_place_that_is_no_transform_is_refused(place: Any, tmp_path: Path) -> None:
+    path = write(tmp_path / "viewer.bag", 0.001, replaced={f"{COLOR}/tf/0": place})
+    refused = pytest.raises(InputError, match="holds no valid transform")
+    with BagRecording(path) as recording, refused:
+        next(iter(recording))
 
 
 def test_without_its_place_depth_is_refused_with_what_to_give(tmp_path: Path) -> None:

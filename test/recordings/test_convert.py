@@ -7,16 +7,20 @@ from types import TracebackType
 
 import numpy as np
 import pytest
+from raycast_room.imu import BMI055, simulated_imu
 from rigs.bags import CAMERA, CODECS, assert_same_frame, make_frames, recorded, write_rosbag2
 from rigs.disks import full_after
+from rigs.room import room_frame, true_pose
 
 from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.replay.replay import replay
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.parameters import load_preset
+from rgbd_glue_ros.recordings import imu_of, open_recording
 from rgbd_glue_ros.recordings.convert import convert
 from rgbd_glue_ros.recordings.recording import selected
-from rgbd_glue_ros.types import RgbdFrame, Trajectory
+from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
 
 FRAMES = make_frames(12)
 TRUTH = Trajectory(
@@ -34,6 +38,7 @@ class Listed:
     error: BaseException | None = None
     ground_truth: Trajectory | None = TRUTH
     name: str = "listed"
+    imu: ImuSamples | None = None
 
     @property
     def frame_count(self) -> int:
@@ -105,6 +110,77 @@ def test_a_bag_becomes_a_folder_also_if_its_images_are_reduced(
     assert (target / "rgb.txt").is_file()
     with open_recording(target) as folder:
         assert {frame.color.shape[1] for frame in folder} == {32}
+
+
+IMU = ImuSamples(
+    # more often than the frames, starting before and ending after them
+    FRAMES[0].stamp_ns + np.arange(-5, 50, dtype=np.int64) * 10_000_001,
+    np.random.default_rng(0).normal(size=(55, 3)),
+    np.random.default_rng(1).normal(size=(55, 3)),
+)
+ACCELEROMETER = replace(IMU, angular_velocity=np.full((55, 3), np.nan))
+
+
+def assert_samples(got: ImuSamples | None, wanted: ImuSamples) -> None:
+    assert got is not None
+    for name in ("stamps_ns", "angular_velocity", "linear_acceleration"):
+        np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
+
+
+@pytest.mark.parametrize("frame_id", ["", "camera_optical"])
+@pytest.mark.parametrize("imu", [IMU, ACCELEROMETER], ids=["imu", "accelerometer"])
+def test_the_samples_of_an_imu_are_in_the_bag(
+    imu: ImuSamples, frame_id: str, tmp_path: Path
+) -> None:
+    frames = [replace(frame, frame_id=frame_id) for frame in FRAMES]
+    convert(Listed(frames, imu=imu), tmp_path / "bag", compressed=False)
+    with open_recording(tmp_path / "bag") as bag:
+        same(iter(bag), FRAMES)
+        assert_samples(imu_of(bag), imu)
+
+
+@pytest.mark.parametrize(("imu", "is_lost"), [(IMU, True), (ACCELEROMETER, False)])
+def test_a_folder_holds_the_accelerations_and_that_the_rest_is_lost_is_said(
+    imu: ImuSamples, is_lost: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    unknown = imu.linear_acceleration.copy()
+    unknown[3] = np.nan
+    source = Listed(FRAMES, imu=replace(imu, linear_acceleration=unknown))
+    convert(source, tmp_path / "bag", compressed=False)
+    with open_recording(tmp_path / "bag") as bag:
+        convert(bag, tmp_path / "folder", compressed=False)
+    kept = np.arange(len(imu)) != 3
+    with open_recording(tmp_path / "folder") as folder:
+        same(iter(folder), FRAMES)
+        expected = ImuSamples(*(values[kept] for values in vars(ACCELEROMETER).values()))
+        assert_samples(imu_of(folder), expected)
+    assert ("no place for the angular velocities" in caplog.text) == is_lost
+
+
+def test_without_an_imu_none_is_written(tmp_path: Path) -> None:
+    convert(Listed(FRAMES), tmp_path / "bag", compressed=False)
+    with open_recording(tmp_path / "bag") as bag:
+        assert imu_of(bag) is None
+        convert(bag, tmp_path / "folder", compressed=False)
+    assert not (tmp_path / "folder" / "accelerometer.txt").exists()
+
+
+@pytest.mark.slow
+def test_a_recording_with_an_imu_replays_alike_as_a_bag(tmp_path: Path) -> None:
+    frames = [room_frame(i / 10) for i in range(9)]
+    frames = [replace(frame, stamp_ns=frame.stamp_ns + 10**9) for frame in frames]
+    samples = simulated_imu(true_pose, 0.0, 1.0, BMI055)
+    source = Listed(
+        frames, ground_truth=None, imu=replace(samples, stamps_ns=samples.stamps_ns + 10**9)
+    )
+    convert(source, tmp_path / "bag", compressed=False)
+    before = replay(source, load_preset("live"), tmp_path / "before")
+    with open_recording(tmp_path / "bag") as bag:
+        after = replay(bag, load_preset("live"), tmp_path / "after")
+    assert before.imu is not None
+    assert after.imu is not None
+    np.testing.assert_array_equal(after.trajectory.poses, before.trajectory.poses)
+    np.testing.assert_array_equal(after.imu.bias, before.imu.bias)
 
 
 def test_distortion_survives_the_way_through_a_folder(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rigs.disks import full_after
 
 from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import InputError
@@ -382,6 +383,18 @@ def test_nothing_of_a_bad_archive_is_left_and_the_next_run_starts_over(tmp_path:
         assert list(tmp_path.iterdir()) == []
         server.content = SET
         assert fetch(source(server), tmp_path, pause_s=0).folder.is_dir()
+
+
+def test_a_disk_that_is_full_at_the_record_keeps_the_archive(tmp_path: Path) -> None:
+    """It is intact, and need not be downloaded again."""
+    small = written(tmp_path / "set.tgz", tar_of((plain("rgbd/rgb.txt"), b"list")))
+    with serving(Server()) as server:
+        with full_after(50), pytest.raises(InputError, match="free some space"):
+            fetch(source(server), tmp_path, pause_s=0)
+        assert list(tmp_path.iterdir()) == [small]
+        fetch(source(server), tmp_path, pause_s=0)
+        assert server.requests == []
+    assert [path.name for path in tmp_path.iterdir()] == ["desk"]
 
 
 def test_an_interrupted_unpacking_keeps_the_archive_and_shows_no_half_folder(

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from rigs.scan import DEPTH, Scan
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.types import CameraIntrinsics
 
@@ -44,6 +45,18 @@ def test_a_stream_gives_aligned_frames_of_the_size_of_depth_in_metres(tmp_path: 
     np.testing.assert_allclose(frame.color[20, 30], (200, 80, 0), atol=3)
     assert frame.depth[1, 1] == np.float32(1.502)
     assert np.isnan(frame.depth[0, 0])
+
+
+@pytest.mark.parametrize("kind", ["stream", "export"])
+def test_a_given_unit_of_depth_is_taken_in_place_of_the_scans(tmp_path: Path, kind: str) -> None:
+    scan = Scan()
+    path = scan.write(tmp_path / "a.sens") if kind == "stream" else scan.export(tmp_path / "a")
+    with (
+        open_recording(path) as as_told,
+        open_recording(path, inputs=InputConfig(depth_scale=0.0005)) as given,
+    ):
+        for usual, other in zip(as_told, given, strict=True):
+            np.testing.assert_allclose(other.depth, usual.depth / 2, rtol=1e-6)
 
 
 def test_frames_without_a_pose_are_given_and_have_no_ground_truth(tmp_path: Path) -> None:

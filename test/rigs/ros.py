@@ -34,11 +34,13 @@ from rgbd_glue_ros.live.topics import (
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.fields import copy_fields
 from rgbd_glue_ros.messages.synchronizer import Channel
-from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame
+from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 
 PATIENCE_S = 30.0
 # A node that starts for the first time compiles, on a machine that may have other things to do.
 START_S = 300.0
+# The first stamp: an only image whose stamp is zero has no pose, since it may have no stamp.
+START_NS = NANOSECONDS
 OPTICAL_FRAME = "camera_color_optical_frame"
 
 

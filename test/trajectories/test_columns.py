@@ -159,3 +159,11 @@ def test_one_decimal_comma_among_whole_numbers_is_one(tmp_path: Path) -> None:
     trajectory = read_tum(path)
     assert list(trajectory.stamps_ns) == [1305031453250000000, 1305031454250000000]
     np.testing.assert_array_equal(trajectory.poses[:, 0, 3], [0, 1])
+
+
+def test_the_first_line_without_a_pose_is_the_place_of_the_error(tmp_path: Path) -> None:
+    path = tmp_path / "poses.txt"
+    path.write_text("1 0 0 x 0 0 0 1\n")
+    with pytest.raises(InputError) as error:
+        read_tum(path)
+    assert error.value.where == f"{path}:1"

@@ -127,13 +127,19 @@ def figures_table(comparison: Comparison) -> str:
 
 
 def parameters_text(runs: Sequence[FinishedRun]) -> str:
-    """A table of the parameters in which runs differ, or that none does, and what is not known."""
+    """A table of the parameters in which runs differ, or that none does, and what is not known.
+
+    Names the versions of the package if they differ.
+    """
     known = [run for run in runs if run.parameters is not None]
     notes = [
         f"{run.name} holds no params.yaml: its parameters are not known"
         for run in runs
         if run.parameters is None
     ]
+    if len({run.version for run in runs}) > 1:
+        versions = ", ".join(f"{run.name} {run.version}" for run in runs)
+        notes.append(f"the versions of rgbd_glue_ros differ: {versions}")
     rows = [[name, *map(_shown, values)] for name, values in differing_parameters(known).items()]
     if rows:
         text = _aligned(["parameter", *(run.name for run in known)], rows)

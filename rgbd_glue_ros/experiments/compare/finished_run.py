@@ -45,6 +45,11 @@ class FinishedRun:
         """The name of the recording that was replayed."""
         return str(self.figures["sequence"])
 
+    @property
+    def version(self) -> str:
+        """That of the package which made it."""
+        return str(self.figures.get("version") or "not known")
+
 
 def read_runs(folders: Sequence[Path]) -> list[FinishedRun]:
     """The runs in some folders, in their order.

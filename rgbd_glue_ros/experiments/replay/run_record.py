@@ -13,6 +13,7 @@ import numpy as np
 
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, error_figures
+from rgbd_glue_ros.experiments.report.machine import package_version
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.trajectories.path import path_length, trajectory_of
 from rgbd_glue_ros.types import (
@@ -183,6 +184,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
     parts, graph = run.parts, run.longest_part.pose_graph
     content: dict[str, Any] = {
         "sequence": run.sequence,
+        "version": package_version(),
         "played": len(run.frames) + len(run.unanswered_ns),
         "frames": len(run.frames),
         "tracked": states.count(TrackingState.TRACKING),

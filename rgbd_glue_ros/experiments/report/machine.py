@@ -11,8 +11,9 @@ from typing import Any
 
 import cv2
 
+_PACKAGE = "rgbd_glue_ros"
 _LIBRARIES = (
-    "rgbd_glue_ros",
+    _PACKAGE,
     "numpy",
     "numba",
     "scipy",
@@ -36,6 +37,11 @@ def machine() -> dict[str, Any]:
             **{library: version for library in _LIBRARIES if (version := _version(library))},
         },
     }
+
+
+def package_version() -> str | None:
+    """The version of this package; None if it is not installed."""
+    return _version(_PACKAGE)
 
 
 def load() -> float:

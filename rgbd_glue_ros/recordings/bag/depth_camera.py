@@ -42,7 +42,7 @@ class RecordedDepthCamera:
 
     Attributes:
         topics: those of the sequence, including that of the depth camera's info.
-        metres_per_unit: of the depth images; None if the bag does not say.
+        metres_per_unit: of the depth images; None if neither the user nor the bag says.
     """
 
     def __init__(
@@ -58,21 +58,24 @@ class RecordedDepthCamera:
         Args:
             bag: the bag.
             topics: of colour, depth and the colour camera's info.
-            inputs: may give the depth camera's pose, or say that depth is registered.
+            inputs: may give the depth camera's pose and unit, or say that depth is registered.
             calibration: of the depth camera; None uses the bag's info.
             info_topic: topic of that info; None uses the one beside the depth images.
 
         Raises:
-            InputError: the given info cannot be read, or ``depth_camera_pose`` cannot.
+            InputError: the given info cannot be read, or ``depth_camera_pose``, or the unit or
+                camera in a bag of the RealSense SDK.
         """
         self._bag = bag
         self._is_registered = inputs.depth_is_registered
         self._T_color_depth = pose_parameter("depth_camera_pose", inputs.depth_camera_pose)
         self._is_realsense = realsense.is_realsense(topics.depth)
         self._is_given = calibration is not None or info_topic is not None
-        self.metres_per_unit: float | None = None
+        self.metres_per_unit = inputs.metres_per_unit
         if self._is_realsense:
-            self.metres_per_unit = realsense.metres_per_unit(bag, topics.depth)
+            self.metres_per_unit = self.metres_per_unit or realsense.metres_per_unit(
+                bag, topics.depth
+            )
             if not self._is_given:
                 calibration = realsense.camera_in_text(bag, topics.depth)
         if calibration is not None:
@@ -178,7 +181,7 @@ class RecordedDepthCamera:
     def _info_in(self, topic: str) -> CameraInfo | None:
         """The first info of a topic; None, with a warning, if a detected one cannot be read."""
         try:
-            info: CameraInfo = self._bag.deserialize(next(self._bag.messages([topic])))
+            info: CameraInfo = self._bag.first(topic)
         except InputError as error:
             if self._is_given:
                 raise

@@ -129,8 +129,8 @@ class BagFile(Closing):
     def encoding(self, topic: str) -> str:
         """The encoding of the first image of a topic; "" if it is not an image."""
         try:
-            image = self.deserialize(next(self.messages([topic])))
-        except (InputError, StopIteration):
+            image = self.first(topic)
+        except InputError:
             return ""
         return str(getattr(image, "encoding", "") or getattr(image, "format", ""))
 
@@ -142,6 +142,18 @@ class BagFile(Closing):
         """
         messages = self._indexed(topics) if self._readers else self._salvaged()
         return (message for message in messages if not topics or message.topic in topics)
+
+    def first(self, topic: str) -> Any:
+        """The first message of a topic, as from ``deserialize``.
+
+        Raises:
+            InputError: no message can be read, or its bytes do not match its type.
+        """
+        message = next(self.messages([topic]), None)
+        if message is None:
+            why = self.damage or "the bag has none"
+            raise InputError(topic, f"no message can be read ({why})", "check the recording")
+        return self.deserialize(message)
 
     def deserialize(self, message: RecordedMessage) -> Any:
         """The message as an object with the fields it has in ROS 2.

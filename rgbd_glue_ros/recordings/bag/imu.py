@@ -65,9 +65,9 @@ def _place(bag: BagFile, color: str, imu_frame: str, inputs: InputConfig) -> Flo
     if given is not None:
         return given
     try:
-        camera_frame = frame_of(bag.deserialize(next(bag.messages([color]))).header)
+        camera_frame = frame_of(bag.first(color).header)
         if imu_frame and imu_frame == camera_frame:
             return np.eye(4)
         return recorded_transform(bag, camera_frame, imu_frame)
-    except (InputError, StopIteration):
+    except InputError:
         return None

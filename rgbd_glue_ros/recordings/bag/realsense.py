@@ -45,9 +45,9 @@ def camera_in_text(bag: BagFile, image_topic: str) -> CameraIntrinsics | None:
         InputError: the text is not a camera.
     """
     topic = _stream(image_topic) + _TEXT_INFO
-    if topic not in bag.topics or not bag.topics[topic].type.endswith("String"):
+    if topic not in bag.topics or not _is_text(bag, topic):
         return None
-    values = _values(_first(bag, topic).data)
+    values = _values(bag.first(topic).data)
     try:
         fx, fy, cx, cy = (float(values[name]) for name in ("fx", "fy", "ppx", "ppy"))
         info = CameraInfo(
@@ -68,12 +68,22 @@ def camera_in_text(bag: BagFile, image_topic: str) -> CameraIntrinsics | None:
 
 
 def metres_per_unit(bag: BagFile, depth_topic: str) -> float | None:
-    """Metres per unit of the depth images; None if the bag does not say."""
+    """Metres per unit of the depth images; None if the bag does not say.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     sensor = _stream(depth_topic).rpartition("/")[0]
     topic = next((sensor + unit for unit in _UNITS if sensor + unit in bag.topics), None)
     if topic is None:
         return None
-    value = float(_first(bag, topic).data)
+    message = bag.first(topic)
+    try:
+        value = float(message.data)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(
+            topic, f"holds no valid unit of depth ({error})", "give --depth-scale M"
+        ) from error
     return value if np.isfinite(value) and value > 0 else None
 
 
@@ -104,20 +114,20 @@ def T_color_depth(bag: BagFile, color_topic: str, depth_topic: str) -> Float64:
     return T_color_reference @ se3.inverse(T_depth_reference)
 
 
+def _is_text(bag: BagFile, topic: str) -> bool:
+    return bag.topics[topic].type.rpartition("/")[2] == "String"
+
+
 def _stream(image_topic: str) -> str:
     return image_topic.removesuffix(_IMAGES)
 
 
-def _first(bag: BagFile, topic: str) -> Any:
-    return bag.deserialize(next(bag.messages([topic])))
-
-
 def _place(bag: BagFile, topic: str) -> Float64:
     """The transform [4, 4] from the reference to the stream."""
-    message = _first(bag, topic)
+    message = bag.first(topic)
     try:
-        T = _of_text(message.data) if hasattr(message, "data") else _of_transform(message)
-    except (KeyError, ValueError) as error:
+        T = _of_text(message.data) if _is_text(bag, topic) else _of_transform(message)
+    except (AttributeError, KeyError, ValueError) as error:
         raise InputError(
             topic, f"holds no valid transform ({error})", "check the recording"
         ) from error

@@ -75,7 +75,7 @@ class BagRecording(Closing):
         calibration: CameraIntrinsics | None = None,
         inputs: InputConfig | None = None,
         depth_calibration: CameraIntrinsics | None = None,
-        told_scale: float | None = None,
+        calibration_depth_scale: float | None = None,
     ) -> None:
         """Opens the bag and finds its topics.
 
@@ -85,43 +85,45 @@ class BagRecording(Closing):
             calibration: of the colour camera; None uses the bag's camera info.
             inputs: how images are interpreted and paired; None for the defaults.
             depth_calibration: of the depth camera, if depth is not registered; None uses the bag's.
-            told_scale: metres per unit of depth according to the file of ``calibration``. Images of
-                a bag have the units of REP-118 regardless; a difference is logged.
+            calibration_depth_scale: metres per unit of depth according to the file of
+                ``calibration``. Images of a bag have the units of REP-118 regardless; a difference
+                is logged.
 
         Raises:
             InputError: the path is not a bag, the bag is empty, or topics are missing or ambiguous.
         """
-        wanted = topics or Topics()
         self._bag = BagFile(path)
         self._inputs = inputs or InputConfig()
+        self._calibration = calibration
+        self._calibration_depth_scale = calibration_depth_scale
         self.skipped = 0
         self._sync: Synchronizer[Any] = self._new_synchronizer()
-        have = self._bag.topics
         try:
-            encoding = self._bag.encoding
-            color = find_color(have, wanted.color, path, encoding, wanted.depth or "")
-            depth = find_depth(have, wanted.depth, path, encoding, color)
-            if calibration is None and wanted.info is None and realsense.is_realsense(color):
-                calibration = realsense.camera_in_text(self._bag, color)
-            info = (
-                find_info(have, wanted.info, color, path)
-                if calibration is None
-                else "the given calibration"
-            )
-            self._imu = find_imu(have, wanted.imu, color, path)
-            self._ground_truth = find_ground_truth(have, wanted.ground_truth, path)
-            self._depth_camera = RecordedDepthCamera(
-                self._bag,
-                FrameTopics(color, depth, info),
-                self._inputs,
-                depth_calibration,
-                find_depth_info(have, wanted.depth_info, path),
-            )
-        except InputError:
+            self._find_topics(topics or Topics(), depth_calibration)
+        except BaseException:
             self.close()
             raise
-        self._calibration = calibration
-        self._told_scale = told_scale
+
+    def _find_topics(self, wanted: Topics, depth_calibration: CameraIntrinsics | None) -> None:
+        bag, have, path = self._bag, self._bag.topics, self._bag.path
+        color = find_color(have, wanted.color, path, bag.encoding, wanted.depth or "")
+        depth = find_depth(have, wanted.depth, path, bag.encoding, color)
+        if self._calibration is None and wanted.info is None and realsense.is_realsense(color):
+            self._calibration = realsense.camera_in_text(bag, color)
+        info = (
+            find_info(have, wanted.info, color, path)
+            if self._calibration is None
+            else "the given calibration"
+        )
+        self._imu = find_imu(have, wanted.imu, color, path)
+        self._ground_truth = find_ground_truth(have, wanted.ground_truth, path)
+        self._depth_camera = RecordedDepthCamera(
+            bag,
+            FrameTopics(color, depth, info),
+            self._inputs,
+            depth_calibration,
+            find_depth_info(have, wanted.depth_info, path),
+        )
         self._topics = self._depth_camera.topics
 
     @property
@@ -132,7 +134,7 @@ class BagRecording(Closing):
 
     @property
     def topics(self) -> Topics:
-        """The topics in use."""
+        """The topics of images, camera info and ground truth in use."""
         info = None if self._calibration else self._topics.info
         return Topics(self._topics.color, self._topics.depth, info, self._ground_truth)
 
@@ -230,7 +232,7 @@ class BagRecording(Closing):
             channels[self._topics.info] = Channel.INFO
         else:
             sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
-        stamps = StampSource(self._stamp_source())
+        stamps = StampSource[Any](self._stamp_source())
         for recorded in self._bag.messages(channels):
             try:
                 message = self._bag.deserialize(recorded)
@@ -238,8 +240,11 @@ class BagRecording(Closing):
                 faults.add(error)
                 continue
             channel = channels[recorded.topic]
-            stamp = stamps.of(channel, stamp_ns(message.header.stamp), recorded.stamp_ns)
-            yield from sync.add(channel, stamp, message)
+            in_header_ns = stamp_ns(message.header.stamp)
+            for stamp, item in stamps.accept(channel, in_header_ns, recorded.stamp_ns, message):
+                yield from sync.add(channel, stamp, item)
+        for channel, stamp, item in stamps.flush():
+            yield from sync.add(channel, stamp, item)
         yield from sync.flush()
 
     def _stamp_source(self) -> str:
@@ -271,20 +276,20 @@ class BagRecording(Closing):
 
     def _say_of_unit(self, match: Match[Any]) -> None:
         """Warns if the calibration file gives other units than the bag's images have."""
-        unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
-        is_other = self._told_scale not in {None, 1 / DEPTH_UNITS_PER_METRE, 1}
+        unit = self._depth_camera.metres_per_unit
+        is_other = self._calibration_depth_scale not in {None, 1 / DEPTH_UNITS_PER_METRE, 1}
         if unit is None and is_other and holds_whole_numbers(match.depth):
             logger.warning(
                 "%s: whole numbers are read as millimetres, as in bags (REP-118), though the "
                 "calibration gives a unit of %g m; if that is right, give --depth-scale %g",
                 self._topics.depth,
-                self._told_scale,
-                self._told_scale,
+                self._calibration_depth_scale,
+                self._calibration_depth_scale,
             )
 
     def _frame(self, paired: tuple[Match[Any], DepthCamera | None]) -> RgbdFrame | InputError:
         match, taken_by = paired
-        unit = self._inputs.metres_per_unit or self._depth_camera.metres_per_unit
+        unit = self._depth_camera.metres_per_unit
         try:
             return frame_of_match(match, self._topics, taken_by, unit)
         except InputError as error:

@@ -53,11 +53,11 @@ class Topics:
 
     Attributes:
         color: images of colour or grey.
-        depth: depth images registered to them.
+        depth: depth images, registered to them or not.
         info: camera info of the colour images.
         ground_truth: true poses T_world_camera of the optical frame.
         depth_info: camera info of the depth images, if they are not registered.
-        imu: of an inertial sensor; "" for none.
+        imu: samples of an inertial sensor; "" if none is to be used.
     """
 
     color: str | None = None

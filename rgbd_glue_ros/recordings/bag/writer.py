@@ -1,4 +1,4 @@
-"""Writes frames and true poses to a rosbag2 in MCAP."""
+"""Writes frames, true poses and samples of an IMU to a rosbag2 in MCAP."""
 
 from __future__ import annotations
 
@@ -52,11 +52,13 @@ class WrittenTopics:
         color: of the colour images.
         depth: of the depth images, registered to colour.
         info: of the camera infos of colour.
+        imu: of the IMU.
     """
 
     color: str = "/camera/color/image_raw"
     depth: str = "/camera/aligned_depth_to_color/image_raw"
     info: str = "/camera/color/camera_info"
+    imu: str = "/camera/imu"
 
 
 AS_REALSENSE = WrittenTopics()
@@ -128,6 +130,7 @@ def _qos(depth: int) -> Qos:
 # Below 10, even reliable transport was seen to lose camera infos.
 _IMAGE_QOS = _qos(depth=10)
 _POSE_QOS = _qos(depth=100)
+_IMU_QOS = _qos(depth=100)
 
 
 @dataclass(frozen=True)
@@ -190,6 +193,8 @@ class BagWriter(Closing):
         """
         self._codec = codec
         self._pose: Connection | None = None
+        self._imu: Connection | None = None
+        self._imu_topic = topics.imu
         try:
             self._writer = Writer(
                 folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
@@ -218,6 +223,13 @@ class BagWriter(Closing):
             self._pose = self._topic(GROUND_TRUTH_TOPIC, _POSE_TYPE, _POSE_QOS)
         pose = pose_stamped(T_world_camera, header(stamp_ns, WORLD_FRAME))
         self._writer.write(self._pose, stamp_ns, _TYPES.serialize_cdr(pose, _POSE_TYPE))
+
+    def write_imu(self, samples: ImuSamples, index: int, frame_id: str) -> None:
+        """Adds one sample, in the axes of a frame; raises InputError for a bad time."""
+        encoded = encode_imu(samples, index, frame_id)
+        if self._imu is None:
+            self._imu = self._topic(self._imu_topic, IMU_TYPE, _IMU_QOS)
+        self._writer.write(self._imu, int(samples.stamps_ns[index]), encoded)
 
     @uninterrupted()
     def close(self) -> None:

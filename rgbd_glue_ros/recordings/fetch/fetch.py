@@ -48,7 +48,8 @@ def fetch(
     """Downloads and unpacks a data set; its folder appears once it is complete.
 
     No publisher in the catalogue gives checksums. Instead the server's certificate is trusted, and
-    the checksums in gzip and zip; if ``source`` has a checksum, it is decisive.
+    the checksums in gzip and zip; if ``source`` has a checksum, it is decisive. A file in
+    ``directory`` with the archive's name is used and not downloaded again.
 
     Args:
         source: what to fetch.
@@ -56,8 +57,6 @@ def fetch(
         on_download: called for every block of the archive.
         on_unpack: called with the bytes of every block unpacked.
         pause_s: between attempts to resume a download.
-
-    A file in ``directory`` with the archive's name is used and not downloaded again.
 
     Raises:
         InputError: the folder exists or cannot be written, the download fails, or the archive is
@@ -81,12 +80,8 @@ def fetch(
         result = Fetched(target, source.url, source.licence, archive.stat().st_size, checksum)
         try:
             remove(work)
-            unpack(archive, work, on_unpack)
+            _unpack_or_discard(archive, work, on_unpack)
             _record(result, only_folder(work)).rename(target)
-        except InputError:
-            # a damaged archive must not be used again
-            archive.unlink()
-            raise
         finally:
             remove(work)
         archive.unlink()
@@ -95,6 +90,15 @@ def fetch(
             directory, f"cannot be written ({error.strerror})", "give another folder (-o)"
         ) from error
     return result
+
+
+def _unpack_or_discard(archive: Path, folder: Path, on_bytes: Callable[[int], None]) -> None:
+    try:
+        unpack(archive, folder, on_bytes)
+    except InputError:
+        # a damaged archive must not be used again
+        archive.unlink()
+        raise
 
 
 def _record(fetched: Fetched, folder: Path) -> Path:

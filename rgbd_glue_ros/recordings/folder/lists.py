@@ -14,15 +14,13 @@ from rgbd_glue_ros.files.reading import inside
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, read_lines
 from rgbd_glue_ros.parameters import metres_per_unit
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import ImagePair, ImagePairs
 from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
 from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S, associate
-from rgbd_glue_ros.types import NANOSECONDS, Int64
+from rgbd_glue_ros.types import Int64
 
 logger = logging.getLogger(__name__)
-
-RATE_HZ = 30
-"""Assumed rate of numbered images, which have no stamps."""
 
 COLOR_LISTS = ("rgb.txt", "color.txt", "colour.txt", "image.txt", "images.txt")
 DEPTH_LISTS = ("aligned_depth.txt", "depth_aligned.txt", "depth.txt")
@@ -110,8 +108,7 @@ def read_association(path: Path) -> ImagePairs:
     """The frames of lines of two stamps and files, colour or depth first; others are skipped.
 
     Depth is identified by its name. Stamps that are whole numbers starting from a small one are
-    numbers of frames, at ``RATE_HZ`` per second. Of lines with one stamp of colour, the first is
-    taken.
+    numbers of frames. Of lines with one stamp of colour, the first is taken.
 
     Raises:
         InputError: the file cannot be read, has no such line, or depth cannot be identified.
@@ -139,11 +136,6 @@ def read_association(path: Path) -> ImagePairs:
     in_order = sorted(frames.values(), key=lambda pair: pair.stamp_ns)
     images = {COLOR: len(frames), DEPTH: len(frames)}
     return ImagePairs.of(in_order, images, len(rows) - len(frames))
-
-
-def frame_stamp_ns(number: int) -> int:
-    """When a numbered frame was taken; from 1/30 s on, since a stamp of zero means none in ROS."""
-    return (number + 1) * NANOSECONDS // RATE_HZ
 
 
 def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:

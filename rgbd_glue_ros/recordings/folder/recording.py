@@ -91,7 +91,7 @@ def open_folder(
         depth_camera=depth_camera,
         left_out=found.left_out,
     )
-    return sequence.with_told_scale(told.depth_scale)
+    return sequence.with_calibration_depth_scale(told.depth_scale)
 
 
 def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePairs, DepthEncoding]:
@@ -100,7 +100,9 @@ def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePa
         if both is not None:
             is_tum = both[0].name == "rgb.txt" and both[1].name == "depth.txt"
             encoding = _TUM if is_tum else _MILLIMETRES
-            return lists.paired(*both), encoding.with_told_scale(lists.scale_in_comments(both[1]))
+            return lists.paired(*both), encoding.with_calibration_depth_scale(
+                lists.scale_in_comments(both[1])
+            )
         association = lists.association_in(folder)
         if association is not None:
             return lists.read_association(association), _TUM

@@ -15,7 +15,7 @@ import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import stamps_ns
-from rgbd_glue_ros.recordings.folder.lists import frame_stamp_ns
+from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import IMAGE_TYPES, ImagePair, ImagePairs
 from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
 from rgbd_glue_ros.trajectories.association import associate
