@@ -79,7 +79,7 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
         (["params", "--set", "glue.k=0.5"], "from 1 to 100"),
         (["replay", "absent", "-o", "out"], "absent: does not exist"),
         (["replay", "test", "-o", "out"], "a folder of colour images (rgb) beside one of depth"),
-        (["params", "--set", "max_width=4"], "give a whole number of at least 32 (pixels), or 0"),
+        (["params", "--set", "max_width=4"], "give a whole number from 32 to 100000 (pixels), or 0"),
         (["params", "glue.q"], "did you mean glue.k?"),
         (["params", "nosuch"], "nosuch: no such parameter; see `rgbd-glue params`"),
         (["odometry", "max_width:=640"], "with --ros-args -p max_width:=640, to other"),
