@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
 
@@ -163,7 +164,11 @@ def test_a_missing_extra_is_named_with_exit_code_2(
 def test_version_is_that_of_the_installed_package_or_says_that_there_is_none() -> None:
     done = run("--version")
     assert done.returncode == 0
-    assert done.stdout.startswith("rgbd-glue ")
+    try:
+        installed = version("rgbd_glue_ros")
+    except PackageNotFoundError:
+        installed = "(not installed)"
+    assert done.stdout == f"rgbd-glue {installed}\n"
 
 
 @pytest.mark.slow

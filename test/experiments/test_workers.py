@@ -52,11 +52,17 @@ def test_workers_are_processes_that_share_the_cores_and_a_failure_stops_no_other
     assert dict(os.environ) == environment
 
 
-def test_without_workers_dask_is_not_even_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_workers_dask_is_not_even_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     with pool() as serial:
         assert isinstance(serial, Serial)
-    assert cli.main(["pairs", "absent", "-o", "out", "--workers", "2"]) == 2
+    assert cli.main(["pairs", str(make_bag.FOLDER), "-o", str(tmp_path), "--workers", "2"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "Dask is not installed" in line
+    assert "working in parallel needs it; run: pip install" in line
+    assert "distributed" in line
 
 
 def test_far_more_workers_than_cores_are_refused_before_one_is_started() -> None:

@@ -59,8 +59,6 @@ def running() -> Iterator[Running]:
         yield Running(node, rig, itertools.count(1_700_000_000 * NANOSECONDS, PERIOD_NS))
 
 
-@pytest.mark.slow
-@pytest.mark.every_python
 def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> None:
     frame = running.frame()
     pose = running.rig.pose_of(frame)

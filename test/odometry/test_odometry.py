@@ -198,7 +198,6 @@ def assert_no_pose(estimate: OdometryEstimate) -> None:
 # what is seen well
 
 
-@pytest.mark.slow
 def test_the_first_frame_is_the_origin() -> None:
     first = tracked()[0]
     assert first.state is TRACKING
@@ -315,8 +314,9 @@ def test_errors_are_consistent_with_the_covariance() -> None:
         turned = se3.log(estimate.T_odom_camera @ se3.inverse(T))[3:]
         error = np.concatenate([moved, turned])
         squares.append(error @ np.linalg.solve(estimate.covariance, error))
-    # chi-square with six degrees of freedom, whose mean is 6, were there nothing but noise
-    assert np.mean(squares) < 3 * 6
+    # chi-square with six degrees of freedom, whose mean is 6, were there nothing but noise; it errs
+    # by a millimetre here and expects seven, since other cameras are worse
+    assert 0.05 < np.mean(squares) < 6
 
 
 @pytest.mark.parametrize(
