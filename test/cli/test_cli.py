@@ -185,9 +185,9 @@ def test_the_parameters_of_a_run_can_be_given_to_another(tmp_path: Path) -> None
     before, again = tmp_path / "before", tmp_path / "again"
     changes = ["--set", "glue.k=4", "--set", "depth_scale=0.001"]
     bag = [str(ROOT / "bags" / "living_room"), "--limit", "3", "-o"]
-    assert run("replay", *bag, str(before), *changes).returncode == 0
+    assert main(["replay", *bag, str(before), *changes]) == 0
     file = before / "params.yaml"
-    assert run("replay", *bag, str(again), "--preset", str(file)).returncode == 0
+    assert main(["replay", *bag, str(again), "--preset", str(file)]) == 0
     assert (again / "params.yaml").read_text() == file.read_text()
     assert "k: 4.0" in file.read_text()
 
@@ -267,12 +267,15 @@ def test_replay_prints_a_summary_and_where_the_report_is(tmp_path: Path) -> None
 @pytest.mark.slow
 def test_a_converted_data_set_replays_to_the_same_trajectory(tmp_path: Path) -> None:
     calibration = write_data_set(tmp_path / "poster", 8)
-    bag = tmp_path / "bag"
-    done = run("convert", tmp_path / "poster", bag, "--calibration", calibration)
+    poster, bag = tmp_path / "poster", tmp_path / "bag"
+    done = run("convert", poster, bag, "--calibration", calibration)
     assert (done.returncode, done.stderr) == (0, "")
     assert str(bag) in done.stdout
-    run("replay", tmp_path / "poster", "-o", tmp_path / "a", "--calibration", calibration)
-    run("replay", bag, "-o", tmp_path / "b")
+    for recording, out, camera in (
+        (poster, "a", ["--calibration", str(calibration)]),
+        (bag, "b", []),
+    ):
+        assert main(["replay", str(recording), "-o", str(tmp_path / out), *camera]) == 0
     lines = (tmp_path / "a" / "trajectory.txt").read_text().splitlines()
     assert len(lines) == 9
     assert (tmp_path / "b" / "trajectory.txt").read_text().splitlines() == lines

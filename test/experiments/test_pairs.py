@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import make_bag
@@ -19,6 +18,7 @@ from rigs.geometry import room_points
 from rigs.room import CAMERA
 
 from rgbd_glue_ros.cli import main as cli
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.pairs import gallery
@@ -42,7 +42,7 @@ BLIND = Config(features=FeaturesConfig(visual="none", geometric="none"))
 
 
 @dataclass(frozen=True)
-class Walk:
+class Walk(Closing):
     """Black frames of a camera whose i-th step is i cm long."""
 
     name: str = "walk"
@@ -75,16 +75,6 @@ class Walk:
         return selected(self, indices)
 
     def close(self) -> None: ...
-
-    def __enter__(self) -> Walk:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
 
 def at_m(index: int) -> float:

@@ -3,13 +3,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 import pytest
 from rigs.bags import CAMERA, CODECS, assert_same_frame, make_frames, recorded, write_rosbag2
 from rigs.disks import full_after
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.recordings import open_recording
@@ -26,7 +26,7 @@ TRUTH = Trajectory(
 
 
 @dataclass(frozen=True)
-class Listed:
+class Listed(Closing):
     """A sequence in memory, which may end in an error."""
 
     frames: list[RgbdFrame]
@@ -47,16 +47,6 @@ class Listed:
         return selected(self, indices)
 
     def close(self) -> None: ...
-
-    def __enter__(self) -> Listed:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
 
 def same(frames: Iterator[RgbdFrame], originals: list[RgbdFrame], codec: str = "raw") -> None:

@@ -16,6 +16,8 @@ from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
 
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
+# of a source and a target: 0.3 s of the hand-held motion are 11 cm and 2 degrees
+TIMES = 0.0, 0.3
 
 
 @lru_cache(maxsize=1)
@@ -26,6 +28,11 @@ def _scene() -> Tables:
 def true_pose(time_s: float) -> Float64:
     """T_world_camera at a time of the hand-held motion, which comes back after 3.5 s."""
     return hand_held(time_s).matrix
+
+
+def true_transform() -> Float64:
+    """T_target_source of what the camera sees at ``TIMES``."""
+    return se3.inverse(true_pose(TIMES[1])) @ true_pose(TIMES[0])
 
 
 def true_depth(T_world_camera: Float64) -> Float32:
