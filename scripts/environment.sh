@@ -148,12 +148,15 @@ add_learned_weights() {
 # Compiles what tests run, from the checkout: else each of the processes that test would compile for
 # itself, and take the processor from live ones.
 compile_code() {
-  python - <<'EOF'
+  PYTHONPATH=.:bags:test python - <<'EOF'
+from rigs.room import room_frame
+
 from rgbd_glue_ros import load_preset
 from rgbd_glue_ros.odometry.warm_up import warm_up
 
 for preset in "live", "paper":
     warm_up(load_preset(preset))
+room_frame(0.0)
 EOF
 }
 

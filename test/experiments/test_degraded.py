@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.experiments.bench.degraded import (
     DEGRADATIONS,
     Degradation,
@@ -31,7 +32,7 @@ RATE_HZ = 10
 FRAMES = 60
 
 
-class Grey:
+class Grey(Closing):
     """Six seconds of a grey wall, 2 m away."""
 
     name = "grey"
@@ -50,12 +51,6 @@ class Grey:
 
     def close(self) -> None:
         self.closed = True
-
-    def __enter__(self) -> Grey:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def degraded(degradation: Degradation) -> list[RgbdFrame]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import make_bag
 import numpy as np
 import pytest
+from rigs.bag_frames import write_small_bag
 from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
@@ -32,14 +33,15 @@ def config() -> Config:
 @pytest.mark.slow
 def test_a_recording_that_comes_back_is_mapped_with_its_loops(tmp_path: Path) -> None:
     seen: list[OdometryEstimate] = []
-    with open_recording(make_bag.FOLDER) as recording:
-        mapped = map_recording(recording, config(), tmp_path, on_frame=seen.append)
+    bag, out = write_small_bag(tmp_path / "bag", make_bag.FRAME_COUNT), tmp_path / "out"
+    with open_recording(bag) as recording:
+        mapped = map_recording(recording, config(), out, on_frame=seen.append)
     assert len(seen) == make_bag.FRAME_COUNT
-    assert {path.name for path in tmp_path.iterdir()} == {
+    assert {path.name for path in out.iterdir()} == {
         *("trajectory.txt", "odometry.txt", "metrics.json", "params.yaml", "report.html"),
         *("keyframes.g2o", "keyframes_gtsam.g2o", "map.ply"),
     }
-    figures = json.loads((tmp_path / "metrics.json").read_text())
+    figures = json.loads((out / "metrics.json").read_text())
     assert figures == mapped.figures
     assert figures["loops"]["found"] > 0
     assert figures["loops"]["refused"] == 0
@@ -47,14 +49,14 @@ def test_a_recording_that_comes_back_is_mapped_with_its_loops(tmp_path: Path) ->
     assert figures["odometry"]["ape"]["rmse_m"] < 0.002
     assert figures["map_points"] > 10_000
 
-    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    report = (out / "report.html").read_text(encoding="utf-8")
     assert "<h2>Map</h2>" in report
     assert report.count('class="map"') == 1
 
-    graph = read_graph(tmp_path / "keyframes.g2o")
+    graph = read_graph(out / "keyframes.g2o")
     loops = sum(edge.origin is EdgeOrigin.LOOP for edge in graph.edges)
     assert loops == figures["loops"]["found"]
-    trajectory, odometry = (read_tum(tmp_path / f"{n}.txt") for n in ("trajectory", "odometry"))
+    trajectory, odometry = (read_tum(out / f"{n}.txt") for n in ("trajectory", "odometry"))
     np.testing.assert_array_equal(trajectory.stamps_ns, odometry.stamps_ns)
     # the graph's keyframes lie on the corrected trajectory
     rows = np.searchsorted(trajectory.stamps_ns, graph.keyframes.stamps_ns)

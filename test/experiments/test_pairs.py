@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import make_bag
@@ -21,6 +20,7 @@ from rigs.opener import OpenerByName
 from rigs.room import CAMERA
 
 from rgbd_glue_ros.cli import main as cli
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import BAD_INPUT, InputError
 from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.batch.opening import Opening
@@ -52,7 +52,7 @@ BLIND = Config(features=FeaturesConfig(visual="none", geometric="none"))
 
 
 @dataclass(frozen=True)
-class Walk:
+class Walk(Closing):
     """Black frames of a camera whose i-th step is i cm long."""
 
     name: str = "walk"
@@ -85,16 +85,6 @@ class Walk:
         return selected(self, indices)
 
     def close(self) -> None: ...
-
-    def __enter__(self) -> Walk:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
 
 def at_m(index: int) -> float:

@@ -24,6 +24,9 @@ from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.parameters import Config, load_preset
 
+# most share one replay, which takes seconds whichever of them comes first
+pytestmark = [pytest.mark.slow, pytest.mark.every_python]
+
 FRAMES = 40
 
 
@@ -46,8 +49,6 @@ def messages(bag: Path) -> dict[str, list[Any]]:
     return found
 
 
-@pytest.mark.slow
-@pytest.mark.every_python
 def test_the_bag_has_every_topic_of_the_node(replayed: tuple[Path, Run]) -> None:
     folder, run = replayed
     found = messages(folder / "bag")

@@ -52,11 +52,17 @@ def test_workers_are_processes_that_share_the_cores_and_a_failure_stops_no_other
     assert dict(os.environ) == environment
 
 
-def test_without_workers_dask_is_not_even_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_workers_dask_is_not_even_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     with pool() as serial:
         assert isinstance(serial, Serial)
-    assert cli.main(["pairs", "absent", "-o", "out", "--workers", "2"]) == 2
+    assert cli.main(["pairs", str(make_bag.FOLDER), "-o", str(tmp_path), "--workers", "2"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "Dask is not installed" in line
+    assert "working in parallel needs it; run: pip install" in line
+    assert "distributed" in line
 
 
 def test_far_more_workers_than_cores_are_refused_before_one_is_started() -> None:
@@ -182,12 +188,21 @@ def without_times(folder: Path) -> list[str]:
     return [repr(replace(result, seconds=0.0, stages_ms={})) for result in results]
 
 
+@pytest.fixture(scope="module")
+def serial_results(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Those of a run in this process, one pair after the other."""
+    folder = tmp_path_factory.mktemp("serial")
+    pairs_on(Serial(), folder)
+    return without_times(folder)
+
+
 @pytest.mark.slow
-def test_a_killed_worker_changes_no_bit_of_the_results(tmp_path: Path) -> None:
+def test_a_killed_worker_changes_no_bit_of_the_results(
+    tmp_path: Path, serial_results: list[str]
+) -> None:
     pytest.importorskip("distributed")
     from distributed import Client, LocalCluster
 
-    pairs_on(Serial(), tmp_path / "serial")
     killed: list[int] = []
     with (
         LocalCluster(
@@ -205,8 +220,8 @@ def test_a_killed_worker_changes_no_bit_of_the_results(tmp_path: Path) -> None:
         parallel = pairs_on(workers, tmp_path / "parallel", kill_one)
         assert killed
         assert killed[0] not in client.run(os.getpid).values()
-    assert len(without_times(tmp_path / "serial")) > 15
-    assert without_times(tmp_path / "parallel") == without_times(tmp_path / "serial")
+    assert len(serial_results) > 15
+    assert without_times(tmp_path / "parallel") == serial_results
     assert parallel["problems"] == []
 
 
@@ -232,8 +247,9 @@ def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
 
 
 @pytest.mark.slow
-def test_a_run_that_broke_off_goes_on_to_the_same_results(tmp_path: Path) -> None:
-    pairs_on(Serial(), tmp_path / "whole")
+def test_a_run_that_broke_off_goes_on_to_the_same_results(
+    tmp_path: Path, serial_results: list[str]
+) -> None:
     done: list[Results] = []
 
     def interrupt(results: Results) -> None:
@@ -249,8 +265,8 @@ def test_a_run_that_broke_off_goes_on_to_the_same_results(tmp_path: Path) -> Non
     journal.write_bytes(journal.read_bytes()[:-9])
     more: list[Results] = []
     pairs_on(Serial(), folder, more.append)
-    assert len(more) == len(without_times(tmp_path / "whole")) - 4
-    assert without_times(folder) == without_times(tmp_path / "whole")
+    assert len(more) == len(serial_results) - 4
+    assert without_times(folder) == serial_results
 
 
 @pytest.mark.slow

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +13,21 @@ import numpy as np
 import pytest
 from rigs.fcgf_weights import write_random_fcgf
 from rigs.geometry import points_of
-from rigs.room import CAMERA, room_view, small_room_view, true_pose
+from rigs.room import CAMERA, TIMES, room_view, small_room_view, true_transform
 
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.lifting import KeypointPoints, lift
 from rgbd_glue_ros.features.visual import KeypointFeature, VisualMatches
 from rgbd_glue_ros.features.weights import require
-from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.parameters import FeaturesConfig
-from rgbd_glue_ros.types import Correspondences, Float32, Float64, TransformPrior, UInt8, View
+from rgbd_glue_ros.types import Correspondences, Float32, TransformPrior, UInt8, View
 
 SOMETHING = [name for name in VISUAL if name != "none"]
 SHAPED = [name for name in GEOMETRIC if name != "none"]
 RANDOM = "fcgf"
 """What this one learned is not to be had: random numbers keep the contract, and describe little."""
-# 0.3 s of the hand-held motion are 11 cm and 2 degrees
-TIMES = 0.0, 0.3
 
 
 @pytest.fixture(scope="module")
@@ -58,11 +57,6 @@ def features(weights_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> 
         return made[name]
 
     return make
-
-
-def true_transform() -> Float64:
-    """T_target_source of the two views."""
-    return se3.inverse(true_pose(TIMES[1])) @ true_pose(TIMES[0])
 
 
 def view(image: UInt8, depth: Float32 | None = None) -> View:
@@ -211,13 +205,36 @@ def measured(time: float) -> View:
     return replace(seen, depth=seen.depth + rng.normal(0, 0.003, seen.depth.shape).astype("f4"))
 
 
+@dataclass(frozen=True)
+class Matched:
+    """What a feature makes of two measured views, and its matches without a prior."""
+
+    source: Any
+    target: Any
+    matches: Correspondences
+
+
+@pytest.fixture(scope="module")
+def matched(features: Any) -> Callable[[str], Matched]:
+    """Describes and matches by the name of a feature, each once."""
+
+    @cache
+    def match(name: str) -> Matched:
+        source, target = (features(name).extract(measured(time)) for time in TIMES)
+        return Matched(source, target, features(name).match(source, target, None))
+
+    return match
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SHAPED if name != RANDOM])
-def test_geometry_of_two_views_is_matched_better_than_by_chance(features: Any, name: str) -> None:
-    feature = features(name)
-    source, target = (feature.extract(measured(time)) for time in TIMES)
-    for rough in (None, TransformPrior(true_transform(), 0.1)):
-        matches = feature.match(source, target, rough)
+def test_geometry_of_two_views_is_matched_better_than_by_chance(
+    features: Any, matched: Callable[[str], Matched], name: str
+) -> None:
+    first = matched(name)
+    prior = TransformPrior(true_transform(), 0.1)
+    led = features(name).match(first.source, first.target, prior)
+    for matches in (first.matches, led):
         check_geometry(matches)
         assert len(matches) > 100
         assert right(matches) > 3 * right(at_random(matches))
@@ -225,11 +242,11 @@ def test_geometry_of_two_views_is_matched_better_than_by_chance(features: Any, n
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPED)
-def test_the_same_depth_gives_the_same_bits(features: Any, name: str) -> None:
-    feature = features(name)
-    first, second = (
-        feature.match(*(feature.extract(measured(time)) for time in TIMES), None) for _ in range(2)
-    )
+def test_the_same_depth_gives_the_same_bits(
+    features: Any, matched: Callable[[str], Matched], name: str
+) -> None:
+    feature, first = features(name), matched(name).matches
+    second = feature.match(*(feature.extract(measured(time)) for time in TIMES), None)
     np.testing.assert_array_equal(first.source, second.source)
     np.testing.assert_array_equal(first.target, second.target)
     np.testing.assert_array_equal(first.weights, second.weights)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rigs.geometry import SEEDS, points_of
-from rigs.room import CAMERA, room_view, true_pose
+from rigs.room import CAMERA, TIMES, room_view, true_transform
 
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.fpfh import BINS, grid_fpfh, guided_search
@@ -32,19 +32,12 @@ from rgbd_glue_ros.types import Float64, TransformPrior, View
 
 CONFIG = FeaturesConfig()
 OPENCV = ["sift", "orb", "brisk"]
-# 0.3 s of the hand-held motion are 11 cm and 2 degrees
-TIMES = 0.0, 0.3
 STEP = 8
 PINHOLE = np.array([CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy])
 
 
 def views() -> tuple[View, View]:
     return room_view(TIMES[0]), room_view(TIMES[1])
-
-
-def true_transform() -> Float64:
-    """T_target_source of the two views."""
-    return se3.inverse(true_pose(TIMES[1])) @ true_pose(TIMES[0])
 
 
 def blank() -> View:

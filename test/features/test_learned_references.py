@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigs.room import room_view, small_room_view
+from rigs.room import TIMES, room_view, small_room_view
 
 from rgbd_glue_ros.features import VISUAL, lightglue, superglue
 from rgbd_glue_ros.features.alike import Alike
@@ -34,7 +34,6 @@ NEEDED = {
     "disk_lightglue": ("disk-depth-save.pth", "disk_lightglue.pth"),
     "superpoint_superglue": ("superpoint_v1.pth", "superglue_indoor.pth"),
 }
-TIMES = 0.0, 0.3
 KEYPOINTS = 200
 
 

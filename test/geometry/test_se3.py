@@ -32,7 +32,7 @@ def test_a_quarter_turn_about_a_point_is_a_twist_around_it() -> None:
 
 @pytest.mark.slow
 @given(twists())
-@example(np.array([1, 2, 3, 0, 0, 0]))
+@example(np.array([1.0, 2, 3, 0, 0, 0]))
 @example(np.array([1, 2, 3, 0.99e-5, 0, 0]))  # either side of where the series takes over
 @example(np.array([1, 2, 3, 1.01e-5, 0, 0]))
 def test_exp_is_the_matrix_exponential(twist: Float64) -> None:
@@ -40,7 +40,7 @@ def test_exp_is_the_matrix_exponential(twist: Float64) -> None:
 
 
 @given(twists())
-@example(np.array([1, 2, 3, 0, 0, 0]))
+@example(np.array([1.0, 2, 3, 0, 0, 0]))
 @example(np.array([1, 2, 3, 0.99e-5, 0, 0]))
 @example(np.array([1, 2, 3, 0, 0, 1.01e-5]))
 def test_log_undoes_exp(twist: Float64) -> None:

@@ -55,32 +55,24 @@ def test_a_thread_that_allocates_images_for_every_frame_reuses_memory() -> None:
 
 COLLECTIONS = """
 import gc
-import time
 
 from rgbd_glue_ros.live.heap import exempt_loaded_objects
 
-
-def seconds():
-    start = time.perf_counter()
-    gc.collect()
-    return time.perf_counter() - start
-
-
-loaded = [[] for _ in range(1_000_000)]
-gc.collect()
-before = min(seconds() for _ in range(3))
+loaded = [[] for _ in range(100_000)]
 exempt_loaded_objects()
-after = min(seconds() for _ in range(3))
+# what a full collection still goes through
+print(len(gc.get_objects()), gc.get_freeze_count())
 cycle = []
 cycle.append(cycle)
 del cycle
-print(after / before, gc.collect())
+print(gc.collect())
 """
 
 
-def test_loaded_objects_cost_no_collection_time_and_later_garbage_is_collected() -> None:
+def test_loaded_objects_are_left_out_of_collections_and_later_garbage_is_collected() -> None:
     command = [sys.executable, "-c", COLLECTIONS]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
-    share, collected = done.stdout.split()
-    assert float(share) < 0.1
-    assert int(collected) == 1
+    left, exempt, collected = map(int, done.stdout.split())
+    assert left < 1000
+    assert exempt > 100_000
+    assert collected == 1

@@ -31,6 +31,9 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from rigs.ros import START_S
 from rigs.tf import Robot
 
+# all share one drive, which takes seconds whichever of them comes first
+pytestmark = [pytest.mark.slow, pytest.mark.every_python]
+
 FRAMES = 60
 # rtabmap's number for "not known", and the one that it takes for a default that nobody set
 UNKNOWN, NOBODY_SET = 9999.0, 1.0
@@ -90,7 +93,6 @@ def matrix(covariance: Any) -> Float64:
     return np.asarray(covariance, np.float64).reshape(6, 6)
 
 
-@pytest.mark.slow
 def test_robot_localization_gets_frames_finite_numbers_and_a_unit_quaternion(drive: Drive) -> None:
     for odom in drive.odoms:
         assert (odom.header.frame_id, odom.child_frame_id) == ("odom", "base_link")

@@ -47,6 +47,8 @@ from rigs.ros import Rig, Triple, frame_messages
 
 PERIOD_NS = NANOSECONDS // 30
 START_NS = 1_700_000_000 * NANOSECONDS
+# they show a leak of 250 kB a frame, less than an image takes
+ROUNDS = 200
 
 
 def moving_camera() -> Iterator[RgbdFrame]:
@@ -197,16 +199,10 @@ def test_messages_with_any_field_values_make_a_frame_or_are_refused(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("breakers", "rounds"),
-    [
-        pytest.param(COMPRESSED, 2 * len(COMPRESSED), id="compressed"),
-        # 200 frames show a leak of 250 kB a frame, less than an image takes
-        pytest.param(RAW, 200, id="raw-long"),
-        pytest.param(COMPRESSED, 200, id="compressed-long"),
-    ],
+    "breakers", [pytest.param(RAW, id="raw"), pytest.param(COMPRESSED, id="compressed")]
 )
 def test_malformed_frames_change_neither_the_poses_of_good_frames_nor_memory_use(
-    ros_domain: int, breakers: Mapping[str, Breaker], rounds: int
+    ros_domain: int, breakers: Mapping[str, Breaker]
 ) -> None:
     is_compressed = breakers is COMPRESSED
     transports = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
@@ -214,7 +210,7 @@ def test_malformed_frames_change_neither_the_poses_of_good_frames_nor_memory_use
     memory: list[float] = []
     with node_in(ros_domain, **given) as node, Rig(ros_domain, compressed=is_compressed) as rig:
         rig.wait_until_matched()
-        expected = play_with_malformed(rig, breakers, rounds, lambda: memory.append(rss_mb(node)))
+        expected = play_with_malformed(rig, breakers, ROUNDS, lambda: memory.append(rss_mb(node)))
         rig.diagnostics.clear()
         rig.wait(lambda: rig.diagnostics, "diagnostics")
         refused = summary(rig.diagnostics[-1]).drops[Drop.UNUSABLE]
@@ -222,6 +218,6 @@ def test_malformed_frames_change_neither_the_poses_of_good_frames_nor_memory_use
         assert refused > len(breakers) / 2
         poses = np.array([pose_from_message(pose, "pose") for pose in rig.poses])
         stamps = [stamp_ns(pose.header.stamp) for pose in rig.poses]
-        assert stamps == [START_NS + i * PERIOD_NS for i in range(rounds)]
+        assert stamps == [START_NS + i * PERIOD_NS for i in range(ROUNDS)]
         np.testing.assert_allclose(poses, expected, rtol=0, atol=1e-9)
-        assert max(memory[rounds // 2 :]) - max(memory[: rounds // 2]) < BREATH_MB
+        assert max(memory[ROUNDS // 2 :]) - max(memory[: ROUNDS // 2]) < BREATH_MB

@@ -20,8 +20,7 @@ from rgbd_glue_ros.parameters import load_preset
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from rigs.faults import COMPILE_S, running_node, shown
-from rigs.paths import ROOT
+from rigs.faults import COMPILE_S, rig_node, running_node, shown
 from rigs.ros import PATIENCE_S, START_NS, Rig, corner_frame
 
 
@@ -43,11 +42,7 @@ def test_repeated_signals_end_the_node_with_exit_code_0(
 
 @pytest.mark.slow
 def test_a_node_that_cannot_process_any_frame_ends_with_exit_code_1(ros_domain: int) -> None:
-    environment = {
-        **ros_environment(ros_domain),
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
-    }
-    with NodeProcess({}, environment, module="rigs.unusable_node") as node:
+    with rig_node(ros_domain, "unusable_node") as node:
         node.wait_for_line("Warming up failed", PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 1
 
@@ -56,11 +51,7 @@ def test_a_signal_while_pytorch_computes_ends_the_node_with_exit_code_0(
     ros_domain: int,
 ) -> None:
     pytest.importorskip("torch")
-    environment = {
-        **ros_environment(ros_domain),
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
-    }
-    with shown(NodeProcess({}, environment, module="rigs.busy_node")) as node:
+    with rig_node(ros_domain, "busy_node") as node:
         node.wait_for_line("convolving", PATIENCE_S)
         os.kill(node.pid, signal.SIGINT)
         assert node.wait_for_end(PATIENCE_S) == 0

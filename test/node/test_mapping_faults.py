@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rigs.paths import ROOT
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_FRAME, KEYFRAME_POSE, POSE
@@ -22,7 +20,7 @@ pytest.importorskip("pyhbst", reason="pyHBST is not installed")
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.parameter_client import AsyncParameterClient
-from rigs.faults import shown
+from rigs.faults import rig_node, shown
 from rigs.ros import PATIENCE_S, START_S, Rig, corner_frame
 
 NODE_NAME = "rgbd_mapping"
@@ -126,11 +124,7 @@ def test_invalid_arguments_end_the_mapping_node_with_exit_code_2_and_one_line(
 
 
 def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: int) -> None:
-    environment = {
-        **ros_environment(ros_domain),
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
-    }
-    with shown(NodeProcess({}, environment, module="rigs.mapping_without_tf")) as node:
+    with rig_node(ros_domain, "mapping_without_tf") as node:
         line = node.wait_for_line("Subscribed", START_S)
         assert "TF: not available" in node.lines[0]
         assert line.endswith("; publishing /map/path only, since map -> odom needs tf2_msgs")
@@ -177,8 +171,8 @@ def test_keyframes_of_images_without_a_stamp_are_skipped_and_the_reason_is_logge
 
 @pytest.mark.slow
 def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: int) -> None:
-    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
-        nobody = node.wait_for_line("No frame for 5 s", START_S)
+    with rig_node(ros_domain, "hasty_mapping") as node:
+        nobody = node.wait_for_line("No frame for 1 s", START_S)
         for topic in ("/rgb/image (color)", "/depth/image (depth)", "/rgb/camera_info"):
             assert topic in nobody
         assert "color and depth and camera_info are missing: start the camera" in nobody
@@ -209,7 +203,7 @@ def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: i
 
 @pytest.mark.slow
 def test_images_of_two_clocks_are_told_with_what_the_mapping_node_can_do(ros_domain: int) -> None:
-    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+    with rig_node(ros_domain, "hasty_mapping") as node:
         node.wait_for_line("Subscribed", START_S)
         with Rig(ros_domain) as rig:
             publishers = (rig.color, rig.depth, rig.info)

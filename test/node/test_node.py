@@ -33,6 +33,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigs.faults import running_node
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, START_S, Rig, corner_frame, frame_messages
+from rigs.unseen import covered
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Empty
 
@@ -59,8 +60,6 @@ def running() -> Iterator[Running]:
         yield Running(node, rig, itertools.count(1_700_000_000 * NANOSECONDS, PERIOD_NS))
 
 
-@pytest.mark.slow
-@pytest.mark.every_python
 def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> None:
     frame = running.frame()
     pose = running.rig.pose_of(frame)
@@ -114,11 +113,6 @@ def test_diagnostics_contain_state_rate_latency_drops_and_evidence(running: Runn
     assert float(values["sigma_m"]) >= 0
     assert "epsilon_m" in values
     assert "last_error" in values
-
-
-def blank(frame: RgbdFrame) -> RgbdFrame:
-    """The frame of a covered camera."""
-    return replace(frame, color=np.zeros_like(frame.color), depth=np.full_like(frame.depth, np.nan))
 
 
 def image(frame: RgbdFrame) -> Image:
@@ -395,7 +389,7 @@ def test_a_camera_that_sees_nothing_is_lost_and_no_pose_is_invented(ros_domain: 
         rig.wait_until_matched()
         rig.pose_of(corner_frame(START_NS))
         for i in (1, 2):
-            rig.publish(blank(corner_frame(START_NS + i * PERIOD_NS)))
+            rig.publish(covered(corner_frame(START_NS + i * PERIOD_NS)))
             node.wait_for_line("Lost at 1.033", PATIENCE_S)
         pose = rig.pose_of(corner_frame(START_NS + 3 * PERIOD_NS))
         node.wait_for_line("Tracking again", PATIENCE_S)
@@ -511,7 +505,7 @@ def test_a_lost_frame_gets_a_null_odometry_if_the_parameter_asks_for_it(ros_doma
     with running_node(ros_domain, publish_null_when_lost=True) as node, Rig(ros_domain) as rig:
         rig.wait_until_matched()
         rig.pose_of(corner_frame(START_NS))
-        rig.publish(blank(corner_frame(START_NS + PERIOD_NS)))
+        rig.publish(covered(corner_frame(START_NS + PERIOD_NS)))
         node.wait_for_line("Lost at 1.033", PATIENCE_S)
         rig.wait(lambda: rig.odoms, "the odometry of the lost frame")
         odom = rig.odoms[-1]

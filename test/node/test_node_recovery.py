@@ -18,13 +18,10 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rigs.faults import node_in
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, Rig, corner_frame
+from rigs.unseen import covered
 
 PERIOD_NS = NANOSECONDS // 30
 COVERED_NS = 5 * NANOSECONDS
-
-
-def covered(frame: RgbdFrame) -> RgbdFrame:
-    return replace(frame, color=np.zeros_like(frame.color), depth=np.full_like(frame.depth, np.nan))
 
 
 def at(stamp_ns: int, frame: RgbdFrame) -> RgbdFrame:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
+from rigs.unseen import without_depth
 
 from rgbd_glue_ros.geometry import camera, se3
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
@@ -104,7 +105,7 @@ def test_images_of_different_rooms_fit_nowhere() -> None:
 def test_a_view_with_few_edges_is_skipped() -> None:
     frame = recorded_frames()[0]
     wall = replace(frame, depth=np.full_like(frame.depth, 2.0))
-    unknown = replace(frame, depth=np.full_like(frame.depth, np.nan))
+    unknown = without_depth(frame)
     check = after_views([wall, unknown])
     assert check.views == 0
     assert check.offset_px is None

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rigs.room import room_frame, room_view, true_pose
+from rigs.unseen import without_depth
 
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
@@ -75,7 +76,7 @@ def test_one_frame_that_saw_the_place_empty_is_enough() -> None:
 
 
 def test_nothing_appears_where_depth_was_unknown_before() -> None:
-    blind = replace(room_view(BEFORE), depth=np.full_like(room_view(BEFORE).depth, np.nan))
+    blind = without_depth(room_view(BEFORE))
     assert (
         without_dynamic_objects(crossed(NOW), true_pose(NOW), [(blind, true_pose(BEFORE))]) is None
     )

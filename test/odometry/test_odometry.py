@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from rigs.bag_frames import errors, recorded_frames, true_poses
+from rigs.bag_frames import errors, halved, recorded_frames, true_poses
 from rigs.room import panned_frame, room_frame, true_pose
+from rigs.unseen import blacked_out, covered, without_depth
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
@@ -57,8 +58,10 @@ PATIENT = with_values(Config(), {"odometry.reset_countdown": 0})
 def track(
     frames: Iterable[RgbdFrame], config: Config = PATIENT, odometry: Odometry | None = None
 ) -> list[OdometryEstimate]:
-    odometry = odometry or Odometry(config)
-    return [odometry.process(frame) for frame in frames]
+    if odometry is not None:
+        return [odometry.process(frame) for frame in frames]
+    with Odometry(config) as own:
+        return track(frames, odometry=own)
 
 
 @lru_cache(maxsize=1)
@@ -142,19 +145,6 @@ def test_an_odometry_of_another_process_raises_an_error_and_does_not_wait_for_it
         assert child.exitcode == 0
 
 
-def without_depth(frame: RgbdFrame) -> RgbdFrame:
-    return replace(frame, depth=np.full_like(frame.depth, np.nan))
-
-
-def blacked_out(frame: RgbdFrame) -> RgbdFrame:
-    return replace(frame, color=np.zeros_like(frame.color))
-
-
-def covered(frame: RgbdFrame) -> RgbdFrame:
-    """A hand before the lens: dark, and too near for depth."""
-    return without_depth(blacked_out(frame))
-
-
 def another_room(count: int) -> list[RgbdFrame]:
     """A wavy wall with a poster, which a camera passes at 3 pixels a frame."""
     K = recorded_frames()[0].intrinsics
@@ -198,7 +188,6 @@ def assert_no_pose(estimate: OdometryEstimate) -> None:
 # what is seen well
 
 
-@pytest.mark.slow
 def test_the_first_frame_is_the_origin() -> None:
     first = tracked()[0]
     assert first.state is TRACKING
@@ -234,22 +223,22 @@ def test_the_same_frames_give_bitwise_the_same_poses() -> None:
 
 
 def test_poses_do_not_depend_on_when_the_map_is_updated_before_the_next_frame() -> None:
-    odometry = Odometry(PATIENT)
-    for i, frame in enumerate(recorded_frames()[:45]):
-        estimate, expected = odometry.track(frame), tracked()[i]
-        np.testing.assert_array_equal(estimate.T_odom_camera, expected.T_odom_camera)
-        if i % 2:  # else the next frame has to do it
-            assert (odometry.update_map() or estimate.is_keyframe) == expected.is_keyframe
-            assert not odometry.update_map()
+    with Odometry(PATIENT) as odometry:
+        for i, frame in enumerate(recorded_frames()[:45]):
+            estimate, expected = odometry.track(frame), tracked()[i]
+            np.testing.assert_array_equal(estimate.T_odom_camera, expected.T_odom_camera)
+            if i % 2:  # else the next frame has to do it
+                assert (odometry.update_map() or estimate.is_keyframe) == expected.is_keyframe
+                assert not odometry.update_map()
 
 
 def test_a_reset_forgets_the_frame_that_the_map_waits_for() -> None:
-    odometry = Odometry(PATIENT)
     first, *others = (i for i, estimate in enumerate(tracked()) if estimate.is_keyframe)
-    for frame in recorded_frames()[first : others[0] + 1]:
-        odometry.track(frame)
-    odometry.reset()
-    assert not odometry.update_map()
+    with Odometry(PATIENT) as odometry:
+        for frame in recorded_frames()[first : others[0] + 1]:
+            odometry.track(frame)
+        odometry.reset()
+        assert not odometry.update_map()
 
 
 def test_an_interrupt_waits_for_the_current_frame_and_the_odometry_continues(
@@ -257,19 +246,19 @@ def test_an_interrupt_waits_for_the_current_frame_and_the_odometry_continues(
 ) -> None:
     frames = recorded_frames()[:6]
     glue = Glue(PATIENT)
-    odometry = Odometry(PATIENT, glue)
-    track(frames[:3], odometry=odometry)
     extract = glue.extract
 
     def interrupted(view: View) -> FrameFeatures:
         signal.raise_signal(signal.SIGINT)
         return extract(view)
 
-    monkeypatch.setattr(glue, "extract", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        odometry.process(frames[3])
-    monkeypatch.undo()
-    after = track(frames[4:], odometry=odometry)
+    with Odometry(PATIENT, glue) as odometry:
+        track(frames[:3], odometry=odometry)
+        monkeypatch.setattr(glue, "extract", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            odometry.process(frames[3])
+        monkeypatch.undo()
+        after = track(frames[4:], odometry=odometry)
     for estimate, expected in zip(after, track(frames)[4:], strict=True):
         np.testing.assert_array_equal(estimate.T_odom_camera, expected.T_odom_camera)
 
@@ -315,8 +304,9 @@ def test_errors_are_consistent_with_the_covariance() -> None:
         turned = se3.log(estimate.T_odom_camera @ se3.inverse(T))[3:]
         error = np.concatenate([moved, turned])
         squares.append(error @ np.linalg.solve(estimate.covariance, error))
-    # chi-square with six degrees of freedom, whose mean is 6, were there nothing but noise
-    assert np.mean(squares) < 3 * 6
+    # chi-square with six degrees of freedom, whose mean is 6, were there nothing but noise; it errs
+    # by a millimetre here and expects seven, since other cameras are worse
+    assert 0.05 < np.mean(squares) < 6
 
 
 @pytest.mark.parametrize(
@@ -372,16 +362,9 @@ def test_grey_images_are_tracked_too() -> None:
 
 
 def test_images_may_change_their_size_during_a_run() -> None:
-    small = [_quartered(frame) for frame in recorded_frames()[10:20]]
+    small = [halved(frame) for frame in recorded_frames()[10:20]]
     metres, _ = errors(track([*recorded_frames()[:10], *small]), true_poses()[:20])
     assert metres.max() < 0.03
-
-
-def _quartered(frame: RgbdFrame) -> RgbdFrame:
-    K = frame.intrinsics
-    camera = CameraIntrinsics(K.width // 2, K.height // 2, K.fx / 2, K.fy / 2, K.cx / 2, K.cy / 2)
-    color, depth = frame.color[::2, ::2].copy(), frame.depth[::2, ::2].copy()
-    return replace(frame, color=color, depth=depth, intrinsics=camera)
 
 
 @pytest.mark.slow
@@ -691,11 +674,11 @@ def test_odometry_starts_with_the_first_frame_that_has_depth() -> None:
 
 
 def test_after_a_reset_the_next_frame_is_the_origin() -> None:
-    odometry = Odometry(PATIENT)
-    track(recorded_frames()[:10], odometry=odometry)
-    odometry.reset()
-    assert odometry.state is TrackingState.INITIALIZING
-    again = track(recorded_frames()[5:8], odometry=odometry)
+    with Odometry(PATIENT) as odometry:
+        track(recorded_frames()[:10], odometry=odometry)
+        odometry.reset()
+        assert odometry.state is TrackingState.INITIALIZING
+        again = track(recorded_frames()[5:8], odometry=odometry)
     np.testing.assert_array_equal(again[0].T_odom_camera, np.eye(4))
     fresh = track(recorded_frames()[5:8])
     np.testing.assert_array_equal(again[2].T_odom_camera, fresh[2].T_odom_camera)
@@ -707,22 +690,21 @@ def test_after_a_reset_the_next_frame_is_the_origin() -> None:
 @pytest.mark.parametrize("earlier_ns", [0, 1, PERIOD_NS, 10 * NANOSECONDS])
 def test_a_frame_that_is_not_later_is_refused_and_changes_nothing(earlier_ns: int) -> None:
     frames = recorded_frames()[:6]
-    odometry = Odometry(PATIENT)
-    track(frames[:5], odometry=odometry)
     late = replace(frames[4], stamp_ns=frames[4].stamp_ns - earlier_ns)
-    with pytest.raises(InputError, match="not later than the frame before"):
-        odometry.process(late)
-    np.testing.assert_array_equal(
-        odometry.process(frames[5]).T_odom_camera, tracked()[5].T_odom_camera
-    )
+    with Odometry(PATIENT) as odometry:
+        track(frames[:5], odometry=odometry)
+        with pytest.raises(InputError, match="not later than the frame before"):
+            odometry.process(late)
+        last = odometry.process(frames[5])
+    np.testing.assert_array_equal(last.T_odom_camera, tracked()[5].T_odom_camera)
 
 
 def test_time_advances_while_lost_too() -> None:
     frames = recorded_frames()[:6]
-    odometry = Odometry(PATIENT)
-    track([*frames[:5], covered(frames[5])], odometry=odometry)
-    with pytest.raises(InputError, match="not later than the frame before"):
-        odometry.process(frames[5])
+    with Odometry(PATIENT) as odometry:
+        track([*frames[:5], covered(frames[5])], odometry=odometry)
+        with pytest.raises(InputError, match="not later than the frame before"):
+            odometry.process(frames[5])
 
 
 @given(
@@ -777,12 +759,13 @@ def test_a_guess_that_is_off_a_rotation_leaves_poses_that_are_one() -> None:
 def test_motion_from_another_odometry_helps_where_images_alone_fail() -> None:
     # walls without a pattern, and a third of a metre and a third of a radian between the frames
     first, second = (blacked_out(room_frame(time_s)) for time_s in (0.0, 2.4))
-    alone, led = Odometry(PATIENT), Odometry(PATIENT)
-    alone.process(first)
-    assert alone.process(second).state is LOST
+    with Odometry(PATIENT) as alone:
+        alone.process(first)
+        assert alone.process(second).state is LOST
     elsewhere = se3.exp(np.array([5.0, -3.0, 1.0, 0.2, -0.4, 2.0]))  # in a frame of its own
-    led.process(first, elsewhere @ true_pose(0.0))
-    T = led.process(second, elsewhere @ true_pose(2.4)).T_odom_camera
+    with Odometry(PATIENT) as led:
+        led.process(first, elsewhere @ true_pose(0.0))
+        T = led.process(second, elsewhere @ true_pose(2.4)).T_odom_camera
     assert T is not None
     error = se3.inverse(T) @ se3.inverse(true_pose(0.0)) @ true_pose(2.4)
     assert np.linalg.norm(error[:3, 3]) < 0.01

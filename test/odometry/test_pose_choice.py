@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigs.room import room_view, true_pose
+from rigs.unseen import without_depth
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
@@ -32,10 +33,6 @@ def along(metres: float) -> Float64:
 def blank_wall() -> View:
     """Shows one plane and no texture: where along it the camera is, it does not say."""
     return View(np.full((240, 320), 200, np.uint8), np.full((240, 320), 2.0, np.float32), CAMERA)
-
-
-def without_depth(view: View) -> View:
-    return replace(view, depth=np.full_like(view.depth, np.nan))
 
 
 def moved_matches(metres: float, count: int) -> Correspondences:

@@ -3,7 +3,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from rigs.disks import full_after
 from rigs.room import room_frame, true_pose
 
 from rgbd_glue_ros.cli.main import main
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.replay.replay import replay
 from rgbd_glue_ros.geometry import se3
@@ -31,7 +31,7 @@ TRUTH = Trajectory(
 
 
 @dataclass(frozen=True)
-class Listed:
+class Listed(Closing):
     """A sequence in memory, which may end in an error."""
 
     frames: list[RgbdFrame]
@@ -53,16 +53,6 @@ class Listed:
         return selected(self, indices)
 
     def close(self) -> None: ...
-
-    def __enter__(self) -> Listed:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
 
 def same(frames: Iterator[RgbdFrame], originals: list[RgbdFrame], codec: str = "raw") -> None:

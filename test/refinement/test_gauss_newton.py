@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from rigs.geometry import SEEDS
-from rigs.room import CAMERA, room_view, true_depth, true_pose
+from rigs.room import CAMERA, TIMES, room_view, true_depth, true_pose
+from rigs.unseen import without_depth
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project
@@ -21,8 +22,6 @@ from rgbd_glue_ros.types import Float64, UInt8, View
 STEP = 8
 # enough to converge from anywhere that a motion prior or the fit may be off
 CONFIG = RefineConfig(iterations=15)
-# 0.3 s of the hand-held motion are 11 cm and 2 degrees
-TIMES = 0.0, 0.3
 
 
 def true_transform() -> Float64:
@@ -55,10 +54,6 @@ def relit(view: View, gain: float, bias: float) -> View:
     """The view under another exposure."""
     grey: UInt8 = np.clip(gain * view.grey + bias, 0, 255).astype(np.uint8)
     return replace(view, grey=grey)
-
-
-def without_depth(view: View) -> View:
-    return replace(view, depth=np.full_like(view.depth, np.nan))
 
 
 def assert_at_truth(found: Refinement, metres: float, radians: float) -> None:

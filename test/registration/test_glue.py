@@ -18,7 +18,7 @@ from rigs.geometry import (
     transforms,
     wrong_matches,
 )
-from rigs.room import room_view, true_pose
+from rigs.room import TIMES, room_view, true_transform
 from scipy.stats import chi2
 
 from rgbd_glue_ros.errors import InputError
@@ -59,13 +59,6 @@ from rgbd_glue_ros.types import (
 CONFIDENCE = 0.95
 # a right result is this many standard deviations off once in two million times
 UNLIKELY = 5
-# 0.3 s of the hand-held motion are 11 cm and 2 degrees
-TIMES = 0.0, 0.3
-
-
-def true_transform() -> Float64:
-    """T_target_source of the frames at ``TIMES``."""
-    return se3.inverse(true_pose(TIMES[1])) @ true_pose(TIMES[0])
 
 
 # equations 4 to 8

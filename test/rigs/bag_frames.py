@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import islice
+from pathlib import Path
 
 import cv2
 import make_bag
@@ -12,6 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings.bag.writer import RAW, BagWriter
 from rgbd_glue_ros.types import Float32, Float64, OdometryEstimate, RgbdFrame, UInt8
 
 
@@ -19,7 +22,7 @@ from rgbd_glue_ros.types import Float32, Float64, OdometryEstimate, RgbdFrame, U
 def recorded_frames() -> tuple[RgbdFrame, ...]:
     """3.5 s of hand-held motion at 30 Hz, back to where it began."""
     with open_recording(make_bag.FOLDER) as sequence:
-        return tuple(_halved(frame) for frame in sequence)
+        return tuple(halved(frame) for frame in sequence)
 
 
 def true_poses() -> Float64:
@@ -27,6 +30,15 @@ def true_poses() -> Float64:
     poses = np.array([make_bag.true_pose(i) for i in range(make_bag.FRAME_COUNT)])
     relative: Float64 = np.linalg.inv(poses[0]) @ poses
     return relative
+
+
+def write_small_bag(folder: Path, count: int) -> Path:
+    """The first recorded frames, uncompressed, with the true poses."""
+    with BagWriter(folder, RAW) as writer:
+        for frame, T in islice(zip(recorded_frames(), true_poses(), strict=True), count):
+            writer.write(writer.encode(frame))
+            writer.write_pose(frame.stamp_ns, T)
+    return folder
 
 
 def errors(estimates: Sequence[OdometryEstimate], truth: Float64) -> tuple[Float64, Float64]:
@@ -40,7 +52,7 @@ def errors(estimates: Sequence[OdometryEstimate], truth: Float64) -> tuple[Float
     return metres, np.arccos(np.clip(cosine, -1, 1))
 
 
-def _halved(frame: RgbdFrame) -> RgbdFrame:
+def halved(frame: RgbdFrame) -> RgbdFrame:
     """Pixel i of the smaller images is centred on pixel 2 i."""
     K = frame.intrinsics
     color: UInt8 = np.asarray(cv2.pyrDown(frame.color), np.uint8)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rigs.paths import ROOT
 
 # Where nothing is compiled yet, on a busy machine.
 COMPILE_S = 180.0
@@ -35,14 +36,26 @@ def running_node(
     return shown(NodeProcess(parameters, ros_environment(domain), arguments))
 
 
+def rig_node(domain: int, module: str) -> AbstractContextManager[NodeProcess]:
+    """A node that a module beside this one runs; it may end."""
+    places = {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}"}
+    environment = {**ros_environment(domain), **places}
+    return shown(NodeProcess({}, environment, module=f"rigs.{module}"))
+
+
 @contextmanager
-def node_in(domain: int, **parameters: Any) -> Iterator[NodeProcess]:
+def healthy(running: AbstractContextManager[NodeProcess]) -> Iterator[NodeProcess]:
     """A node that has to be alive in the end and must not have logged an error of its own."""
-    with running_node(domain, **parameters) as node:
+    with running as node:
         node.wait_for_line("Subscribed", COMPILE_S)
         yield node
         assert node.is_running
         assert not [line for line in node.lines if "Traceback" in line]
+
+
+def node_in(domain: int, **parameters: Any) -> AbstractContextManager[NodeProcess]:
+    """A healthy node."""
+    return healthy(running_node(domain, **parameters))
 
 
 def rss_mb(node: NodeProcess) -> float:

@@ -38,6 +38,7 @@ from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import Trajectory, UInt8, View
 from rigs.bags import make_frames, recorded, write_rosbag1, write_rosbag2
 from rigs.data_sets import CALIBRATION, write_data_set
+from rigs.layouts import LAYOUTS
 from rigs.pose_graphs import random_graph
 from rigs.scan import Scan
 
@@ -113,6 +114,10 @@ def kinds(folder: Path) -> dict[str, Kind]:
     found["ScanNet"] = Kind(Scan(frames=3).export(place("ScanNet")), _convert)
     for name, make in _FOLDERS.items():
         found[name] = Kind(make(place(name)), _convert)
+    for name, lay_out in LAYOUTS.items():
+        folder_of_layout = place(name)
+        lay_out(folder_of_layout)
+        found[name] = Kind(folder_of_layout, _convert)
     tum = place("TUM")
     calibration = write_data_set(tum, 3)
     found["TUM"] = Kind(tum, _convert)
@@ -219,21 +224,6 @@ def _arrays(folder: Path) -> Path:
     return folder
 
 
-def _stray_scanner(folder: Path) -> Path:
-    (folder / "depth").mkdir(parents=True)
-    video = cv2.VideoWriter(str(folder / "rgb.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 60, (64, 48))
-    rows = "timestamp, frame, x, y, z, qx, qy, qz, qw\n"
-    for i in range(3):
-        color, depth = _image(i)
-        video.write(color)
-        cv2.imwrite(str(folder / f"depth/{i:06d}.png"), depth)
-        rows += f"{i / 60 + 100}, {i:06d}, 0, 0, {i}, 0, 0, 0, 1\n"
-    video.release()
-    (folder / "camera_matrix.csv").write_text("60, 0, 31.5\n0, 61, 23.5\n0, 0, 1\n")
-    (folder / "odometry.csv").write_text(rows)
-    return folder
-
-
 def _association(folder: Path) -> Path:
     """With images and truth in other forms than those of data sets."""
     for part in ("rgb", "depth"):
@@ -254,7 +244,6 @@ _FOLDERS = {
     "7-Scenes": _seven_scenes,
     "ICL": _icl,
     "arrays": _arrays,
-    "Stray Scanner": _stray_scanner,
     "association": _association,
 }
 

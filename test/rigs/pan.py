@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from types import TracebackType
 
 import cv2
 import numpy as np
 
+from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame, Trajectory, UInt8
@@ -21,7 +21,7 @@ CAMERA = CameraIntrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, 159.5, 119.5)
 
 
 @dataclass(frozen=True)
-class Pan:
+class Pan(Closing):
     """A camera that passes a poster on a wall, 1.5 cm a frame at 30 Hz.
 
     Attributes:
@@ -71,13 +71,3 @@ class Pan:
         return selected(self, indices)
 
     def close(self) -> None: ...
-
-    def __enter__(self) -> Pan:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...

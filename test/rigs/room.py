@@ -16,6 +16,8 @@ from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
 
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
+# of a source and a target: 0.3 s of the hand-held motion are 11 cm and 2 degrees
+TIMES = 0.0, 0.3
 
 
 @lru_cache(maxsize=1)
@@ -26,6 +28,11 @@ def _scene() -> Tables:
 def true_pose(time_s: float) -> Float64:
     """T_world_camera at a time of the hand-held motion, which comes back after 3.5 s."""
     return hand_held(time_s).matrix
+
+
+def true_transform() -> Float64:
+    """T_target_source of what the camera sees at ``TIMES``."""
+    return se3.inverse(true_pose(TIMES[1])) @ true_pose(TIMES[0])
 
 
 def true_depth(T_world_camera: Float64) -> Float32:
@@ -69,19 +76,28 @@ _BAND = 4
 
 def rolling_frame(time_s: float, readout_time: float, depth_latency: float) -> RgbdFrame:
     """A frame whose rows are read one after the other, and whose depth is older than its colour."""
+    color, depth = _rolling_picture(time_s, readout_time, depth_latency)
+    return RgbdFrame(round(time_s * 1e9), color.copy(), depth.copy(), CAMERA)
+
+
+@lru_cache(maxsize=64)
+def _rolling_picture(
+    time_s: float, readout_time: float, depth_latency: float
+) -> tuple[UInt8, Float32]:
     bands = [
         _band(top, time_s + readout_time * ((top + _BAND / 2) / CAMERA.height - 0.5), depth_latency)
         for top in range(0, CAMERA.height, _BAND)
     ]
-    color = np.concatenate([color for color, _ in bands])
-    depth = np.concatenate([depth for _, depth in bands])
-    return RgbdFrame(round(time_s * 1e9), color, depth, CAMERA)
+    colors, depths = zip(*bands, strict=True)
+    return np.concatenate(colors), np.concatenate(depths)
 
 
 def _band(top: int, time_s: float, depth_latency: float) -> tuple[UInt8, Float32]:
     """Colour and depth of a few rows."""
     rows = replace(CAMERA, height=_BAND, cy=CAMERA.cy - top)
-    color, _ = render(_scene(), true_pose(time_s), rows)
+    color, depth = render(_scene(), true_pose(time_s), rows)
+    if depth_latency == 0:
+        return color, depth
     return color, render(_scene(), true_pose(time_s - depth_latency), rows)[1]
 
 

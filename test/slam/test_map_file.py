@@ -10,7 +10,7 @@ from pathlib import Path
 import make_bag
 import numpy as np
 import pytest
-from rigs.bag_frames import recorded_frames
+from rigs.bag_frames import recorded_frames, write_small_bag
 from rigs.drifted import CHANGED, config, drifted
 from rigs.hamming_votes import HammingVotes
 from rigs.pan import Pan
@@ -142,7 +142,8 @@ def test_a_recording_goes_on_with_a_map_in_its_frame(tmp_path: Path) -> None:
     near = [word for name, value in CHANGED.items() for word in ("--set", f"{name}={value}")]
     first, second = tmp_path / "first", tmp_path / "second"
     room = tmp_path / "room.rgbdmap"
-    command = ["map", str(make_bag.FOLDER), *near]
+    bag = write_small_bag(tmp_path / "bag", make_bag.FRAME_COUNT)
+    command = ["map", str(bag), *near]
     assert main([*command, "--limit", "60", "-o", str(first), "--save-map", str(room)]) == 0
     moved = read_map(room)
     poses = T_MAP_ODOM @ moved.graph.keyframes.poses
