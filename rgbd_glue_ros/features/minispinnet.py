@@ -49,9 +49,10 @@ class MiniSpinNet:
         keypoints = _spread(voxels.voxel_means(points, self._voxel), self._most)
         if not len(keypoints):
             return DescribedPoints(keypoints, np.empty((0, _DIMENSIONS), np.float32))
+        patches = surroundings(surface, keypoints)
         descriptors = [
-            self._described(surroundings(surface, keypoints[start : start + _BATCH]))
-            for start in range(0, len(keypoints), _BATCH)
+            self._described(patches[start : start + _BATCH])
+            for start in range(0, len(patches), _BATCH)
         ]
         return DescribedPoints(keypoints, np.concatenate(descriptors))
 
