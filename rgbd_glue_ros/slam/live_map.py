@@ -91,6 +91,8 @@ class LiveMap:
         return not (self._rows or self._waiting or len(self._skipped) or is_located)
 
     def _begin(self) -> None:
+        # first, since others read it while the map is being restored
+        self.T_map_odom: Float64 | None = np.eye(4) if self._before is None else None
         self._mapper = Mapper(self._config, self._glue, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
@@ -98,7 +100,6 @@ class LiveMap:
         self._waiting: list[_New] = []
         self.poses: dict[int, Float64] = {}
         self.loops = 0
-        self.T_map_odom: Float64 | None = np.eye(4)
         if self._before is not None:
             self._restore(self._before)
 
@@ -177,7 +178,6 @@ class LiveMap:
         self._mapper.restore(before)
         poses = {keyframe.number: keyframe.T_odom_camera for keyframe in self._mapper.keyframes}
         self._solve(before.graph.edges, poses)
-        self.T_map_odom = None
 
     def _add(self, new: Sequence[_New], links: tuple[PoseGraphEdge, ...] = ()) -> None:
         """Adds keyframes that are linked to one another or to the map.

@@ -241,3 +241,28 @@ def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
     live.clear()
     assert restored == [3, 3, 3]
     assert len(live.saved()) == 3
+
+
+def test_while_a_map_is_restored_the_pose_of_odom_in_it_is_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    before = LiveMap(config())
+    for number in range(3):
+        before.add(number, keyed(number))
+    live = LiveMap(config(), before.saved())
+    live.add(0, replace(keyed(1), edges=()))
+    assert live.is_placed
+    # another thread may broadcast the pose meanwhile
+    during: list[bool] = []
+    restore = mapper.Mapper.restore
+
+    def watched(self: mapper.Mapper, saved: SavedMap) -> None:
+        during.append(live.is_placed)
+        restore(self, saved)
+        during.append(live.is_placed)
+
+    monkeypatch.setattr(mapper.Mapper, "restore", watched)
+    live.clear()
+    assert during == [False, False]
+    assert not live.is_placed
