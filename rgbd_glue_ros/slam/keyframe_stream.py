@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_POSE
-from rgbd_glue_ros.types import Float64, PoseGraphEdge
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
 logger = logging.getLogger(__name__)
 
@@ -80,12 +80,15 @@ class KeyframeStream:
             edge: with the odometry's numbers.
 
         Returns:
-            The keyframes that are now complete; and the edge, if both its ends already were.
+            The keyframes that are now complete; and the edge as a revisit, if its child already
+            was.
         """
         if self._stamps.get(edge.child) == stamp_ns:
-            return [], edge
+            # a message has no origin, but the odometry publishes the edge of tracking first
+            return [], replace(edge, origin=EdgeOrigin.REVISIT)
         if stamp_ns not in self._poses:
-            self._edges[stamp_ns] = edge
+            # a revisit that is ahead of the pose is left out, not taken for the edge of tracking
+            self._edges.setdefault(stamp_ns, edge)
             self._leave_out_oldest(self._edges, KEYFRAME_POSE, "pose")
             return [], None
         return self._completed(stamp_ns, edge), None
