@@ -25,6 +25,7 @@ from rgbd_glue_ros.files.user_paths import expanded, file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.end_signals import EndSignals
+from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages import fields
@@ -183,15 +184,13 @@ class MappingNode(BaseNode):
 
     def _process(self, item: _NewGraph | _Keyframe | PoseGraphEdge) -> None:
         try:
-            # decode without holding the lock, since this may wait for TF
-            frame = self._frame(item) if isinstance(item, _Keyframe) else None
-            with self._map_lock:
-                if isinstance(item, _NewGraph):
+            if isinstance(item, _Keyframe):
+                self._add(item)
+            elif isinstance(item, PoseGraphEdge):
+                self._add_edge(item)
+            else:
+                with self._map_lock:
                     self._map.clear()
-                elif isinstance(item, PoseGraphEdge):
-                    self._add_edge(item)
-                else:
-                    self._add(item.keyframe, frame)
         except InputError as fault:
             self._report(fault)
         except Exception as error:
@@ -216,13 +215,21 @@ class MappingNode(BaseNode):
         extrinsics = self._extrinsics.known
         if extrinsics is not None:
             T_child_camera = se3.inverse(extrinsics.T_camera_child)
-            self._map.add_edge(moved_edge(edge, T_child_camera))
+            with self._map_lock:
+                self._map.add_edge(moved_edge(edge, T_child_camera))
 
-    def _add(self, keyframe: NewKeyframe, frame: RgbdFrame | None) -> None:
+    def _add(self, item: _Keyframe) -> None:
+        # both may wait for TF, so the lock is not held
+        frame = self._frame(item)
         known = self._extrinsics.known
         extrinsics = known if frame is None else self._extrinsics.of(frame.frame_id)
-        if extrinsics is None:
-            return
+        if extrinsics is not None:
+            with self._map_lock:
+                self._add_to_map(item.keyframe, frame, extrinsics)
+
+    def _add_to_map(
+        self, keyframe: NewKeyframe, frame: RgbdFrame | None, extrinsics: Extrinsics
+    ) -> None:
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
         if frame is None:

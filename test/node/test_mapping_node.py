@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import replace
 from enum import Enum
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
 from rigs.drifted import CHANGED, Drifted, drifted, rmse
+from rigs.paths import ROOT
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
@@ -38,7 +40,9 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
 from rigs.ros import START_S, frame_messages
+from rigs.slow_map_writer import PIPE
 from rigs.tf import Robot
+from std_srvs.srv import Trigger
 
 NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
@@ -121,6 +125,7 @@ class Session:
 
     def wait_for_map_odom(self, T_odom_camera: Float64, at_ns: int) -> Float64:
         """T_map_odom [4, 4] as it is published at a pose."""
+        self._robot.heard.clear()
         self._tracked.publish(pose_message(T_odom_camera, at_ns))
         self._robot.wait(lambda: self._robot.heard, "map -> odom")
         heard = self._robot.heard[-1]
@@ -333,6 +338,63 @@ def test_each_invalid_edge_is_logged_in_one_line_and_so_is_a_second_mapper(
         node.wait_for_line("/rgbd_mapping is also the name of 1 other", START_S)
         assert len([line for line in node.lines if "is no keyframe" in line]) == 2
         assert all(line.startswith("[") for line in node.lines)
+
+
+@pytest.mark.slow
+def test_while_a_map_is_being_written_map_odom_is_published(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes, pipe, room = drifted()[:2], tmp_path / "pipe", tmp_path / "room.rgbdmap"
+    os.mkfifo(pipe)
+    environment = {
+        **ros_environment(ros_domain),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
+        PIPE: str(pipe),
+    }
+    given = {**CHANGED, "save_map_file": str(room)}
+    with (
+        NodeProcess(given, environment, module="rigs.slow_map_writer") as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        session.wait_for_path_of(len(keyframes))
+        client = robot.node.create_client(Trigger, f"/{NODE_NAME}/save_map")
+        robot.wait(client.service_is_ready, "the service")
+        answer = client.call_async(Trigger.Request())
+        robot.wait(lambda: "writing the map" in node.lines, "the call")
+        for at_ns in range(3):
+            session.wait_for_map_odom(np.eye(4), 10**18 + at_ns)
+        assert not answer.done()
+        pipe.write_bytes(b"")
+        robot.wait(answer.done, "the answer", MAPPED_S)
+        assert answer.result().success
+        assert not [line for line in node.lines if "Traceback" in line]
+    assert len(read_map(room)) == len(keyframes)
+
+
+@pytest.mark.slow
+def test_a_call_of_save_map_does_not_keep_the_transform_away_that_a_keyframe_waits_for(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes = drifted()[:2]
+    robot_frame = {"frame_id": "base_link", "wait_for_transform": 10.0}
+    given = {**CHANGED, **robot_frame, "save_map_file": str(tmp_path / "room.rgbdmap")}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        # until the first of them waits
+        for _ in range(5):
+            answer = robot.trigger(f"/{NODE_NAME}/save_map")
+            assert "there is no keyframe yet" in answer.message
+        robot.tell_where_the_camera_is()
+        session.wait_for_path_of(len(keyframes))
+        assert not [line for line in node.lines if "no transform" in line]
 
 
 def test_localising_without_a_map_is_refused(ros_domain: int) -> None:
