@@ -82,7 +82,7 @@ class OdometryNode(BaseNode):
         super().__init__(NODE_NAME)
         self._give_up = give_up
         self._node_config, self._config = declare_parameters(self)
-        transforms = listen(self, self._node_config)
+        transforms = self._transforms = listen(self, self._node_config)
         self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
         glue = Glue(self._config)
         self._odometry = Odometry(self._config, glue)
@@ -288,6 +288,8 @@ class OdometryNode(BaseNode):
             self.get_logger().warning(
                 f"Time went back by {back_s:.3f} s (a looping bag?): restarting"
             )
+            if self._transforms is not None:
+                self._transforms.time_went_back()
             self._reset()
         self._last_stamp_ns = frame.stamp_ns
 

@@ -45,6 +45,10 @@ class Transforms(Protocol):
         """As ``TransformTree.lookup``; waits, so it must not be called in the executor's thread."""
         ...
 
+    def time_went_back(self) -> None:
+        """Has transforms from before a jump of time back, as of a bag, not hide those after it."""
+        ...
+
 
 def listen(node: Node, config: NodeConfig) -> Transforms | None:
     """Listens to TF with what is installed, and logs how; None if that is impossible."""
@@ -102,6 +106,10 @@ class TimedTransforms:
                 what = f"the transform from {source or 'images without a frame'} to {target}"
                 self._monitor.waited(what, time.monotonic_ns() - start_ns)
 
+    def time_went_back(self) -> None:
+        """As ``Transforms.time_went_back``."""
+        self._transforms.time_went_back()
+
 
 class _BufferedTransforms:
     """Transforms from tf2_ros's buffer and listener."""
@@ -121,6 +129,10 @@ class _BufferedTransforms:
             if found is not None or time.monotonic() >= end:
                 return found
             time.sleep(POLL_S)
+
+    def time_went_back(self) -> None:
+        # static transforms stay; of others the buffer takes none that is older than its history
+        self._buffer.clear()
 
     def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
         when = Time(nanoseconds=stamp_ns or 0)  # 0 means the newest
