@@ -22,6 +22,7 @@ from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import plain_frame, stamp_ns
 from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TransformTree
+from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
@@ -50,8 +51,16 @@ class Transforms(Protocol):
         ...
 
 
-def listen(node: Node, config: NodeConfig) -> Transforms | None:
-    """Listens to TF with what is installed, and logs how; None if that is impossible."""
+def listen(node: BaseNode, config: NodeConfig) -> Transforms | None:
+    """Listens to TF with what is installed, and logs how; None if that is impossible.
+
+    The node's monitor counts how long look-ups wait.
+    """
+    transforms = _listen(node, config)
+    return None if transforms is None else _TimedTransforms(transforms, node.monitor)
+
+
+def _listen(node: Node, config: NodeConfig) -> Transforms | None:
     try:
         import tf2_ros  # noqa: PLC0415 - not part of ROS from PyPI
     except ImportError:
@@ -86,18 +95,16 @@ def listen(node: Node, config: NodeConfig) -> Transforms | None:
     return tree
 
 
-class TimedTransforms:
+class _TimedTransforms:
     """Transforms whose look-ups count in the monitor as time that frames waited for TF."""
 
     def __init__(self, transforms: Transforms, monitor: Monitor) -> None:
-        """Wraps ``transforms``; ``monitor`` counts the time."""
         self._transforms = transforms
         self._monitor = monitor
 
     def lookup(
         self, target: str, source: str, stamp_ns: int | None, timeout_s: float
     ) -> Float64 | None:
-        """As ``TransformTree.lookup``."""
         start_ns = time.monotonic_ns()
         try:
             return self._transforms.lookup(target, source, stamp_ns, timeout_s)
@@ -107,7 +114,6 @@ class TimedTransforms:
                 self._monitor.waited(what, time.monotonic_ns() - start_ns)
 
     def time_went_back(self) -> None:
-        """As ``Transforms.time_went_back``."""
         self._transforms.time_went_back()
 
 
