@@ -189,6 +189,8 @@ class MappingNode(BaseNode):
             elif isinstance(item, PoseGraphEdge):
                 self._add_edge(item)
             else:
+                # the odometry may have restarted with another camera
+                self._extrinsics.forget()
                 with self._map_lock:
                     self._map.clear()
         except InputError as fault:

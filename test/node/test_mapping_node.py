@@ -25,7 +25,7 @@ from rgbd_glue_ros.live.topics import (
 )
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.fields import copy_fields
-from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.slam.map_file import read_map
 from rgbd_glue_ros.types import Float64, PoseGraphEdge
@@ -39,9 +39,9 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
-from rigs.ros import START_S, frame_messages
+from rigs.ros import OPTICAL_FRAME, START_S, frame_messages
 from rigs.slow_map_writer import PIPE
-from rigs.tf import Robot
+from rigs.tf import Robot, transform
 from std_srvs.srv import Trigger
 
 NODE_NAME = "rgbd_mapping"
@@ -102,10 +102,11 @@ class Session:
         *,
         images: Images = Images.WHOLE,
         later_ns: int = 0,
+        camera_frame: str = OPTICAL_FRAME,
     ) -> None:
         """A keyframe with its edges: its images come last."""
         frame = recorded_frames()[keyframe.row]
-        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns)
+        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns, frame_id=camera_frame)
         self._poses.publish(pose_message(T_odom_camera, frame.stamp_ns))
         for edge in keyframe.edges:
             self._edges.publish(edge_message(edge, frame.stamp_ns))
@@ -395,6 +396,35 @@ def test_a_call_of_save_map_does_not_keep_the_transform_away_that_a_keyframe_wai
         robot.tell_where_the_camera_is()
         session.wait_for_path_of(len(keyframes))
         assert not [line for line in node.lines if "no transform" in line]
+
+
+@pytest.mark.slow
+def test_keyframes_of_another_camera_have_its_own_pose_on_the_robot(ros_domain: int) -> None:
+    keyframes = drifted()[:2]
+    given = {**CHANGED, "frame_id": "base_link", "wait_for_transform": 10.0}
+    T_base_rear = parse_pose("", "-0.3 0 0.4 0 0 3")
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        robot.tell_where_the_camera_is()
+        robot.tell(transform("base_link", "rear_camera", T_base_rear))
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, np.eye(4))
+        session.wait_for_path_of(len(keyframes))
+        for keyframe in keyframes:
+            session.publish(keyframe, np.eye(4), later_ns=10**10, camera_frame="rear_camera")
+        node.wait_for_line("TF: found rear_camera", MAPPED_S)
+        stamps = [recorded_frames()[k.row].stamp_ns + 10**10 for k in keyframes]
+        robot.wait(
+            lambda: [stamp_ns(p.header.stamp) for p in session.paths[-1].poses] == stamps,
+            "the path of the new graph",
+            MAPPED_S,
+        )
+    # where the robot was, by the pose of the rear camera
+    T = pose_from_message(session.paths[-1].poses[0], MAP_PATH)
+    np.testing.assert_allclose(T, np.eye(4), atol=1e-3)
 
 
 def test_localising_without_a_map_is_refused(ros_domain: int) -> None:
