@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import sys
 import threading
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +27,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
+from rgbd_glue_ros.live.recent_images import RecentImages
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -49,8 +50,7 @@ from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame
 logger = logging.getLogger(f"{cfg.PACKAGE}.mapping")
 
 NODE_NAME = "rgbd_mapping"
-# Images kept until the odometry says which of them are keyframes: 2 s at 30 Hz.
-MATCHES_KEPT = 60
+# Keyframes that wait for their images, and those that wait for the worker, at most.
 KEYFRAMES_WAITING = 100
 # All others are fixed: keyframes of a map are comparable only if made with the same parameters.
 CHANGEABLE = ("save_map_file",)
@@ -87,7 +87,7 @@ class MappingNode(BaseNode):
         self._map = LiveMap(config, _given_map(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
-        self._matches: OrderedDict[int, Match[Any]] = OrderedDict()
+        self._matches: RecentImages[Match[Any]] = RecentImages(lambda: self._stream.awaited_ns)
         self._input = RgbdInput(
             self, self._config, transforms, self._receive, with_two_clocks=MAP_BY_RECEIPT
         )
@@ -97,7 +97,7 @@ class MappingNode(BaseNode):
             self._process, KEYFRAMES_WAITING
         )
         self._waiting: deque[_NewGraph | NewKeyframe | PoseGraphEdge] = deque()
-        self._odometry = OdometryInput(self, self._broadcast, self._take_keyframe, self._take_edge)
+        self._odometry = OdometryInput(self, self._take_pose, self._take_keyframe, self._take_edge)
         self._input.subscribe()
         create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
         follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
@@ -125,12 +125,12 @@ class MappingNode(BaseNode):
     # Input
 
     def _receive(self, match: Match[Any], _arrived_ns: int) -> None:
-        if match.restarted:
-            self._matches.clear()
-        self._matches[match.stamp_ns] = match
-        while len(self._matches) > MATCHES_KEPT:
-            self._matches.popitem(last=False)
+        self._matches.add(match.stamp_ns, match)
         self._submit([])
+
+    def _take_pose(self, pose: PoseStamped) -> None:
+        self._matches.track(stamp_ns(pose.header.stamp))
+        self._broadcast(pose)
 
     def _take_keyframe(self, message: PoseStamped) -> None:
         at_ns = stamp_ns(message.header.stamp)
@@ -151,7 +151,9 @@ class MappingNode(BaseNode):
                 self._waiting.clear()
                 self._waiting.append(_NewGraph())
             self._waiting.append(item)
-        while self._waiting and not self._is_awaited(self._waiting[0]):
+        while self._waiting and (
+            len(self._waiting) > KEYFRAMES_WAITING or not self._is_awaited(self._waiting[0])
+        ):
             oldest = self._waiting.popleft()
             if isinstance(oldest, NewKeyframe):
                 self._submit_keyframe(oldest)
@@ -160,12 +162,12 @@ class MappingNode(BaseNode):
 
     def _is_awaited(self, item: _NewGraph | NewKeyframe | PoseGraphEdge) -> bool:
         """Whether the images of a keyframe may still arrive."""
-        if not isinstance(item, NewKeyframe) or item.stamp_ns in self._matches:
+        if not isinstance(item, NewKeyframe) or self._matches.at(item.stamp_ns) is not None:
             return False
-        return not self._matches or next(reversed(self._matches)) < item.stamp_ns
+        return self._matches.may_come(item.stamp_ns)
 
     def _submit_keyframe(self, keyframe: NewKeyframe) -> None:
-        match = self._matches.get(keyframe.stamp_ns)
+        match = self._matches.at(keyframe.stamp_ns)
         if match is None:
             why = (
                 "images have no stamp, and each process receives them at a different time: make "

@@ -50,6 +50,14 @@ class KeyframeStream:
         self._missed: set[str] = set()
 
     @property
+    def awaited_ns(self) -> tuple[int, ...]:
+        """Stamps of the keyframes whose edges are most likely to come: the two newest.
+
+        The first of a graph gets its edge only with the second, when the camera has moved.
+        """
+        return tuple(self._poses)[-2:]
+
+    @property
     def waiting(self) -> int:
         """Number of poses and edges that wait for their counterparts."""
         return len(self._poses) + len(self._edges)

@@ -6,6 +6,7 @@ import os
 import sys
 from dataclasses import replace
 from enum import Enum
+from itertools import count
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -28,7 +29,7 @@ from rgbd_glue_ros.messages.fields import copy_fields
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.slam.map_file import read_map
-from rgbd_glue_ros.types import Float64, PoseGraphEdge
+from rgbd_glue_ros.types import NANOSECONDS, Float64, PoseGraphEdge
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
@@ -43,6 +44,8 @@ from rigs.ros import OPTICAL_FRAME, START_S, frame_messages
 from rigs.slow_map_writer import PIPE
 from rigs.tf import Robot, transform
 from std_srvs.srv import Trigger
+
+from rgbd_glue_ros.node.mapping import KEYFRAMES_WAITING
 
 NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
@@ -115,6 +118,14 @@ class Session:
             messages.color.encoding = "of nobody"
         if images is not Images.LOST:
             self._robot.send(messages)
+
+    def rest(self, keyframe: Drifted, later_ns: int) -> None:
+        """A later frame with a pose, which is no keyframe."""
+        frame = recorded_frames()[keyframe.row]
+        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns)
+        self._robot.heard.clear()
+        self._robot.send(frame_messages(frame, is_compressed=False))
+        self.wait_for_map_odom(keyframe.T_odom_camera, frame.stamp_ns)
 
     def wait_for_path_of(self, count: int) -> None:
         """Waits until the map has so many keyframes."""
@@ -396,6 +407,48 @@ def test_a_call_of_save_map_does_not_keep_the_transform_away_that_a_keyframe_wai
         robot.tell_where_the_camera_is()
         session.wait_for_path_of(len(keyframes))
         assert not [line for line in node.lines if "no transform" in line]
+
+
+@pytest.mark.slow
+def test_the_first_keyframe_is_mapped_however_long_the_camera_rests_there(ros_domain: int) -> None:
+    first, second = drifted()[:2]
+    rest_ns = 5 * NANOSECONDS
+    with (
+        NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        session.publish(first, first.T_odom_camera)
+        for later_ns in range(0, rest_ns, NANOSECONDS // 20):
+            session.rest(first, later_ns)
+        session.publish(second, second.T_odom_camera, later_ns=rest_ns)
+        session.wait_for_path_of(2)
+        assert not [line for line in node.lines if "no image has its stamp" in line]
+
+
+@pytest.mark.slow
+def test_keyframes_without_any_images_are_told_and_do_not_wait_for_ever(ros_domain: int) -> None:
+    with (
+        NodeProcess({}, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        keyframe, numbers = drifted()[0], count()
+
+        def is_told() -> bool:
+            number = next(numbers)
+            edge = PoseGraphEdge(number, number + 1, np.eye(4), 1e-4 * np.eye(6))
+            session.publish(
+                replace(keyframe, edges=(edge,) if number else ()),
+                np.eye(4),
+                images=Images.LOST,
+                later_ns=number * NANOSECONDS,
+            )
+            robot.spin_for(0.01)
+            return any("no image has its stamp" in line for line in node.lines)
+
+        robot.wait(is_told, "the line")
+        assert next(numbers) > KEYFRAMES_WAITING
 
 
 @pytest.mark.slow

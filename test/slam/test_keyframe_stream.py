@@ -90,6 +90,19 @@ def test_after_a_reset_a_new_graph_begins() -> None:
     assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
 
 
+def test_keyframes_whose_edges_are_on_the_way_are_awaited() -> None:
+    stream = KeyframeStream()
+    stream.add_pose(100, pose(0))
+    stream.add_pose(200, pose(1))
+    # the first of a graph has no edge of its own
+    assert list(stream.awaited_ns) == [100, 200]
+    stream.add_edge(200, edge(0, 1))
+    assert list(stream.awaited_ns) == []
+    for stamp in (300, 400, 500):
+        stream.add_pose(stamp, pose(2))
+    assert list(stream.awaited_ns) == [400, 500]
+
+
 def test_a_bag_that_begins_anew_begins_a_new_graph_by_the_same_numbers_and_stamps() -> None:
     stream = KeyframeStream()
     for _ in range(2):
