@@ -237,7 +237,8 @@ class MappingNode(BaseNode):
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
         if frame is None:
-            self._map.skip(keyframe.number, edges)
+            if not self._config.localize_only:
+                self._map.skip(keyframe.number, edges)
             return
         before, was_placed = self._map.loops, self._map.is_placed
         keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)

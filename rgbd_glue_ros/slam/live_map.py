@@ -79,17 +79,6 @@ class LiveMap:
         self._glue = Glue(config)
         self._begin()
 
-    def clear(self) -> None:
-        """Starts over, from the existing map if there is one."""
-        if not self._is_as_it_began:
-            self._begin()
-
-    @property
-    def _is_as_it_began(self) -> bool:
-        """Whether nothing was added, so that a map, which takes a while, need not be restored."""
-        is_located = self._before is not None and self.is_placed
-        return not (self._rows or self._waiting or len(self._skipped) or is_located)
-
     def _begin(self) -> None:
         # first, since others read it while the map is being restored
         self.T_map_odom: Float64 | None = np.eye(4) if self._before is None else None
@@ -102,6 +91,14 @@ class LiveMap:
         self.loops = 0
         if self._before is not None:
             self._restore(self._before)
+
+    def clear(self) -> None:
+        """Starts over, from the existing map if there is one."""
+        # restoring a map takes a while, and locating does not change it
+        if self._rows or self._waiting or len(self._skipped):
+            self._begin()
+        elif self._before is not None:
+            self.T_map_odom = None
 
     @property
     def is_placed(self) -> bool:
