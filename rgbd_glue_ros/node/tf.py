@@ -89,10 +89,18 @@ def _listen(node: Node, config: NodeConfig) -> Transforms | None:
     node.create_subscription(
         TFMessage, TF_STATIC, lambda m: receive(m, is_static=True), TF_STATIC_QOS
     )
-    # a robot's /tf is much traffic, so subscribe only if it is needed
-    if config.guess_frame_id or (config.frame_id and not config.camera_pose):
+    if _is_needed(config):
         node.create_subscription(TFMessage, TF, lambda m: receive(m, is_static=False), TF_QOS)
     return tree
+
+
+def _is_needed(config: NodeConfig) -> bool:
+    """Whether a transform may come on /tf, which is much traffic: not if parameters give all."""
+    is_camera_given = not config.frame_id or config.camera_pose
+    is_depth_given = config.depth_is_registered or config.depth_camera_pose
+    return bool(
+        config.guess_frame_id or not (is_camera_given and is_depth_given and config.imu_pose)
+    )
 
 
 class _TimedTransforms:

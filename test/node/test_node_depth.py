@@ -126,6 +126,32 @@ def test_depth_that_is_registered_despite_its_frame_is_used_unchanged(
 
 
 @pytest.mark.slow
+def test_the_pose_of_the_depth_camera_may_come_on_tf_and_not_only_on_tf_static(
+    ros_domain: int,
+) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
+    from rigs.tf import Robot, transform
+    from tf2_msgs.msg import TFMessage
+
+    with running_node(ros_domain, wait_for_transform=5), Robot(ros_domain) as rig:
+        info = rig.publisher(CameraInfo, DEPTH_INFO)
+        rig.wait_until_matched()
+        rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
+        T = se3.from_rotation_translation(np.eye(3), PLACE)
+        stamps = itertools.count(0, PERIOD_NS)
+
+        def has_pose() -> bool:
+            at_ns = next(stamps)
+            moving = transform(OPTICAL_FRAME, DEPTH_FRAME, T, at_ns)
+            rig.moving.publish(TFMessage(transforms=[moving]))
+            publish(rig, at_ns, info)
+            rig.spin_for(0.1)
+            return bool(rig.poses)
+
+        rig.wait(has_pose, "a pose")
+
+
+@pytest.mark.slow
 def test_frames_that_wait_for_the_pose_of_the_depth_camera_are_not_called_slow(
     ros_domain: int,
 ) -> None:
