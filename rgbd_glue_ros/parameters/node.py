@@ -71,7 +71,9 @@ class NodeConfig(InputConfig):
         "raw", "Transport of the colour image.", choices=("raw", "compressed")
     )
     depth_transport: str = read_once(
-        "raw", "Transport of the depth image.", choices=("raw", "compressedDepth")
+        "raw",
+        "Transport of the depth image: compressed is a PNG of 16 bits.",
+        choices=("raw", "compressedDepth", "compressed"),
     )
     depth_info_topic: str = read_once(
         "",
