@@ -46,7 +46,11 @@ def create_save_service(node: Node, name: str, what: str, save: Callable[[], str
     async def serve(_request: object, response: Trigger.Response) -> Trigger.Response:
         response.success, message = await _result_of(node, thread, saved)
         response.message = printable(message)
-        node.get_logger().info(f"Saving the {what}: {response.message}")
+        line = f"Saving the {what}: {response.message}"
+        if response.success:
+            node.get_logger().info(line)
+        else:
+            node.get_logger().error(line)
         return response
 
     # in the node's group, all other callbacks would wait for it

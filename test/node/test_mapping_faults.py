@@ -90,7 +90,8 @@ def test_a_map_that_cannot_be_saved_is_reported_in_one_line(running: Running, fi
     answer = running.rig.trigger(f"/{NODE_NAME}/save_map")
     assert not answer.success
     assert answer.message.startswith("save_map_file: ")
-    running.node.wait_for_line(f"Saving the map: {answer.message}", PATIENCE_S)
+    line = running.node.wait_for_line(f"Saving the map: {answer.message}", PATIENCE_S)
+    assert line.startswith("[ERROR]")
 
 
 def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path) -> None:
