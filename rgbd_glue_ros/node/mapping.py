@@ -291,7 +291,8 @@ class MappingNode(BaseNode):
             published = f"{path} and {frames}"
         else:
             published = f"{path}, and {frames} once a place of the map is recognised"
-        return f"Subscribed to {subscribed}; publishing {published}"
+        optional = self._input.depth_info_topic
+        return f"Subscribed to {subscribed}, and if it exists {optional}; publishing {published}"
 
 
 def _given_map(config: cfg.NodeConfig) -> SavedMap | None:

@@ -356,9 +356,11 @@ class OdometryNode(BaseNode):
     def _description(self) -> str:
         """What the node subscribes to and publishes, with the frames for the user to check."""
         subscribed = ", ".join(self._input.topics)
+        optional = f"{self._input.depth_info_topic} and {self._imu.topic}"
         child = self._node_config.frame_id or "the camera's optical frame"
+        frames = f"{self._node_config.odom_frame_id} -> {child}"
         return (
-            f"Subscribed to {subscribed}; publishing {self._node_config.odom_frame_id} -> {child}. "
+            f"Subscribed to {subscribed}, and if they exist {optional}; publishing {frames}. "
             f"{self._extrinsics.description}"
         )
 

@@ -77,6 +77,13 @@ def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> Non
     assert (stamp, pose.header.frame_id) == (frame.stamp_ns, "odom")
 
 
+def test_the_first_line_names_all_topics(running: Running) -> None:
+    line = running.node.wait_for_line("Subscribed", PATIENCE_S)
+    needed, _, optional = line.partition(", and if they exist ")
+    assert needed.endswith("Subscribed to /rgb/image, /depth/image, /rgb/camera_info")
+    assert optional.startswith("/depth/camera_info and /imu; publishing odom -> ")
+
+
 def test_without_a_robot_frame_a_level_camera_starts_upright_in_an_odom_frame_with_z_up(
     running: Running,
 ) -> None:
