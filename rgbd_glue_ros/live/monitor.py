@@ -227,6 +227,11 @@ class Monitor:
         return self._why_no_pose
 
     @property
+    def last_error(self) -> str:
+        """The last fault, new or not; "" before the first."""
+        return self._faults.last
+
+    @property
     def state(self) -> TrackingState:
         """Tracking state after the last frame."""
         return self._state

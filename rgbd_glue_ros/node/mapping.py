@@ -35,6 +35,7 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.node.base_node import CLOSE_S, BaseNode
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
+from rgbd_glue_ros.node.mapping_diagnostics import MappingDiagnostics
 from rgbd_glue_ros.node.odometry_input import OdometryInput
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.rgbd_input import RgbdInput
@@ -98,6 +99,9 @@ class MappingNode(BaseNode):
         )
         self._waiting: deque[_NewGraph | NewKeyframe | PoseGraphEdge] = deque()
         self._odometry = OdometryInput(self, self._take_pose, self._take_keyframe, self._take_edge)
+        self._diagnostics = MappingDiagnostics(
+            self, self._map, self._input.watch, lambda: len(self._waiting) + len(self._worker)
+        )
         self._input.subscribe()
         create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
         follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
@@ -246,6 +250,7 @@ class MappingNode(BaseNode):
             self._map.locate(keyed)
         else:
             self._map.add(keyframe.number, keyed)
+        self._diagnostics.mapped()
         if self._map.is_placed and not was_placed:
             self.get_logger().info(f"Keyframe {keyframe.number} shows a known place")
         if self._map.loops > before:

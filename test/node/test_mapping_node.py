@@ -36,6 +36,7 @@ pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-m
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 pytest.importorskip("pyhbst", reason="pyHBST is not installed")
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
@@ -169,8 +170,17 @@ def test_drift_is_corrected_in_the_map_and_odom_stays_unchanged(ros_domain: int)
         last = keyframes[-1]
         at_ns = frames[last.row].stamp_ns
         T_map_odom = session.wait_for_map_odom(last.T_odom_camera, at_ns)
+        robot.diagnostics.clear()
+        robot.wait(lambda: robot.diagnostics, "diagnostics")
         sys.stdout.write("\n".join(node.lines))
 
+    (status,) = robot.diagnostics[-1].status
+    assert (status.name, status.level) == ("/rgbd_mapping: mapping", DiagnosticStatus.OK)
+    values = {item.key: item.value for item in status.values}
+    assert (values["is_placed"], values["waiting"]) == ("true", "0")
+    assert values["keyframes"] == str(len(keyframes))
+    assert int(values["loops"]) >= 3
+    assert 0 <= float(values["since_last_keyframe_s"]) < MAPPED_S
     path = session.paths[-1]
     assert path.header.frame_id == "map"
     assert [stamp_ns(p.header.stamp) for p in path.poses] == [
@@ -210,10 +220,15 @@ def test_a_node_starts_with_a_saved_map_and_localises_odom_in_it(
         Robot(ros_domain) as robot,
     ):
         session = Session(robot, node)
+        robot.wait(lambda: robot.diagnostics, "diagnostics")
+        assert robot.diagnostics[0].status[0].message.startswith("no place of the map has been")
         for keyframe in keyframes[:2]:
             T_odom_camera = se3.inverse(T_start) @ keyframe.keyframe.T_odom_camera
             session.publish(keyframe, T_odom_camera)
         node.wait_for_line("shows a known place", MAPPED_S)
+        robot.diagnostics.clear()
+        robot.wait(lambda: robot.diagnostics, "diagnostics")
+        assert robot.diagnostics[-1].status[0].level == DiagnosticStatus.OK
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
