@@ -39,7 +39,7 @@ class NewKeyframe:
 class KeyframeStream:
     """Numbers the keyframes by the edges that name them.
 
-    Of messages that are lost the counterparts wait in vain: the oldest are left out.
+    If a message is lost, its counterpart waits in vain; the oldest are dropped.
     """
 
     def __init__(self) -> None:

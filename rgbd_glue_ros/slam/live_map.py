@@ -116,8 +116,8 @@ class LiveMap:
             keyed: the keyframe.
 
         Raises:
-            InputError: its images are none that can be compared, and its edges are kept; or there
-                is no optimum with it, and it is left out.
+            InputError: its images cannot be compared (its edges are kept), or no optimum exists
+                with it (it is left out).
         """
         row = len(self._mapper.keyframes) + len(self._waiting)
         try:
@@ -136,7 +136,7 @@ class LiveMap:
             self._add(waiting, loops)
 
     def skip(self, number: int, edges: tuple[PoseGraphEdge, ...]) -> None:
-        """Takes what was measured of a keyframe that has no images.
+        """Keeps the edges of a keyframe without images.
 
         Args:
             number: the odometry's.
@@ -207,7 +207,7 @@ class LiveMap:
             self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
 
     def _edges_by_rows(self, new: Sequence[_New]) -> list[PoseGraphEdge]:
-        """What links keyframes that come to those before; with that, their rows are known."""
+        """The edges from new keyframes to earlier ones, by rows; registers the rows."""
         found: list[PoseGraphEdge] = []
         before = self._mapper.keyframes[self._mapper.session_start :][-1:]
         for n in new:
@@ -261,7 +261,7 @@ class LiveMap:
         self.poses = self._optimiser.update()
 
     def _T_map_odom(self, T_odom_camera: Float64, loop: PoseGraphEdge) -> Float64:
-        """Where a loop with the map has the odom frame of a keyframe, float64 [4, 4]."""
+        """The pose of odom in the map according to a loop, float64 [4, 4]."""
         T_map_camera = self.poses[loop.parent] @ loop.T_parent_child
         return np.asarray(T_map_camera @ se3.inverse(T_odom_camera), np.float64)
 

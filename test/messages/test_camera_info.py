@@ -236,6 +236,8 @@ def test_an_unknown_model_without_distortion_is_accepted() -> None:
 def test_a_matrix_that_is_not_finite_is_refused_without_a_warning(number: float) -> None:
     for at in range(9):
         matrix = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+        # with skew, which alone would be said
+        matrix[0, 1] = 2.0
         matrix.flat[at] = number
         with pytest.raises(InputError, match="not fx 0 cx, 0 fy cy, 0 0 1"):
             pinhole(matrix, 640, 480, "K", "/camera_info")
