@@ -1,6 +1,6 @@
 """The pose graph of a running node: keyframe poses of the published frame, and edges.
 
-A keyframe takes a few hundred bytes, so a day of them takes a few megabytes.
+A keyframe with its edges takes about a kilobyte: at one a second, some 85 MB a day.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ def match_image(frame: RgbdFrame, estimate: OdometryEstimate) -> UInt8:
     """
     frame = rectified(frame)
     color = frame.color if frame.color.ndim == 3 else np.dstack([frame.color] * 3)
-    image = np.ascontiguousarray((color * _DIMMED).astype(np.uint8))
+    image = np.asarray(cv2.convertScaleAbs(color, alpha=_DIMMED), np.uint8)
     result = estimate.registration
     if result is not None:
         kinds = (

@@ -24,7 +24,8 @@ from rgbd_glue_ros.types import (
 # Frames that latency percentiles are computed from: the last half minute.
 LATENCY_WINDOW = 1000
 RATE_WINDOW_NS = 5 * NANOSECONDS
-# Seconds without a pose after which the last drop is reported as the node's fault.
+# Seconds without a pose after which it is overdue, and seconds without an estimate after which the
+# last drop is reported as the node's fault.
 NO_POSE_S = 2.0
 
 
@@ -132,7 +133,7 @@ class Monitor:
         self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._evidence: dict[str, str] = {}
         self._imu: ImuCalibration | None = None
-        self._last_pose_ns = clock()
+        self._last_estimate_ns = self._last_pose_ns = clock()
         self._refused: Drop | None = None
         self._why_no_pose = ""
 
@@ -159,6 +160,7 @@ class Monitor:
             self._frames += 1
             self._tracked += estimate.T_odom_camera is not None
             self._refused = None
+            self._last_estimate_ns = published_ns
             if estimate.T_odom_camera is not None:
                 self._last_pose_ns = published_ns
             self._latencies_ns.append(published_ns - arrived_ns)
@@ -204,11 +206,12 @@ class Monitor:
     def why_refused(self, now_ns: int) -> str:
         """Why arriving frames are not processed; "" while they are."""
         with self._lock:
-            refused, seconds = self._refused, self._without_pose_ns(now_ns) / NANOSECONDS
+            # not since the last pose: a lost camera has none, although its frames are processed
+            refused, seconds = self._refused, (now_ns - self._last_estimate_ns) / NANOSECONDS
             if refused is None or seconds < NO_POSE_S:
                 return ""
             error = f": {self._faults.last}" if refused in {Drop.UNUSABLE, Drop.FAILED} else ""
-            return f"no pose for {seconds:.0f} s, because {refused.value}{error}"
+            return f"no frame was processed for {seconds:.0f} s, because {refused.value}{error}"
 
     def is_overdue(self, now_ns: int) -> bool:
         """Whether the last pose is more than ``NO_POSE_S`` old."""
@@ -222,6 +225,11 @@ class Monitor:
     def why_no_pose(self) -> str:
         """Why the last frame had no pose; "" if it had one."""
         return self._why_no_pose
+
+    @property
+    def last_error(self) -> str:
+        """The last fault, new or not; "" before the first."""
+        return self._faults.last
 
     @property
     def state(self) -> TrackingState:

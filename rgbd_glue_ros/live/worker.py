@@ -34,6 +34,10 @@ class Worker(ABC, Generic[T]):
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self._thread.start()
 
+    def __len__(self) -> int:
+        """Number of items that wait; the current one does not count."""
+        return len(self._waiting)
+
     @abstractmethod
     def submit(self, item: T) -> None:
         """Submits ``item`` to the thread."""

@@ -102,9 +102,7 @@ def intrinsics_from_message(msg: CameraInfo, where: str) -> CameraIntrinsics:
     _check_info(msg, where)
     P, K = np.reshape(msg.p, (3, 4))[:, :3], np.reshape(msg.k, (3, 3))
     camera = (
-        _pinhole(K, msg, "K", where)
-        if np.any(K) or not np.any(P)
-        else (_pinhole(P, msg, "P", where))
+        _pinhole(K, msg, "K", where) if np.any(K) or not np.any(P) else _pinhole(P, msg, "P", where)
     )
     lens, distortion = _distortion(msg, where)
     return replace(camera, distortion=distortion, lens=lens)
@@ -238,18 +236,21 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
             "calibrate it and give the file to its driver (camera_info_url); for a "
             "recording, give --calibration FILE",
         )
+    no_matrix = f"{name} is {matrix.tolist()}, not fx 0 cx, 0 fy cy, 0 0 1"
+    if not np.isfinite(matrix).all():
+        raise _no_camera(no_matrix, where)
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     expected = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     skew = float(matrix[0, 1])
-    if skew and np.isfinite(skew) and np.array_equal(matrix - expected, skew * _SKEW):
+    if skew and np.array_equal(matrix - expected, skew * _SKEW):
         raise InputError(
             where,
             f"{name} has a skew of {skew:g} pixels, which is not supported",
             "calibrate the camera without skew, as camera_calibration and OpenCV do, and give "
             "that calibration to the driver; for a recording, give --calibration FILE",
         )
-    if not np.isfinite(matrix).all() or not np.array_equal(matrix, expected):
-        raise _no_camera(f"{name} is {matrix.tolist()}, not fx 0 cx, 0 fy cy, 0 0 1", where)
+    if not np.array_equal(matrix, expected):
+        raise _no_camera(no_matrix, where)
     try:
         camera = CameraIntrinsics(width, height, fx, fy, cx, cy)
     except InputError as fault:

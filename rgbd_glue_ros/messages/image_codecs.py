@@ -119,7 +119,8 @@ def encode_jpeg(image: NDArray[Any], quality: int = 95) -> bytes:
 
 def quantised(depth: Float32, units_per_metre: int) -> NDArray[np.uint16]:
     """Depth [H, W] in metres as 16-bit integers; 0 where it is unknown or too far."""
-    units = np.nan_to_num(np.rint(depth * units_per_metre), nan=0.0)
+    with np.errstate(over="ignore"):  # too far all the same
+        units = np.nan_to_num(np.rint(depth * units_per_metre), nan=0.0)
     units[(units < 0) | (units > np.iinfo(np.uint16).max)] = 0
     return units.astype(np.uint16)
 

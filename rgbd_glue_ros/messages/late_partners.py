@@ -15,8 +15,8 @@ class LatePartners:
     """Determines how long the queues of two streams would have to be.
 
     Attributes:
-        queue_needed: the queue size with which no image would be late; 0 if the present one is
-            enough.
+        queue_needed: the queue size with which no image would have been late since the beginning,
+            or since ``forget``; 0 if the present one is enough.
     """
 
     def __init__(self, max_interval_ns: int, queue_size: int, backward_jump_ns: int) -> None:
@@ -57,3 +57,7 @@ class LatePartners:
             return
         if behind >= self._queue_size:
             self.queue_needed = max(self.queue_needed, behind + 1 + _MARGIN)
+
+    def forget(self) -> None:
+        """Forgets what was needed so far, as after a hiccup."""
+        self.queue_needed = 0

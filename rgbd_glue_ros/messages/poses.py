@@ -46,7 +46,7 @@ def pose_from_message(msg: PoseStamped, where: str) -> Float64:
     if is_far or not _SHORTEST < np.abs(q).max() < 1 / _SHORTEST:
         raise InputError(
             where,
-            f"a pose is not finite, without direction, or {FARTHEST_READ_M:.0e} m away",
+            f"a pose is not finite, has no direction, or is farther than {FARTHEST_READ_M:.0e} m",
             "correct its source",
         )
     return se3.from_translation_quaternion(t, q)

@@ -86,8 +86,8 @@ class Synchronizer(Generic[Item]):
     Attributes:
         max_interval_ns: maximum interval of a pair, nanoseconds.
         matches: number of matches so far.
-        closest_miss_ns: smallest interval between images that were too far apart to pair,
-            nanoseconds; None if there was none.
+        closest_miss_ns: smallest interval between images that were too far apart to pair, since
+            the beginning or ``forget_misses``, nanoseconds; None if there was none.
     """
 
     def __init__(self, max_interval_ns: int, queue_size: int) -> None:
@@ -105,7 +105,10 @@ class Synchronizer(Generic[Item]):
 
     @property
     def queue_needed(self) -> int:
-        """The queue size with which no image misses its partner; 0 if the present one is enough."""
+        """The queue size with which no image would have been too late; 0 if this one is enough.
+
+        Counted since the beginning, or since ``forget_misses``.
+        """
         return self._late.queue_needed
 
     @property
@@ -125,7 +128,7 @@ class Synchronizer(Generic[Item]):
 
     @property
     def period_ns(self) -> int:
-        """That of colour images."""
+        """Recent time between the stamps of colour images, nanoseconds; 0 before there are two."""
         return self._queues[Channel.COLOR].period_ns
 
     def add(self, channel: Channel, stamp_ns: int, item: Item) -> list[Match[Item]]:
@@ -137,6 +140,11 @@ class Synchronizer(Generic[Item]):
             self._late.came(channel, _PARTNERS[channel], stamp_ns)
         self._pair(is_last=False)
         return self._complete(is_last=False)
+
+    def forget_misses(self) -> None:
+        """Forgets misses so far: once images pair again, they do not explain a later silence."""
+        self.closest_miss_ns = None
+        self._late.forget()
 
     def flush(self) -> list[Match[Item]]:
         """Returns the matches that were waiting; to be called when no more messages will come."""

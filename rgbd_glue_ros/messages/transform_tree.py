@@ -117,6 +117,9 @@ class TransformTree:
                     return found
                 self._changed.wait(left)
 
+    def time_went_back(self) -> None:
+        """Does nothing: each frame forgets its past when its first transform after a jump comes."""
+
     def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
         from_source, from_target = self._way_up(source), self._way_up(target)
         common = next((frame for frame in from_source if frame in from_target), None)

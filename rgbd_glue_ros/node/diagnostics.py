@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -25,6 +26,28 @@ DIAGNOSTIC_LEVELS = {
 }
 DIAGNOSTICS_S = 1.0
 LOG_S = 60.0
+
+
+def diagnostics_message(
+    node: Node, part: str, level: bytes, message: str, values: Mapping[str, object]
+) -> DiagnosticArray:
+    """The message with the state of a node.
+
+    Args:
+        node: the node, whose clock gives the stamp.
+        part: what of the node the state is of, in one word.
+        level: a level of DiagnosticStatus.
+        message: the state in one line.
+        values: further values by name.
+    """
+    status = DiagnosticStatus(
+        level=level,
+        name=f"{node.get_fully_qualified_name()}: {part}",
+        message=printable(message),
+        values=[KeyValue(key=key, value=printable(str(v))) for key, v in values.items()],
+    )
+    header = Header(stamp=node.get_clock().now().to_msg())
+    return DiagnosticArray(header=header, status=[status])
 
 
 class NodeDiagnostics:
@@ -83,11 +106,4 @@ class NodeDiagnostics:
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
         level, message = self._verdict(self._monitor.state, now_ns)
-        status = DiagnosticStatus(
-            level=level,
-            name=f"{self._node.get_fully_qualified_name()}: odometry",
-            message=printable(message),
-            values=[KeyValue(key=key, value=printable(str(v))) for key, v in values.items()],
-        )
-        header = Header(stamp=self._node.get_clock().now().to_msg())
-        self._publisher.publish(DiagnosticArray(header=header, status=[status]))
+        self._publisher.publish(diagnostics_message(self._node, "odometry", level, message, values))

@@ -12,7 +12,7 @@ from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.guess import Guess, GuessInput
-from rgbd_glue_ros.node.tf import TimedTransforms, Transforms
+from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
@@ -31,7 +31,7 @@ class NodeExtrinsics:
         """
         self._node = node
         self._config = config
-        self._transforms = TimedTransforms(transforms, node.monitor) if transforms else None
+        self._transforms = transforms
         self._at_origin = self._given()
         self._looked_up: Float64 | None = None
         self._looked_s = 0.0

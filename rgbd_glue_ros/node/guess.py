@@ -8,7 +8,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.patient_lookup import PatientLookup
 from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.node.base_node import BaseNode
-from rgbd_glue_ros.node.tf import TimedTransforms
+from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 from rgbd_glue_ros.types.checks import FARTHEST_M, check_guess
@@ -30,7 +30,7 @@ class Guess:
 class GuessInput:
     """Looks up guesses; says once why there are none, and on /diagnostics as long as it lasts."""
 
-    def __init__(self, node: BaseNode, config: NodeConfig, transforms: TimedTransforms) -> None:
+    def __init__(self, node: BaseNode, config: NodeConfig, transforms: Transforms) -> None:
         """Prepares the look-ups.
 
         Args:

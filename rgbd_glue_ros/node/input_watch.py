@@ -159,6 +159,7 @@ class NodeWatch:
         if now.matches > before.matches:
             self.silence = ""
             self._silences.forget()
+            self._synchronizer.forget_misses()
             return
         backward = [c for c in Channel if 2 * (now.backward[c] - before.backward[c]) > received[c]]
         self.silence = self._explain_silence(inputs, received, backward)

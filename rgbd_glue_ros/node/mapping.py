@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import sys
 import threading
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +25,9 @@ from rgbd_glue_ros.files.user_paths import expanded, file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.end_signals import EndSignals
+from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
+from rgbd_glue_ros.live.recent_images import RecentImages
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -33,6 +35,7 @@ from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.node.base_node import CLOSE_S, BaseNode
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
+from rgbd_glue_ros.node.mapping_diagnostics import MappingDiagnostics
 from rgbd_glue_ros.node.odometry_input import OdometryInput
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.rgbd_input import RgbdInput
@@ -48,8 +51,7 @@ from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame
 logger = logging.getLogger(f"{cfg.PACKAGE}.mapping")
 
 NODE_NAME = "rgbd_mapping"
-# Images kept until the odometry says which of them are keyframes: 2 s at 30 Hz.
-MATCHES_KEPT = 60
+# Keyframes that wait for their images, and those that wait for the worker, at most.
 KEYFRAMES_WAITING = 100
 # All others are fixed: keyframes of a map are comparable only if made with the same parameters.
 CHANGEABLE = ("save_map_file",)
@@ -86,7 +88,7 @@ class MappingNode(BaseNode):
         self._map = LiveMap(config, _given_map(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
-        self._matches: OrderedDict[int, Match[Any]] = OrderedDict()
+        self._matches: RecentImages[Match[Any]] = RecentImages(lambda: self._stream.awaited_ns)
         self._input = RgbdInput(
             self, self._config, transforms, self._receive, with_two_clocks=MAP_BY_RECEIPT
         )
@@ -96,7 +98,10 @@ class MappingNode(BaseNode):
             self._process, KEYFRAMES_WAITING
         )
         self._waiting: deque[_NewGraph | NewKeyframe | PoseGraphEdge] = deque()
-        self._odometry = OdometryInput(self, self._broadcast, self._take_keyframe, self._take_edge)
+        self._odometry = OdometryInput(self, self._take_pose, self._take_keyframe, self._take_edge)
+        self._diagnostics = MappingDiagnostics(
+            self, self._map, self._input.watch, lambda: len(self._waiting) + len(self._worker)
+        )
         self._input.subscribe()
         create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
         follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
@@ -124,12 +129,12 @@ class MappingNode(BaseNode):
     # Input
 
     def _receive(self, match: Match[Any], _arrived_ns: int) -> None:
-        if match.restarted:
-            self._matches.clear()
-        self._matches[match.stamp_ns] = match
-        while len(self._matches) > MATCHES_KEPT:
-            self._matches.popitem(last=False)
+        self._matches.add(match.stamp_ns, match)
         self._submit([])
+
+    def _take_pose(self, pose: PoseStamped) -> None:
+        self._matches.track(stamp_ns(pose.header.stamp))
+        self._broadcast(pose)
 
     def _take_keyframe(self, message: PoseStamped) -> None:
         at_ns = stamp_ns(message.header.stamp)
@@ -150,7 +155,9 @@ class MappingNode(BaseNode):
                 self._waiting.clear()
                 self._waiting.append(_NewGraph())
             self._waiting.append(item)
-        while self._waiting and not self._is_awaited(self._waiting[0]):
+        while self._waiting and (
+            len(self._waiting) > KEYFRAMES_WAITING or not self._is_awaited(self._waiting[0])
+        ):
             oldest = self._waiting.popleft()
             if isinstance(oldest, NewKeyframe):
                 self._submit_keyframe(oldest)
@@ -159,12 +166,12 @@ class MappingNode(BaseNode):
 
     def _is_awaited(self, item: _NewGraph | NewKeyframe | PoseGraphEdge) -> bool:
         """Whether the images of a keyframe may still arrive."""
-        if not isinstance(item, NewKeyframe) or item.stamp_ns in self._matches:
+        if not isinstance(item, NewKeyframe) or self._matches.at(item.stamp_ns) is not None:
             return False
-        return not self._matches or next(reversed(self._matches)) < item.stamp_ns
+        return self._matches.may_come(item.stamp_ns)
 
     def _submit_keyframe(self, keyframe: NewKeyframe) -> None:
-        match = self._matches.get(keyframe.stamp_ns)
+        match = self._matches.at(keyframe.stamp_ns)
         if match is None:
             why = (
                 "images have no stamp, and each process receives them at a different time: make "
@@ -183,15 +190,15 @@ class MappingNode(BaseNode):
 
     def _process(self, item: _NewGraph | _Keyframe | PoseGraphEdge) -> None:
         try:
-            # decode without holding the lock, since this may wait for TF
-            frame = self._frame(item) if isinstance(item, _Keyframe) else None
-            with self._map_lock:
-                if isinstance(item, _NewGraph):
+            if isinstance(item, _Keyframe):
+                self._add(item)
+            elif isinstance(item, PoseGraphEdge):
+                self._add_edge(item)
+            else:
+                # the odometry may have restarted with another camera
+                self._extrinsics.forget()
+                with self._map_lock:
                     self._map.clear()
-                elif isinstance(item, PoseGraphEdge):
-                    self._add_edge(item)
-                else:
-                    self._add(item.keyframe, frame)
         except InputError as fault:
             self._report(fault)
         except Exception as error:
@@ -216,17 +223,26 @@ class MappingNode(BaseNode):
         extrinsics = self._extrinsics.known
         if extrinsics is not None:
             T_child_camera = se3.inverse(extrinsics.T_camera_child)
-            self._map.add_edge(moved_edge(edge, T_child_camera))
+            with self._map_lock:
+                self._map.add_edge(moved_edge(edge, T_child_camera))
 
-    def _add(self, keyframe: NewKeyframe, frame: RgbdFrame | None) -> None:
+    def _add(self, item: _Keyframe) -> None:
+        # both may wait for TF, so the lock is not held
+        frame = self._frame(item)
         known = self._extrinsics.known
         extrinsics = known if frame is None else self._extrinsics.of(frame.frame_id)
-        if extrinsics is None:
-            return
+        if extrinsics is not None:
+            with self._map_lock:
+                self._add_to_map(item.keyframe, frame, extrinsics)
+
+    def _add_to_map(
+        self, keyframe: NewKeyframe, frame: RgbdFrame | None, extrinsics: Extrinsics
+    ) -> None:
         T_child_camera = se3.inverse(extrinsics.T_camera_child)
         edges = () if keyframe.edge is None else (moved_edge(keyframe.edge, T_child_camera),)
         if frame is None:
-            self._map.skip(keyframe.number, edges)
+            if not self._config.localize_only:
+                self._map.skip(keyframe.number, edges)
             return
         before, was_placed = self._map.loops, self._map.is_placed
         keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)
@@ -234,6 +250,7 @@ class MappingNode(BaseNode):
             self._map.locate(keyed)
         else:
             self._map.add(keyframe.number, keyed)
+        self._diagnostics.mapped()
         if self._map.is_placed and not was_placed:
             self.get_logger().info(f"Keyframe {keyframe.number} shows a known place")
         if self._map.loops > before:
@@ -279,7 +296,8 @@ class MappingNode(BaseNode):
             published = f"{path} and {frames}"
         else:
             published = f"{path}, and {frames} once a place of the map is recognised"
-        return f"Subscribed to {subscribed}; publishing {published}"
+        optional = self._input.depth_info_topic
+        return f"Subscribed to {subscribed}, and if it exists {optional}; publishing {published}"
 
 
 def _given_map(config: cfg.NodeConfig) -> SavedMap | None:

@@ -67,6 +67,25 @@ class _Arrival:
     arrived_ns: int
 
 
+@dataclass(frozen=True, eq=False)
+class _Tracked:
+    """A frame, and what has been published of it.
+
+    Attributes:
+        frame: the frame.
+        state_before: the odometry's state before it, and after a reset.
+        estimate: its estimate.
+        extrinsics: what the pose was published with.
+        pose: as published; None if there is none.
+    """
+
+    frame: RgbdFrame
+    state_before: TrackingState
+    estimate: OdometryEstimate
+    extrinsics: Extrinsics
+    pose: PoseStamped | None
+
+
 class OdometryNode(BaseNode):
     """RGB-D odometry as a node."""
 
@@ -82,7 +101,7 @@ class OdometryNode(BaseNode):
         super().__init__(NODE_NAME)
         self._give_up = give_up
         self._node_config, self._config = declare_parameters(self)
-        transforms = listen(self, self._node_config)
+        transforms = self._transforms = listen(self, self._node_config)
         self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
         glue = Glue(self._config)
         self._odometry = Odometry(self._config, glue)
@@ -198,45 +217,61 @@ class OdometryNode(BaseNode):
     # Work, on the worker's thread
 
     def _process(self, arrival: _Arrival) -> None:
-        while not self._requests.empty():
-            self._requests.get()()
-        state_before = self._odometry.state
         try:
-            frame = self._camera_frame.named(self._input.frame(arrival.match))
-            if state_before is TrackingState.INITIALIZING:
-                self.warn_once("depth", doubt_of_scale(frame.depth))
-            self._reset_if_other_camera(frame)
-            self._reset_if_earlier(frame)
-            extrinsics = self._extrinsics.of(frame.frame_id)
-            if extrinsics is None:
-                self.monitor.dropped(Drop.UNPLACED)
-                return
-            guess = self._extrinsics.guess(frame.stamp_ns, extrinsics.T_camera_child)
-            self._odometry.add_imu(self._imu.take(frame.frame_id, frame.stamp_ns))
-            starts = self._odometry.state is TrackingState.INITIALIZING
-            estimate = self._odometry.track(frame, None if guess is None else guess.T_guess_camera)
-            if starts and estimate.T_odom_camera is not None:
-                up = self._odometry.up(frame.stamp_ns)
-                extrinsics = self._extrinsics.level(up) or extrinsics
-            T_guess_child = None if guess is None else guess.T_guess_child
-            pose = self._outputs.publish(estimate, extrinsics, frame, T_guess_child)
+            tracked = self._track(arrival)
         except InputError as fault:
             self.monitor.dropped(Drop.UNUSABLE)
-            if self.monitor.is_news(fault.where, fault.cause):
+            if self.is_news(fault.where, fault.cause):
                 self.get_logger().error(f"{fault} (logged once, then counted)")
-            return
         except Exception as error:
             self.monitor.dropped(Drop.FAILED)
-            if self.monitor.is_news("a frame", repr(error)):
+            if self.is_news("a frame", repr(error)):
                 logger.exception("The frame at %d ns failed; continuing", arrival.match.stamp_ns)
-            return
-        self.monitor.learnt(self._odometry.imu_calibration)
-        self.warn_once("imu", explain_distrust(self._odometry.imu_calibration))
+        else:
+            if tracked is None:
+                self.monitor.dropped(Drop.UNPLACED)
+            else:
+                self._finish_frame(tracked, arrival)
+
+    def _track(self, arrival: _Arrival) -> _Tracked | None:
+        """Tracks a frame and publishes its pose; None if the camera's pose is not known yet."""
+        while not self._requests.empty():
+            self._requests.get()()
+        frame = self._camera_frame.named(self._input.frame(arrival.match))
+        self._reset_if_other_camera(frame)
+        self._reset_if_earlier(frame)
+        state_before = self._odometry.state
+        is_start = state_before is TrackingState.INITIALIZING
+        if is_start:
+            self.warn_once("depth", doubt_of_scale(frame.depth))
+        extrinsics = self._extrinsics.of(frame.frame_id)
+        if extrinsics is None:
+            return None
+        guess = self._extrinsics.guess(frame.stamp_ns, extrinsics.T_camera_child)
+        self._odometry.add_imu(self._imu.take(frame.frame_id, frame.stamp_ns))
+        estimate = self._odometry.track(frame, None if guess is None else guess.T_guess_camera)
+        if is_start and estimate.T_odom_camera is not None:
+            up = self._odometry.up(frame.stamp_ns)
+            extrinsics = self._extrinsics.level(up) or extrinsics
+        T_guess_child = None if guess is None else guess.T_guess_child
+        pose = self._outputs.publish(estimate, extrinsics, frame, T_guess_child)
+        return _Tracked(frame, state_before, estimate, extrinsics, pose)
+
+    def _finish_frame(self, tracked: _Tracked, arrival: _Arrival) -> None:
+        """Does all that can wait until the pose is published."""
+        frame, estimate, extrinsics = tracked.frame, tracked.estimate, tracked.extrinsics
         why = explain_no_pose(estimate, self._config.camera)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
-        self._announce(state_before, estimate, why)
-        is_keyframe = self._update_map(estimate, pose, extrinsics)
-        self._viewer.show(frame, estimate, extrinsics, is_keyframe=is_keyframe)
+        try:
+            self.monitor.learnt(self._odometry.imu_calibration)
+            self.warn_once("imu", explain_distrust(self._odometry.imu_calibration))
+            self._announce(tracked.state_before, estimate, why)
+            is_keyframe = self._update_map(estimate, tracked.pose, extrinsics)
+            self._outputs.show_matches(frame, estimate)
+            self._viewer.show(frame, estimate, extrinsics, is_keyframe=is_keyframe)
+        except Exception as error:
+            if self.is_news("after a frame", repr(error)):
+                logger.exception("Something failed after the pose was published; continuing")
 
     def _update_map(
         self, estimate: OdometryEstimate, pose: PoseStamped | None, extrinsics: Extrinsics
@@ -288,6 +323,8 @@ class OdometryNode(BaseNode):
             self.get_logger().warning(
                 f"Time went back by {back_s:.3f} s (a looping bag?): restarting"
             )
+            if self._transforms is not None:
+                self._transforms.time_went_back()
             self._reset()
         self._last_stamp_ns = frame.stamp_ns
 
@@ -319,9 +356,11 @@ class OdometryNode(BaseNode):
     def _description(self) -> str:
         """What the node subscribes to and publishes, with the frames for the user to check."""
         subscribed = ", ".join(self._input.topics)
+        optional = f"{self._input.depth_info_topic} and {self._imu.topic}"
         child = self._node_config.frame_id or "the camera's optical frame"
+        frames = f"{self._node_config.odom_frame_id} -> {child}"
         return (
-            f"Subscribed to {subscribed}; publishing {self._node_config.odom_frame_id} -> {child}. "
+            f"Subscribed to {subscribed}, and if they exist {optional}; publishing {frames}. "
             f"{self._extrinsics.description}"
         )
 

@@ -96,7 +96,6 @@ class NodeOutputs:
             The published pose; None if there is none.
         """
         child = self._config.frame_id or frame.frame_id
-        self._show_matches(frame, estimate)
         if estimate.T_odom_camera is None:
             if self._config.publish_null_when_lost:
                 self._odom.publish(self._null(estimate.stamp_ns, child))
@@ -159,7 +158,7 @@ class NodeOutputs:
         if self._path.get_subscription_count():
             self._path.publish(Path(header=pose.header, poses=list(self._path_poses)))
 
-    def _show_matches(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
+    def show_matches(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Draws and publishes the matches if they have a subscriber."""
         if self._matches.get_subscription_count():
             head = fields.header(estimate.stamp_ns, frame.frame_id)

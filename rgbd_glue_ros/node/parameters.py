@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container
+from dataclasses import replace
+from pathlib import Path
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -39,7 +41,8 @@ def declare_parameters(
     own = {p.name: p for p in cfg.parameters(cfg.NodeConfig())}
     method = {p.name: p for p in cfg.parameters(cfg.Config())}
     node_config = cfg.with_values(
-        cfg.NodeConfig(), {name: value for name, value in given.items() if name in own}
+        _defaults(node.get_namespace()),
+        {name: value for name, value in given.items() if name in own},
     )
     odometry_config = cfg.with_values(
         cfg.load_preset(node_config.preset),
@@ -58,6 +61,24 @@ def declare_parameters(
         if not node.has_parameter(name) and not name.startswith("qos_overrides."):
             raise cfg.unknown_parameter(name, resolved)
     return node_config, odometry_config
+
+
+def _defaults(namespace: str) -> cfg.NodeConfig:
+    """The defaults of a node in a namespace, which is in the names of the files that it writes.
+
+    Otherwise robots with the same home folder would overwrite each other's.
+    """
+    defaults = cfg.NodeConfig()
+    return replace(
+        defaults,
+        graph_file=_with_namespace(defaults.graph_file, namespace),
+        save_map_file=_with_namespace(defaults.save_map_file, namespace),
+    )
+
+
+def _with_namespace(file: str, namespace: str) -> str:
+    path = Path(file)
+    return str(path.with_stem("_".join([path.stem, *filter(None, namespace.split("/"))])))
 
 
 def follow_changes(

@@ -80,6 +80,11 @@ class RgbdInput(Closing):
         return tuple(i.topic for i in self._inputs)
 
     @property
+    def depth_info_topic(self) -> str:
+        """Full name of the topic of the depth camera's info, which need not be published."""
+        return self._depth_camera.topic
+
+    @property
     def is_by_receipt(self) -> bool:
         """Whether frames are stamped with the time at which their colour image was received."""
         return self._stamps.is_by_receipt(Channel.COLOR)

@@ -22,6 +22,7 @@ from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import plain_frame, stamp_ns
 from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TransformTree
+from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
 
@@ -45,9 +46,21 @@ class Transforms(Protocol):
         """As ``TransformTree.lookup``; waits, so it must not be called in the executor's thread."""
         ...
 
+    def time_went_back(self) -> None:
+        """Has transforms from before a jump of time back, as of a bag, not hide those after it."""
+        ...
 
-def listen(node: Node, config: NodeConfig) -> Transforms | None:
-    """Listens to TF with what is installed, and logs how; None if that is impossible."""
+
+def listen(node: BaseNode, config: NodeConfig) -> Transforms | None:
+    """Listens to TF with what is installed, and logs how; None if that is impossible.
+
+    The node's monitor counts how long look-ups wait.
+    """
+    transforms = _listen(node, config)
+    return None if transforms is None else _TimedTransforms(transforms, node.monitor)
+
+
+def _listen(node: Node, config: NodeConfig) -> Transforms | None:
     try:
         import tf2_ros  # noqa: PLC0415 - not part of ROS from PyPI
     except ImportError:
@@ -76,24 +89,30 @@ def listen(node: Node, config: NodeConfig) -> Transforms | None:
     node.create_subscription(
         TFMessage, TF_STATIC, lambda m: receive(m, is_static=True), TF_STATIC_QOS
     )
-    # a robot's /tf is much traffic, so subscribe only if it is needed
-    if config.guess_frame_id or (config.frame_id and not config.camera_pose):
+    if _is_needed(config):
         node.create_subscription(TFMessage, TF, lambda m: receive(m, is_static=False), TF_QOS)
     return tree
 
 
-class TimedTransforms:
+def _is_needed(config: NodeConfig) -> bool:
+    """Whether a transform may come on /tf, which is much traffic: not if parameters give all."""
+    is_camera_given = not config.frame_id or config.camera_pose
+    is_depth_given = config.depth_is_registered or config.depth_camera_pose
+    return bool(
+        config.guess_frame_id or not (is_camera_given and is_depth_given and config.imu_pose)
+    )
+
+
+class _TimedTransforms:
     """Transforms whose look-ups count in the monitor as time that frames waited for TF."""
 
     def __init__(self, transforms: Transforms, monitor: Monitor) -> None:
-        """Wraps ``transforms``; ``monitor`` counts the time."""
         self._transforms = transforms
         self._monitor = monitor
 
     def lookup(
         self, target: str, source: str, stamp_ns: int | None, timeout_s: float
     ) -> Float64 | None:
-        """As ``TransformTree.lookup``."""
         start_ns = time.monotonic_ns()
         try:
             return self._transforms.lookup(target, source, stamp_ns, timeout_s)
@@ -101,6 +120,9 @@ class TimedTransforms:
             if timeout_s:
                 what = f"the transform from {source or 'images without a frame'} to {target}"
                 self._monitor.waited(what, time.monotonic_ns() - start_ns)
+
+    def time_went_back(self) -> None:
+        self._transforms.time_went_back()
 
 
 class _BufferedTransforms:
@@ -121,6 +143,10 @@ class _BufferedTransforms:
             if found is not None or time.monotonic() >= end:
                 return found
             time.sleep(POLL_S)
+
+    def time_went_back(self) -> None:
+        # static transforms stay; of others the buffer takes none that is older than its history
+        self._buffer.clear()
 
     def _lookup(self, target: str, source: str, stamp_ns: int | None) -> Float64 | None:
         when = Time(nanoseconds=stamp_ns or 0)  # 0 means the newest

@@ -71,7 +71,9 @@ class NodeConfig(InputConfig):
         "raw", "Transport of the colour image.", choices=("raw", "compressed")
     )
     depth_transport: str = read_once(
-        "raw", "Transport of the depth image.", choices=("raw", "compressedDepth")
+        "raw",
+        "Transport of the depth image: compressed is a PNG of 16 bits.",
+        choices=("raw", "compressedDepth", "compressed"),
     )
     depth_info_topic: str = read_once(
         "",
@@ -127,7 +129,7 @@ class NodeConfig(InputConfig):
     graph_file: str = parameter(
         "~/.ros/keyframes.g2o",
         "File that ~/save_graph writes for g2o. The file for GTSAM is beside it, with _gtsam in "
-        "its name.",
+        "its name. The default has the node's namespace in its name.",
     )
     rerun: str = read_once(
         "",
@@ -150,7 +152,9 @@ class NodeConfig(InputConfig):
         "odom_frame_id in it.",
     )
     save_map_file: str = parameter(
-        "~/.ros/map.rgbdmap", "File that ~/save_map of the mapping node writes."
+        "~/.ros/map.rgbdmap",
+        "File that ~/save_map of the mapping node writes. The default has the node's namespace in "
+        "its name.",
     )
     initial_pose: str = parameter(
         "",

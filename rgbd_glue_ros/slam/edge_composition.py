@@ -83,7 +83,7 @@ class SkippedKeyframes:
         self._edges[number] = edge
 
     def bridged(self, edge: PoseGraphEdge, known: Container[int]) -> PoseGraphEdge | None:
-        """What an edge says of keyframes that are known.
+        """The edge between keyframes that the map has, composed over skipped ones.
 
         Args:
             edge: by numbers of keyframes.

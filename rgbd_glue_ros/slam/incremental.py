@@ -73,7 +73,7 @@ class IncrementalOptimiser:
             self._restore()
             # GTSAM says what is wrong, and then at length what it means
             why = (str(error).strip() or type(error).__name__).splitlines()[0]
-            cause = f"has no optimum with a keyframe or edge that came, which is left out ({why})"
+            cause = f"has no optimum with the new keyframe or edge, which is left out ({why})"
             remedy = "have this package's odometry publish them"
             raise InputError("the pose graph", cause, remedy) from error
         finally:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_POSE
-from rgbd_glue_ros.types import Float64, PoseGraphEdge
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ class NewKeyframe:
 class KeyframeStream:
     """Numbers the keyframes by the edges that name them.
 
-    Of messages that are lost the counterparts wait in vain: the oldest are left out.
+    If a message is lost, its counterpart waits in vain; the oldest are dropped.
     """
 
     def __init__(self) -> None:
@@ -48,6 +48,14 @@ class KeyframeStream:
         self._stamps: dict[int, int] = {}
         self._newest_ns: int | None = None
         self._missed: set[str] = set()
+
+    @property
+    def awaited_ns(self) -> tuple[int, ...]:
+        """Stamps of the keyframes whose edges are most likely to come: the two newest.
+
+        The first of a graph gets its edge only with the second, when the camera has moved.
+        """
+        return tuple(self._poses)[-2:]
 
     @property
     def waiting(self) -> int:
@@ -80,12 +88,15 @@ class KeyframeStream:
             edge: with the odometry's numbers.
 
         Returns:
-            The keyframes that are now complete; and the edge, if both its ends already were.
+            The keyframes that are now complete; and the edge as a revisit, if its child already
+            was.
         """
         if self._stamps.get(edge.child) == stamp_ns:
-            return [], edge
+            # a message has no origin, but the odometry publishes the edge of tracking first
+            return [], replace(edge, origin=EdgeOrigin.REVISIT)
         if stamp_ns not in self._poses:
-            self._edges[stamp_ns] = edge
+            # a revisit that is ahead of the pose is left out, not taken for the edge of tracking
+            self._edges.setdefault(stamp_ns, edge)
             self._leave_out_oldest(self._edges, KEYFRAME_POSE, "pose")
             return [], None
         return self._completed(stamp_ns, edge), None

@@ -79,18 +79,9 @@ class LiveMap:
         self._glue = Glue(config)
         self._begin()
 
-    def clear(self) -> None:
-        """Starts over, from the existing map if there is one."""
-        if not self._is_as_it_began:
-            self._begin()
-
-    @property
-    def _is_as_it_began(self) -> bool:
-        """Whether nothing was added, so that a map, which takes a while, need not be restored."""
-        is_located = self._before is not None and self.is_placed
-        return not (self._rows or self._waiting or len(self._skipped) or is_located)
-
     def _begin(self) -> None:
+        # first, since others read it while the map is being restored
+        self.T_map_odom: Float64 | None = np.eye(4) if self._before is None else None
         self._mapper = Mapper(self._config, self._glue, SearchTree())
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
@@ -98,9 +89,16 @@ class LiveMap:
         self._waiting: list[_New] = []
         self.poses: dict[int, Float64] = {}
         self.loops = 0
-        self.T_map_odom: Float64 | None = np.eye(4)
         if self._before is not None:
             self._restore(self._before)
+
+    def clear(self) -> None:
+        """Starts over, from the existing map if there is one."""
+        # restoring a map takes a while, and locating does not change it
+        if self._rows or self._waiting or len(self._skipped):
+            self._begin()
+        elif self._before is not None:
+            self.T_map_odom = None
 
     @property
     def is_placed(self) -> bool:
@@ -118,8 +116,8 @@ class LiveMap:
             keyed: the keyframe.
 
         Raises:
-            InputError: its images are none that can be compared, and its edges are kept; or there
-                is no optimum with it, and it is left out.
+            InputError: its images cannot be compared (its edges are kept), or no optimum exists
+                with it (it is left out).
         """
         row = len(self._mapper.keyframes) + len(self._waiting)
         try:
@@ -138,7 +136,7 @@ class LiveMap:
             self._add(waiting, loops)
 
     def skip(self, number: int, edges: tuple[PoseGraphEdge, ...]) -> None:
-        """Takes what was measured of a keyframe that has no images.
+        """Keeps the edges of a keyframe without images.
 
         Args:
             number: the odometry's.
@@ -177,7 +175,6 @@ class LiveMap:
         self._mapper.restore(before)
         poses = {keyframe.number: keyframe.T_odom_camera for keyframe in self._mapper.keyframes}
         self._solve(before.graph.edges, poses)
-        self.T_map_odom = None
 
     def _add(self, new: Sequence[_New], links: tuple[PoseGraphEdge, ...] = ()) -> None:
         """Adds keyframes that are linked to one another or to the map.
@@ -210,7 +207,7 @@ class LiveMap:
             self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
 
     def _edges_by_rows(self, new: Sequence[_New]) -> list[PoseGraphEdge]:
-        """What links keyframes that come to those before; with that, their rows are known."""
+        """The edges from new keyframes to earlier ones, by rows; registers the rows."""
         found: list[PoseGraphEdge] = []
         before = self._mapper.keyframes[self._mapper.session_start :][-1:]
         for n in new:
@@ -264,7 +261,7 @@ class LiveMap:
         self.poses = self._optimiser.update()
 
     def _T_map_odom(self, T_odom_camera: Float64, loop: PoseGraphEdge) -> Float64:
-        """Where a loop with the map has the odom frame of a keyframe, float64 [4, 4]."""
+        """The pose of odom in the map according to a loop, float64 [4, 4]."""
         T_map_camera = self.poses[loop.parent] @ loop.T_parent_child
         return np.asarray(T_map_camera @ se3.inverse(T_odom_camera), np.float64)
 

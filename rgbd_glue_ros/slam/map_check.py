@@ -1,4 +1,4 @@
-"""What the arrays of a map have to be, so that whatever is computed from them is of use.
+"""Checks the arrays of a map file, so that whatever is computed from them is of use.
 
 Stamps may go back: of two sessions in a map, the second may replay the recording of the first.
 """

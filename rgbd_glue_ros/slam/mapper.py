@@ -111,10 +111,10 @@ class Mapper:
         return self.find_loops(stored, config)
 
     def find_loops(self, stored: StoredKeyframe, config: Config) -> tuple[PoseGraphEdge, ...]:
-        """Looks for places that a keyframe looks like, which later ones may look like from now on.
+        """Searches for loops of a keyframe, and makes it a candidate for later ones.
 
         Args:
-            stored: of ``keyframes``; to be looked for once.
+            stored: of ``keyframes``. Call this once for each.
             config: as of ``add``.
 
         Returns:

@@ -101,10 +101,24 @@ def test_frames_that_are_all_refused_are_reported_with_the_last_error() -> None:
     assert monitor.why_refused(1000 * MS) == ""
     why = monitor.why_refused(7000 * MS)
     assert why == (
-        "no pose for 7 s, because a message could not be used: /rgb/image: bayer_rggb8 is not known"
+        "no frame was processed for 7 s, because a message could not be used: "
+        "/rgb/image: bayer_rggb8 is not known"
     )
     monitor.processed(NO_POSE, 0, 7000 * MS)
     assert monitor.why_refused(7000 * MS) == ""
+
+
+def test_a_lost_camera_is_not_reported_as_an_overload() -> None:
+    monitor = Monitor(lambda: 0)
+    monitor.processed(POSE, 0, 0)
+    # a slow computer, on which a newer frame comes within each
+    for at_ms in range(60, 30_000, 60):
+        monitor.processed(NO_POSE, (at_ms - 60) * MS, at_ms * MS, "it shows no structure")
+        monitor.dropped(Drop.SUPERSEDED)
+    assert monitor.why_refused(30_000 * MS) == ""
+    assert monitor.why_no_pose == "it shows no structure"
+    assert monitor.is_overdue(30_000 * MS)
+    assert monitor.why_refused(33_000 * MS).startswith("no frame was processed for 3 s, because a")
 
 
 def test_frames_skipped_on_request_are_not_an_error() -> None:

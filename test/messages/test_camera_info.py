@@ -10,7 +10,7 @@ import pytest
 from rigs import messages as rig
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
+from rgbd_glue_ros.messages.camera_info import intrinsics_from_message, pinhole
 from rgbd_glue_ros.messages.fields import (
     CameraInfo,
     RegionOfInterest,
@@ -229,3 +229,15 @@ def test_the_camera_of_a_rectified_image_is_p_without_distortion() -> None:
 def test_an_unknown_model_without_distortion_is_accepted() -> None:
     info = replace(camera_info(LENSED, HEAD), distortion_model="", d=np.zeros(0))
     assert intrinsics_from_message(info, "/info").distortion == ()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("number", [np.inf, -np.inf, np.nan])
+def test_a_matrix_that_is_not_finite_is_refused_without_a_warning(number: float) -> None:
+    for at in range(9):
+        matrix = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+        # with skew, which alone would be said
+        matrix[0, 1] = 2.0
+        matrix.flat[at] = number
+        with pytest.raises(InputError, match="not fx 0 cx, 0 fy cy, 0 0 1"):
+            pinhole(matrix, 640, 480, "K", "/camera_info")

@@ -12,7 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.image_codecs import MAX_PIXELS, decode, encode_jpeg, encode_png
+from rgbd_glue_ros.messages.image_codecs import (
+    MAX_PIXELS,
+    decode,
+    encode_jpeg,
+    encode_png,
+    quantised,
+)
 
 GREY = np.arange(48 * 64, dtype=np.uint16).reshape(48, 64) * 20
 BGR = np.stack([np.tile(np.arange(64, dtype=np.uint8) * k, (48, 1)) for k in (1, 2, 3)], axis=2)
@@ -99,3 +105,9 @@ def test_refusals_write_nothing_to_stderr(capfd: pytest.CaptureFixture[str]) -> 
         with pytest.raises(InputError):
             decode(data, "/topic")
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.filterwarnings("error")
+def test_depth_of_any_number_is_quantised_without_a_warning() -> None:
+    depth = np.array([[1.5, np.nan, -1.0, 70.0, 3e38, np.inf]], np.float32)
+    np.testing.assert_array_equal(quantised(depth, 1000), [[1500, 0, 0, 0, 0, 0]])

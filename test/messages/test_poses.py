@@ -51,7 +51,7 @@ def test_a_pose_that_is_not_finite_is_refused(position: float) -> None:
 def test_a_quaternion_without_direction_is_refused(w: float) -> None:
     whole = pose_stamped(np.eye(4), HEAD)
     message = replace(whole, pose=replace(whole.pose, orientation=Quaternion(0, 0, 0, w)))
-    with pytest.raises(InputError, match="without direction"):
+    with pytest.raises(InputError, match="has no direction"):
         pose_from_message(message, "/tf")
 
 

@@ -363,6 +363,22 @@ def test_depth_that_comes_late_with_the_right_stamps_needs_a_longer_queue(
         assert len(synchronized(events, queue_size=needed)[0]) == 60 - frames_late
 
 
+def test_misses_are_forgotten_when_they_no_longer_matter() -> None:
+    late = [(Channel.COLOR, i * PERIOD) for i in range(30)]
+    late += [(Channel.DEPTH, i * PERIOD) for i in range(15)]
+    _, sync = synchronized(late, queue_size=10)
+    assert sync.queue_needed > 10
+    assert sync.closest_miss_ns
+    sync.forget_misses()
+    assert (sync.queue_needed, sync.closest_miss_ns or 0) == (0, 0)
+    # and are counted anew
+    for stamp in range(30):
+        sync.add(Channel.COLOR, 10**12 + stamp * PERIOD, 0)
+    for stamp in range(15):
+        sync.add(Channel.DEPTH, 10**12 + stamp * PERIOD, 0)
+    assert sync.queue_needed > 10
+
+
 def test_a_restarting_bag_needs_no_longer_queue() -> None:
     once = [(c, i * PERIOD) for i in range(300) for c in Channel]
     matches, sync = synchronized([*once, *once, *once], queue_size=10)

@@ -14,7 +14,7 @@ from rgbd_glue_ros.types import NANOSECONDS
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from rigs.faults import healthy, node_in, rig_node
-from rigs.ros import PATIENCE_S, Rig, corner_frame
+from rigs.ros import PATIENCE_S, Rig, corner_frame, frame_messages
 from sensor_msgs.msg import Image
 
 START_NS = 1_700_000_000 * NANOSECONDS
@@ -109,3 +109,30 @@ def test_silence_is_logged_once_for_each_cause_however_much_arrives(ros_domain: 
         assert len({line.partition("No frame")[2] for line in lines}) == len(lines)
         assert len([line for line in lines if "depth and camera_info are missing" in line]) == 1
         assert len([line for line in lines if "color and camera_info are missing" in line]) == 1
+
+
+@pytest.mark.slow
+def test_a_hiccup_is_not_the_reason_for_a_later_silence(ros_domain: int) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        numbers = iter(range(10**6))
+        # depth comes once, after so many colour images that the first of them are dropped
+        frames = [corner_frame(START_NS + next(numbers) * PERIOD_NS) for _ in range(30)]
+        messages = [frame_messages(frame, is_compressed=False) for frame in frames]
+        for each in messages:
+            rig.color.publish(each.color)
+            rig.spin_for(0.01)
+        for each in messages[:15]:
+            rig.depth.publish(each.depth)
+            rig.spin_for(0.01)
+
+        def logs(why: str, depth_delay_ns: int = 0) -> bool:
+            frame = corner_frame(START_NS + next(numbers) * PERIOD_NS)
+            rig.publish(replace(frame, depth_delay_ns=depth_delay_ns))
+            rig.spin_for(0.05)
+            return any(why in line for line in node.lines)
+
+        rig.wait(lambda: logs("set sync_queue_size:="), "what the hiccup needed")
+        hour_ns = 3600 * NANOSECONDS
+        rig.wait(lambda: logs("No frame for 5 s", hour_ns), "the silence")
+        assert "they come from two clocks" in node.wait_for_line("No frame for 5 s", PATIENCE_S)

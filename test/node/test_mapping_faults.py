@@ -88,7 +88,8 @@ def test_a_map_that_cannot_be_saved_is_reported_in_one_line(running: Running, fi
     answer = running.rig.trigger(f"/{NODE_NAME}/save_map")
     assert not answer.success
     assert answer.message.startswith("save_map_file: ")
-    running.node.wait_for_line(f"Saving the map: {answer.message}", PATIENCE_S)
+    line = running.node.wait_for_line(f"Saving the map: {answer.message}", PATIENCE_S)
+    assert line.startswith("[ERROR]")
 
 
 def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path) -> None:
@@ -98,6 +99,29 @@ def test_a_map_without_a_keyframe_is_not_saved(running: Running, tmp_path: Path)
     assert not answer.success
     assert answer.message == f"{file}: there is no keyframe yet; move the camera"
     assert not file.exists()
+
+
+def test_nodes_of_two_robots_with_one_home_do_not_write_the_same_files(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    environment = {**ros_environment(ros_domain), "HOME": str(tmp_path)}
+    namespace = ["-r", "__ns:=/fleet/robot1"]
+    with (
+        shown(NodeProcess({}, environment, namespace, MODULE)) as node,
+        Rig(ros_domain) as rig,
+    ):
+        subscribed = node.wait_for_line("Subscribed", START_S)
+        assert "and if it exists /fleet/robot1/depth/camera_info; publishing" in subscribed
+        answer = rig.trigger(f"/fleet/robot1/{NODE_NAME}/save_map")
+        assert answer.message.startswith(f"{tmp_path}/.ros/map_fleet_robot1.rgbdmap: there is no")
+    given = {"save_map_file": str(tmp_path / "told.rgbdmap")}
+    with (
+        shown(NodeProcess(given, environment, namespace, MODULE)) as node,
+        Rig(ros_domain) as rig,
+    ):
+        node.wait_for_line("Subscribed", START_S)
+        answer = rig.trigger(f"/fleet/robot1/{NODE_NAME}/save_map")
+        assert answer.message.startswith(f"{tmp_path}/told.rgbdmap: there is no")
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import replace
 from enum import Enum
+from itertools import count
 from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
 from rigs.drifted import CHANGED, Drifted, drifted, rmse
+from rigs.paths import ROOT
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
@@ -23,22 +26,27 @@ from rgbd_glue_ros.live.topics import (
 )
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.fields import copy_fields
-from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.slam.map_file import read_map
-from rgbd_glue_ros.types import Float64, PoseGraphEdge
+from rgbd_glue_ros.types import NANOSECONDS, Float64, PoseGraphEdge
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 pytest.importorskip("pyhbst", reason="pyHBST is not installed")
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
-from rigs.ros import START_S, frame_messages
-from rigs.tf import Robot
+from rigs.ros import OPTICAL_FRAME, START_S, frame_messages
+from rigs.slow_map_writer import PIPE
+from rigs.tf import Robot, transform
+from std_srvs.srv import Trigger
+
+from rgbd_glue_ros.node.mapping import KEYFRAMES_WAITING
 
 NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
@@ -98,10 +106,11 @@ class Session:
         *,
         images: Images = Images.WHOLE,
         later_ns: int = 0,
+        camera_frame: str = OPTICAL_FRAME,
     ) -> None:
         """A keyframe with its edges: its images come last."""
         frame = recorded_frames()[keyframe.row]
-        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns)
+        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns, frame_id=camera_frame)
         self._poses.publish(pose_message(T_odom_camera, frame.stamp_ns))
         for edge in keyframe.edges:
             self._edges.publish(edge_message(edge, frame.stamp_ns))
@@ -110,6 +119,14 @@ class Session:
             messages.color.encoding = "of nobody"
         if images is not Images.LOST:
             self._robot.send(messages)
+
+    def rest(self, keyframe: Drifted, later_ns: int) -> None:
+        """A later frame with a pose, which is no keyframe."""
+        frame = recorded_frames()[keyframe.row]
+        frame = replace(frame, stamp_ns=frame.stamp_ns + later_ns)
+        self._robot.heard.clear()
+        self._robot.send(frame_messages(frame, is_compressed=False))
+        self.wait_for_map_odom(keyframe.T_odom_camera, frame.stamp_ns)
 
     def wait_for_path_of(self, count: int) -> None:
         """Waits until the map has so many keyframes."""
@@ -121,6 +138,7 @@ class Session:
 
     def wait_for_map_odom(self, T_odom_camera: Float64, at_ns: int) -> Float64:
         """T_map_odom [4, 4] as it is published at a pose."""
+        self._robot.heard.clear()
         self._tracked.publish(pose_message(T_odom_camera, at_ns))
         self._robot.wait(lambda: self._robot.heard, "map -> odom")
         heard = self._robot.heard[-1]
@@ -152,8 +170,17 @@ def test_drift_is_corrected_in_the_map_and_odom_stays_unchanged(ros_domain: int)
         last = keyframes[-1]
         at_ns = frames[last.row].stamp_ns
         T_map_odom = session.wait_for_map_odom(last.T_odom_camera, at_ns)
+        robot.diagnostics.clear()
+        robot.wait(lambda: robot.diagnostics, "diagnostics")
         sys.stdout.write("\n".join(node.lines))
 
+    (status,) = robot.diagnostics[-1].status
+    assert (status.name, status.level) == ("/rgbd_mapping: mapping", DiagnosticStatus.OK)
+    values = {item.key: item.value for item in status.values}
+    assert (values["is_placed"], values["waiting"]) == ("true", "0")
+    assert values["keyframes"] == str(len(keyframes))
+    assert int(values["loops"]) >= 3
+    assert 0 <= float(values["since_last_keyframe_s"]) < MAPPED_S
     path = session.paths[-1]
     assert path.header.frame_id == "map"
     assert [stamp_ns(p.header.stamp) for p in path.poses] == [
@@ -193,10 +220,15 @@ def test_a_node_starts_with_a_saved_map_and_localises_odom_in_it(
         Robot(ros_domain) as robot,
     ):
         session = Session(robot, node)
+        robot.wait(lambda: robot.diagnostics, "diagnostics")
+        assert robot.diagnostics[0].status[0].message.startswith("no place of the map has been")
         for keyframe in keyframes[:2]:
             T_odom_camera = se3.inverse(T_start) @ keyframe.keyframe.T_odom_camera
             session.publish(keyframe, T_odom_camera)
         node.wait_for_line("shows a known place", MAPPED_S)
+        robot.diagnostics.clear()
+        robot.wait(lambda: robot.diagnostics, "diagnostics")
+        assert robot.diagnostics[-1].status[0].level == DiagnosticStatus.OK
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
@@ -333,6 +365,134 @@ def test_each_invalid_edge_is_logged_in_one_line_and_so_is_a_second_mapper(
         node.wait_for_line("/rgbd_mapping is also the name of 1 other", START_S)
         assert len([line for line in node.lines if "is no keyframe" in line]) == 2
         assert all(line.startswith("[") for line in node.lines)
+
+
+@pytest.mark.slow
+def test_while_a_map_is_being_written_map_odom_is_published(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes, pipe, room = drifted()[:2], tmp_path / "pipe", tmp_path / "room.rgbdmap"
+    os.mkfifo(pipe)
+    environment = {
+        **ros_environment(ros_domain),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
+        PIPE: str(pipe),
+    }
+    given = {**CHANGED, "save_map_file": str(room)}
+    with (
+        NodeProcess(given, environment, module="rigs.slow_map_writer") as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        session.wait_for_path_of(len(keyframes))
+        client = robot.node.create_client(Trigger, f"/{NODE_NAME}/save_map")
+        robot.wait(client.service_is_ready, "the service")
+        answer = client.call_async(Trigger.Request())
+        robot.wait(lambda: "writing the map" in node.lines, "the call")
+        for at_ns in range(3):
+            session.wait_for_map_odom(np.eye(4), 10**18 + at_ns)
+        assert not answer.done()
+        pipe.write_bytes(b"")
+        robot.wait(answer.done, "the answer", MAPPED_S)
+        assert answer.result().success
+        assert not [line for line in node.lines if "Traceback" in line]
+    assert len(read_map(room)) == len(keyframes)
+
+
+@pytest.mark.slow
+def test_a_call_of_save_map_does_not_keep_the_transform_away_that_a_keyframe_waits_for(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes = drifted()[:2]
+    robot_frame = {"frame_id": "base_link", "wait_for_transform": 10.0}
+    given = {**CHANGED, **robot_frame, "save_map_file": str(tmp_path / "room.rgbdmap")}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        # until the first of them waits
+        for _ in range(5):
+            answer = robot.trigger(f"/{NODE_NAME}/save_map")
+            assert "there is no keyframe yet" in answer.message
+        robot.tell_where_the_camera_is()
+        session.wait_for_path_of(len(keyframes))
+        assert not [line for line in node.lines if "no transform" in line]
+
+
+@pytest.mark.slow
+def test_the_first_keyframe_is_mapped_however_long_the_camera_rests_there(ros_domain: int) -> None:
+    first, second = drifted()[:2]
+    rest_ns = 5 * NANOSECONDS
+    with (
+        NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        session.publish(first, first.T_odom_camera)
+        for later_ns in range(0, rest_ns, NANOSECONDS // 20):
+            session.rest(first, later_ns)
+        session.publish(second, second.T_odom_camera, later_ns=rest_ns)
+        session.wait_for_path_of(2)
+        assert not [line for line in node.lines if "no image has its stamp" in line]
+
+
+@pytest.mark.slow
+def test_keyframes_without_any_images_are_told_and_do_not_wait_for_ever(ros_domain: int) -> None:
+    with (
+        NodeProcess({}, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        keyframe, numbers = drifted()[0], count()
+
+        def is_told() -> bool:
+            number = next(numbers)
+            edge = PoseGraphEdge(number, number + 1, np.eye(4), 1e-4 * np.eye(6))
+            session.publish(
+                replace(keyframe, edges=(edge,) if number else ()),
+                np.eye(4),
+                images=Images.LOST,
+                later_ns=number * NANOSECONDS,
+            )
+            robot.spin_for(0.01)
+            return any("no image has its stamp" in line for line in node.lines)
+
+        robot.wait(is_told, "the line")
+        assert next(numbers) > KEYFRAMES_WAITING
+
+
+@pytest.mark.slow
+def test_keyframes_of_another_camera_have_its_own_pose_on_the_robot(ros_domain: int) -> None:
+    keyframes = drifted()[:2]
+    given = {**CHANGED, "frame_id": "base_link", "wait_for_transform": 10.0}
+    T_base_rear = parse_pose("", "-0.3 0 0.4 0 0 3")
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        robot.tell_where_the_camera_is()
+        robot.tell(transform("base_link", "rear_camera", T_base_rear))
+        session = Session(robot, node)
+        for keyframe in keyframes:
+            session.publish(keyframe, np.eye(4))
+        session.wait_for_path_of(len(keyframes))
+        for keyframe in keyframes:
+            session.publish(keyframe, np.eye(4), later_ns=10**10, camera_frame="rear_camera")
+        node.wait_for_line("TF: found rear_camera", MAPPED_S)
+        stamps = [recorded_frames()[k.row].stamp_ns + 10**10 for k in keyframes]
+        robot.wait(
+            lambda: [stamp_ns(p.header.stamp) for p in session.paths[-1].poses] == stamps,
+            "the path of the new graph",
+            MAPPED_S,
+        )
+    # where the robot was, by the pose of the rear camera
+    T = pose_from_message(session.paths[-1].poses[0], MAP_PATH)
+    np.testing.assert_allclose(T, np.eye(4), atol=1e-3)
 
 
 def test_localising_without_a_map_is_refused(ros_domain: int) -> None:

@@ -15,7 +15,16 @@ from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_dom
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import VISUAL
 from rgbd_glue_ros.live.topics import MATCHES, PATH, POSE, SUBSCRIBED
-from rgbd_glue_ros.messages.fields import camera_info, color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.messages.fields import (
+    DEPTH_UNITS_PER_METRE,
+    camera_info,
+    color_image,
+    copy_fields,
+    depth_image,
+    header,
+)
+from rgbd_glue_ros.messages.fields import CompressedImage as CompressedImageFields
+from rgbd_glue_ros.messages.image_codecs import encode_png, quantised
 from rgbd_glue_ros.messages.images import color_from_message
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -34,7 +43,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigs.faults import running_node
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, START_S, Rig, corner_frame, frame_messages
 from rigs.unseen import covered
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Empty
 
 PERIOD_NS = NANOSECONDS // 30
@@ -65,6 +74,13 @@ def test_a_pose_has_its_images_stamp_and_the_odom_frame(running: Running) -> Non
     pose = running.rig.pose_of(frame)
     stamp = pose.header.stamp.sec * NANOSECONDS + pose.header.stamp.nanosec
     assert (stamp, pose.header.frame_id) == (frame.stamp_ns, "odom")
+
+
+def test_the_first_line_names_all_topics(running: Running) -> None:
+    line = running.node.wait_for_line("Subscribed", PATIENCE_S)
+    needed, _, optional = line.partition(", and if they exist ")
+    assert needed.endswith("Subscribed to /rgb/image, /depth/image, /rgb/camera_info")
+    assert optional.startswith("/depth/camera_info and /imu; publishing odom -> ")
 
 
 def test_without_a_robot_frame_a_level_camera_starts_upright_in_an_odom_frame_with_z_up(
@@ -343,6 +359,22 @@ def test_compressed_topics_follow_the_remapped_base_topics(ros_domain: int) -> N
     ):
         rig.wait_until_matched()
         rig.pose_of(corner_frame(START_NS))
+
+
+@pytest.mark.slow
+def test_depth_may_be_a_png_of_16_bits_on_a_compressed_topic(ros_domain: int) -> None:
+    with running_node(ros_domain, depth_transport="compressed"), Rig(ros_domain) as rig:
+        rig.depth = rig.publisher(CompressedImage, f"{SUBSCRIBED[Channel.DEPTH]}/compressed")
+        rig.wait_until_matched()
+        frame = corner_frame(START_NS)
+        messages = frame_messages(frame, is_compressed=False)
+        head = header(frame.stamp_ns, frame.frame_id)
+        millimetres = quantised(frame.depth, DEPTH_UNITS_PER_METRE)
+        png = np.frombuffer(encode_png(millimetres), np.uint8)
+        image = CompressedImageFields(head, "16UC1; png compressed ", png)
+        messages.depth = copy_fields(image, CompressedImage())
+        rig.send(messages)
+        rig.pose_at(START_NS)
 
 
 @pytest.mark.slow

@@ -123,3 +123,53 @@ def test_depth_that_is_registered_despite_its_frame_is_used_unchanged(
         rig.depth.publish(copy_fields(depth_image(frame.depth, depth_head), Image()))
         rig.info.publish(copy_fields(camera_info(frame.intrinsics, head), CameraInfo()))
         rig.pose_at(START_NS)
+
+
+@pytest.mark.slow
+def test_the_pose_of_the_depth_camera_may_come_on_tf_and_not_only_on_tf_static(
+    ros_domain: int,
+) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
+    from rigs.tf import Robot, transform
+    from tf2_msgs.msg import TFMessage
+
+    with running_node(ros_domain, wait_for_transform=5), Robot(ros_domain) as rig:
+        info = rig.publisher(CameraInfo, DEPTH_INFO)
+        rig.wait_until_matched()
+        rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
+        T = se3.from_rotation_translation(np.eye(3), PLACE)
+        stamps = itertools.count(START_NS, PERIOD_NS)
+
+        def has_pose() -> bool:
+            at_ns = next(stamps)
+            moving = transform(OPTICAL_FRAME, DEPTH_FRAME, T, at_ns)
+            rig.moving.publish(TFMessage(transforms=[moving]))
+            publish(rig, at_ns, info)
+            rig.spin_for(0.1)
+            return bool(rig.poses)
+
+        rig.wait(has_pose, "a pose")
+
+
+@pytest.mark.slow
+def test_frames_that_wait_for_the_pose_of_the_depth_camera_are_not_called_slow(
+    ros_domain: int,
+) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-msgs builds it)")
+    with running_node(ros_domain) as node, Rig(ros_domain) as rig:
+        info = rig.publisher(CameraInfo, DEPTH_INFO)
+        rig.wait_until_matched()
+        rig.wait(info.get_subscription_count, "the subscription to the depth camera's info")
+        stamps = itertools.count(START_NS, PERIOD_NS)
+
+        def is_told() -> bool:
+            publish(rig, next(stamps), info)
+            rig.spin_for(PERIOD_NS / NANOSECONDS)
+            return any("frames were dropped" in line for line in node.lines)
+
+        rig.wait(is_told, "the diagnosis")
+        line = node.wait_for_line("frames were dropped", PATIENCE_S)
+        transform = f"the transform from {DEPTH_FRAME} to {OPTICAL_FRAME}"
+        assert f"for {transform} on TF: make sure that it is broadcast" in line
+        assert not [line for line in node.lines if "processor time" in line]
+        assert any(f"the pose of {DEPTH_FRAME} in {OPTICAL_FRAME}" in line for line in node.lines)

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
+from rigs.paths import ROOT
 
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live.topics import MATCHES
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from rigs.faults import node_in
+from rigs.faults import node_in, shown
+from rigs.node_without_pictures import REFUSAL
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, Rig, corner_frame
 from rigs.unseen import covered
+from sensor_msgs.msg import Image
 
 PERIOD_NS = NANOSECONDS // 30
 COVERED_NS = 5 * NANOSECONDS
@@ -56,3 +62,38 @@ def test_a_camera_covered_for_five_seconds_is_found_only_where_it_was(
         assert np.linalg.norm(error[:3, 3]) < 0.01
         assert se3.rotation_angle(error) < 0.01
         node.wait_for_line("Tracking again", PATIENCE_S)
+
+
+@pytest.mark.slow
+def test_a_bag_that_begins_anew_has_a_first_pose_again(ros_domain: int) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        for begin_s in (100, 1):
+            # the first after a jump is held back until the next
+            for i in range(3):
+                rig.publish(corner_frame(begin_s * NANOSECONDS + i * PERIOD_NS))
+            node.wait_for_line(f"Tracking: first pose at {begin_s}.", PATIENCE_S)
+
+
+@pytest.mark.slow
+def test_pictures_that_cannot_be_drawn_cost_no_pose_and_are_told_once(ros_domain: int) -> None:
+    environment = {
+        **ros_environment(ros_domain),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
+    }
+    with (
+        shown(NodeProcess({}, environment, module="rigs.node_without_pictures")) as node,
+        Rig(ros_domain) as rig,
+    ):
+        # without a subscriber only the viewer fails, and later the picture of the matches
+        rig.wait_until_matched()
+        poses_of(rig, [corner_frame(START_NS + i * PERIOD_NS) for i in range(3)])
+        node.wait_for_line(REFUSAL, PATIENCE_S)
+        rig.node.create_subscription(Image, MATCHES, lambda _: None, 10)
+        rig.wait(lambda: rig.node.count_publishers(MATCHES), "the publisher")
+        poses_of(rig, [corner_frame(START_NS + i * PERIOD_NS) for i in range(3, 20)])
+        rig.diagnostics.clear()
+        rig.wait(lambda: rig.diagnostics, "diagnostics")
+        values = {item.key: item.value for item in rig.diagnostics[-1].status[0].values}
+        assert (values["tracked"], values["dropped_failed"]) == ("20", "0")
+        assert len([line for line in node.lines if f"ZeroDivisionError: {REFUSAL}" in line]) == 1

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.slam.keyframe_stream import MOST_WAITING, KeyframeStream, NewKeyframe
-from rgbd_glue_ros.types import Float64, PoseGraphEdge
+from rgbd_glue_ros.slam.optimiser import TRUSTED
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
 
 def pose(x: float) -> Float64:
@@ -47,14 +48,35 @@ def test_the_first_edge_makes_two_keyframes_and_each_further_one(edge_comes_firs
     ]
 
 
-def test_an_edge_to_an_anchor_comes_by_itself() -> None:
+def test_an_edge_to_an_anchor_comes_by_itself_as_a_revisit() -> None:
     stream = KeyframeStream()
     for number, stamp in ((0, 100), (1, 200), (2, 300)):
         stream.add_pose(stamp, pose(number))
         if number:
-            stream.add_edge(stamp, edge(number - 1, number))
+            keyframes, _ = stream.add_edge(stamp, edge(number - 1, number))
+            assert keyframes[-1].edge is not None
+            assert keyframes[-1].edge.origin is EdgeOrigin.TRACKING
     late = edge(0, 2)
-    assert stream.add_edge(300, late) == ([], late)
+    keyframes, revisit = stream.add_edge(300, late)
+    assert keyframes == []
+    assert revisit is not None
+    assert (revisit.parent, revisit.child) == (0, 2)
+    assert revisit.T_parent_child is late.T_parent_child
+    # the map doubts it, since two places may be alike
+    assert revisit.origin is EdgeOrigin.REVISIT
+    assert revisit.origin not in TRUSTED
+
+
+def test_a_revisit_that_comes_before_the_pose_is_not_taken_for_the_edge_of_tracking() -> None:
+    stream = KeyframeStream()
+    stream.add_pose(100, pose(0))
+    stream.add_pose(200, pose(1))
+    stream.add_edge(200, edge(0, 1))
+    tracked, revisit = edge(1, 2), edge(0, 2)
+    for early in (tracked, revisit):
+        assert stream.add_edge(300, early) == ([], None)
+    (keyframe,) = stream.add_pose(300, pose(2))
+    assert keyframe.edge is tracked
 
 
 def test_after_a_reset_a_new_graph_begins() -> None:
@@ -66,6 +88,19 @@ def test_after_a_reset_a_new_graph_begins() -> None:
     stream.add_pose(1100, pose(1))
     keyframes, _ = stream.add_edge(1100, edge(0, 1))
     assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
+
+
+def test_keyframes_whose_edges_are_on_the_way_are_awaited() -> None:
+    stream = KeyframeStream()
+    stream.add_pose(100, pose(0))
+    stream.add_pose(200, pose(1))
+    # the first of a graph has no edge of its own
+    assert list(stream.awaited_ns) == [100, 200]
+    stream.add_edge(200, edge(0, 1))
+    assert list(stream.awaited_ns) == []
+    for stamp in (300, 400, 500):
+        stream.add_pose(stamp, pose(2))
+    assert list(stream.awaited_ns) == [400, 500]
 
 
 def test_a_bag_that_begins_anew_begins_a_new_graph_by_the_same_numbers_and_stamps() -> None:

@@ -246,14 +246,39 @@ def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
     assert restored == [3]
     assert live.locate(keyed(1))
     placed.append(live.is_placed)
-    # the odometry starts anew: where its frame is in the map is not known
+    # the odometry starts anew: where its frame is in the map is not known, but the map is as it was
     live.clear()
-    assert restored == [3, 3]
+    assert restored == [3]
     placed.append(live.is_placed)
     live.add(0, replace(keyed(1), edges=()))
     placed.append(live.is_placed)
     assert placed == [False, True, False, True]
     assert len(live.saved()) == 4
     live.clear()
-    assert restored == [3, 3, 3]
+    assert restored == [3, 3]
     assert len(live.saved()) == 3
+
+
+def test_while_a_map_is_restored_the_pose_of_odom_in_it_is_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    before = LiveMap(config())
+    for number in range(3):
+        before.add(number, keyed(number))
+    live = LiveMap(config(), before.saved())
+    live.add(0, replace(keyed(1), edges=()))
+    assert live.is_placed
+    # another thread may broadcast the pose meanwhile
+    during: list[bool] = []
+    restore = mapper.Mapper.restore
+
+    def watched(self: mapper.Mapper, saved: SavedMap) -> None:
+        during.append(live.is_placed)
+        restore(self, saved)
+        during.append(live.is_placed)
+
+    monkeypatch.setattr(mapper.Mapper, "restore", watched)
+    live.clear()
+    assert during == [False, False]
+    assert not live.is_placed
