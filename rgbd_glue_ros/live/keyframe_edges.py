@@ -1,10 +1,16 @@
-"""Edges between keyframes as messages, as the node publishes them."""
+"""Edges between keyframes as messages, as the node publishes and the mapping node reads them."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.types import PoseGraphEdge
 
 
@@ -24,3 +30,23 @@ def edge_message(edge: PoseGraphEdge, stamp_ns: int) -> fields.Odometry:
         topics.KEYFRAME_FRAME.format(edge.child),
         fields.PoseWithCovariance(pose, covariance),
     )
+
+
+def edge_from_message(message: Any) -> PoseGraphEdge:
+    """The edge of a message of ``edge_message``, which may also be rclpy's nav_msgs/Odometry.
+
+    Raises:
+        InputError: the pose or the covariance is invalid, or a frame is not named as a keyframe.
+    """
+    T = pose_from_message(message, topics.KEYFRAME_EDGES)
+    parent, child = (
+        topics.keyframe_number(name) for name in (message.header.frame_id, message.child_frame_id)
+    )
+    covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
+    if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0):
+        raise InputError(
+            topics.KEYFRAME_EDGES,
+            "a covariance is not positive definite",
+            "subscribe to the edges of the odometry node",
+        )
+    return PoseGraphEdge(parent, child, T, se3.perturbation_covariance(T, covariance))

@@ -36,7 +36,7 @@ LOOK_S = 5.0
 
 @dataclass(frozen=True)
 class _Counts:
-    """Counts of messages and frames so far.
+    """Counts of messages and frames: so far, or since the last check.
 
     Attributes:
         matches: complete frames.
@@ -55,6 +55,22 @@ class _Counts:
     processed: int
     left_out: int
     waited_ns: int
+
+    def minus(self, before: _Counts) -> _Counts:
+        """The counts since earlier ones."""
+        return _Counts(
+            self.matches - before.matches,
+            _difference(self.received, before.received),
+            _difference(self.missing, before.missing),
+            _difference(self.backward, before.backward),
+            self.processed - before.processed,
+            self.left_out - before.left_out,
+            self.waited_ns - before.waited_ns,
+        )
+
+
+def _difference(now: dict[Channel, int], before: dict[Channel, int]) -> dict[Channel, int]:
+    return {channel: count - before[channel] for channel, count in now.items()}
 
 
 class NodeWatch:
@@ -117,52 +133,53 @@ class NodeWatch:
     def _look(self, inputs: Sequence[NodeInput]) -> None:
         now, before = self._counts(), self._before
         self._before = now
-        received = {c: now.received[c] - before.received[c] for c in Channel}
-        # times of receipt jitter, so their gaps say nothing about losses
-        missing = {
-            c: 0 if self._stamps.is_by_receipt(c) else now.missing[c] - before.missing[c]
-            for c in Channel
-        }
-        synchronizer = self._synchronizer
-        rates = None if self._stamps.unstamped else explain_rates(received, synchronizer.periods_ns)
-        lost = None if rates else explain_losses(received, missing, _profiles_to_set())
-        gaps = explain_gaps(received, missing)
-        # a frame needs both images, so frames may come less often than colour
-        matches = max(now.matches - before.matches, 1)
-        period_ns = synchronizer.period_ns * max(received[Channel.COLOR], matches) // matches
-        processed, left_out = now.processed - before.processed, now.left_out - before.left_out
-        slow = explain_waiting(
-            processed,
-            left_out,
-            period_ns,
-            now.waited_ns - before.waited_ns,
-            self._monitor.waited_for,
-        ) or explain_slowness(
-            processed,
-            left_out,
-            period_ns,
-            self._monitor.width,
-            self._learned,
-        )
-        self._warn_if_new("rates", rates)
-        self._warn_if_new("lost", lost)
-        self._warn_if_new("gaps", gaps)
-        self._warn_if_new("slow", slow)
-        self.drops = "; ".join(line for line in (rates, lost, gaps, slow) if line)
+        since, synchronizer = now.minus(before), self._synchronizer
+        self._look_for_losses(since)
         self._warn_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
-        queue_needed = synchronizer.queue_needed
-        if now.matches > before.matches:  # otherwise it is part of the reason for silence
-            self._warn_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
         self._warn_if_new("name", explain_namesakes(self._node))
-        if now.matches > before.matches:
-            self.silence = ""
-            self._silences.forget()
-            self._synchronizer.forget_misses()
+        if not since.matches:
+            self._explain_no_frame(inputs, since)
             return
-        backward = [c for c in Channel if 2 * (now.backward[c] - before.backward[c]) > received[c]]
-        self.silence = self._explain_silence(inputs, received, backward)
+        # without matches it is part of the reason for silence
+        queue_needed = synchronizer.queue_needed
+        self._warn_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
+        self.silence = ""
+        self._silences.forget()
+        synchronizer.forget_misses()
+
+    def _look_for_losses(self, since: _Counts) -> None:
+        """Explains messages and frames that were lost or left out since the last check."""
+        received, synchronizer = since.received, self._synchronizer
+        # times of receipt jitter, so their gaps say nothing about losses
+        missing = {
+            c: 0 if self._stamps.is_by_receipt(c) else count for c, count in since.missing.items()
+        }
+        rates = None if self._stamps.unstamped else explain_rates(received, synchronizer.periods_ns)
+        causes = {
+            "rates": rates,
+            "lost": None if rates else explain_losses(received, missing, _profiles_to_set()),
+            "gaps": explain_gaps(received, missing),
+            "slow": self._explain_left_out(since),
+        }
+        for what, line in causes.items():
+            self._warn_if_new(what, line)
+        self.drops = "; ".join(line for line in causes.values() if line)
+
+    def _explain_left_out(self, since: _Counts) -> str | None:
+        # a frame needs both images, so frames may come less often than colour
+        matches = max(since.matches, 1)
+        received = max(since.received[Channel.COLOR], matches)
+        period_ns = self._synchronizer.period_ns * received // matches
+        processed, left_out, monitor = since.processed, since.left_out, self._monitor
+        return explain_waiting(
+            processed, left_out, period_ns, since.waited_ns, monitor.waited_for
+        ) or explain_slowness(processed, left_out, period_ns, monitor.width, self._learned)
+
+    def _explain_no_frame(self, inputs: Sequence[NodeInput], since: _Counts) -> None:
+        backward = [c for c in Channel if 2 * since.backward[c] > since.received[c]]
+        self.silence = self._explain_silence(inputs, since.received, backward)
         # a line that differs only in its counts is not news
         if self._silences.is_news("silence", self.silence):
             self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {self.silence}")

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path as PathMessage
@@ -26,6 +25,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.live.keyframe_edges import edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.recent_images import RecentImages
 from rgbd_glue_ros.live.worker import QueueWorker
@@ -143,7 +143,7 @@ class MappingNode(BaseNode):
 
     def _take_edge(self, message: OdometryMessage) -> None:
         keyframes, late = self._stream.add_edge(
-            stamp_ns(message.header.stamp), _edge_from_message(message)
+            stamp_ns(message.header.stamp), edge_from_message(message)
         )
         self._submit([*keyframes, *([] if late is None else [late])])
 
@@ -311,26 +311,6 @@ def _given_map(config: cfg.NodeConfig) -> SavedMap | None:
     if config.localize_only:
         raise InputError("localize_only", "there is no map", "set map_file")
     return None
-
-
-def _edge_from_message(message: OdometryMessage) -> PoseGraphEdge:
-    """Reads an edge from a message of ``edge_message``.
-
-    Raises:
-        InputError: the pose or the covariance is invalid, or a frame is not named as a keyframe.
-    """
-    T = pose_from_message(message, topics.KEYFRAME_EDGES)
-    parent, child = (
-        topics.keyframe_number(name) for name in (message.header.frame_id, message.child_frame_id)
-    )
-    covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
-    if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0):
-        raise InputError(
-            topics.KEYFRAME_EDGES,
-            "a covariance is not positive definite",
-            "subscribe to the edges of the odometry node",
-        )
-    return PoseGraphEdge(parent, child, T, se3.perturbation_covariance(T, covariance))
 
 
 def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:

@@ -1,0 +1,42 @@
+"""An edge is read as it was written, and refused if it is not one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live.keyframe_edges import edge_from_message, edge_message
+from rgbd_glue_ros.types import EdgeOrigin, PoseGraphEdge
+
+ROOT = np.random.default_rng(0).normal(size=(6, 6))
+EDGE = PoseGraphEdge(
+    3, 7, se3.exp(np.array([0.4, -0.1, 0.2, 0.3, -0.5, 0.1])), ROOT @ ROOT.T, EdgeOrigin.TRACKING
+)
+
+
+def test_an_edge_is_read_as_it_was_written() -> None:
+    read = edge_from_message(edge_message(EDGE, 5))
+    assert (read.parent, read.child) == (3, 7)
+    np.testing.assert_allclose(read.T_parent_child, EDGE.T_parent_child, atol=1e-12)
+    np.testing.assert_allclose(read.covariance, EDGE.covariance, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"child_frame_id": "base_link"}, "'base_link' is no keyframe"),
+        ({"covariance": np.zeros(36)}, "not positive definite"),
+        ({"covariance": np.full(36, np.nan)}, "not positive definite"),
+    ],
+)
+def test_what_is_no_edge_is_refused(changes: dict[str, Any], says: str) -> None:
+    message = edge_message(EDGE, 5)
+    if "covariance" in changes:
+        changes = {"pose": replace(message.pose, **changes)}
+    with pytest.raises(InputError, match=says):
+        edge_from_message(replace(message, **changes))
