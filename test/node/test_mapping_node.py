@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import Enum
 from itertools import count
@@ -13,7 +14,6 @@ import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
 from rigs.drifted import CHANGED, Drifted, drifted, rmse
-from rigs.paths import ROOT
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
@@ -41,6 +41,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
+from rigs.faults import rig_environment
 from rigs.ros import OPTICAL_FRAME, START_S, frame_messages
 from rigs.slow_map_writer import PIPE
 from rigs.tf import Robot, transform
@@ -119,6 +120,18 @@ class Session:
             messages.color.encoding = "of nobody"
         if images is not Images.LOST:
             self._robot.send(messages)
+
+    def map_as_tracked(self, keyframes: Sequence[Drifted]) -> None:
+        """Publishes keyframes without drift, and waits until they are mapped."""
+        for keyframe in keyframes:
+            self.publish(keyframe, keyframe.keyframe.T_odom_camera)
+        self.wait_for_path_of(len(keyframes))
+
+    def map_with_drift(self, keyframes: Sequence[Drifted]) -> None:
+        """Publishes keyframes where drift has them, and waits until they are mapped."""
+        for keyframe in keyframes:
+            self.publish(keyframe, keyframe.T_odom_camera)
+        self.wait_for_path_of(len(keyframes))
 
     def rest(self, keyframe: Drifted, later_ns: int) -> None:
         """A later frame with a pose, which is no keyframe."""
@@ -205,9 +218,7 @@ def test_a_node_starts_with_a_saved_map_and_localises_odom_in_it(
         Robot(ros_domain) as robot,
     ):
         session = Session(robot, node)
-        for keyframe in keyframes:
-            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
-        session.wait_for_path_of(len(keyframes))
+        session.map_as_tracked(keyframes)
         assert not robot.set_parameter(NODE_NAME, "save_map_file", str(room))
         assert session.save() == f"{room}: {len(keyframes)} keyframes"
     assert not (tmp_path / "before.rgbdmap").exists()
@@ -245,14 +256,10 @@ def test_when_a_bag_restarts_nothing_waits_for_images_from_before(
         Robot(ros_domain) as robot,
     ):
         session = Session(robot, node)
-        for keyframe in keyframes:
-            session.publish(keyframe, keyframe.T_odom_camera)
-        session.wait_for_path_of(len(keyframes))
+        session.map_with_drift(keyframes)
         session.publish(without_images, without_images.T_odom_camera, images=Images.LOST)
         session.save()  # which is answered once the keyframe has been received
-        for keyframe in keyframes[:2]:
-            session.publish(keyframe, keyframe.T_odom_camera)
-        session.wait_for_path_of(2)
+        session.map_with_drift(keyframes[:2])
     stamps = [recorded_frames()[keyframe.row].stamp_ns for keyframe in keyframes[:2]]
     assert [stamp_ns(pose.header.stamp) for pose in session.paths[-1].poses] == stamps
 
@@ -269,9 +276,7 @@ def test_a_new_map_starts_even_if_the_first_image_of_the_new_graph_is_missing(
         Robot(ros_domain) as robot,
     ):
         session = Session(robot, node)
-        for keyframe in before:
-            session.publish(keyframe, keyframe.T_odom_camera)
-        session.wait_for_path_of(len(before))
+        session.map_with_drift(before)
         session.publish(first, first.T_odom_camera, images=Images.LOST)
         for keyframe in after:
             session.publish(keyframe, keyframe.T_odom_camera)
@@ -293,9 +298,7 @@ def test_images_of_keyframes_have_the_size_of_those_in_the_odometry(
         Robot(ros_domain) as robot,
     ):
         session = Session(robot, node)
-        for keyframe in keyframes:
-            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
-        session.wait_for_path_of(len(keyframes))
+        session.map_as_tracked(keyframes)
         session.save()
     assert [view.rest.intrinsics.width for view in read_map(room).views] == [width, width]
 
@@ -373,20 +376,14 @@ def test_while_a_map_is_being_written_map_odom_is_published(
 ) -> None:
     keyframes, pipe, room = drifted()[:2], tmp_path / "pipe", tmp_path / "room.rgbdmap"
     os.mkfifo(pipe)
-    environment = {
-        **ros_environment(ros_domain),
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
-        PIPE: str(pipe),
-    }
+    environment = {**rig_environment(ros_domain), PIPE: str(pipe)}
     given = {**CHANGED, "save_map_file": str(room)}
     with (
         NodeProcess(given, environment, module="rigs.slow_map_writer") as node,
         Robot(ros_domain) as robot,
     ):
         session = Session(robot, node)
-        for keyframe in keyframes:
-            session.publish(keyframe, keyframe.keyframe.T_odom_camera)
-        session.wait_for_path_of(len(keyframes))
+        session.map_as_tracked(keyframes)
         client = robot.node.create_client(Trigger, f"/{NODE_NAME}/save_map")
         robot.wait(client.service_is_ready, "the service")
         answer = client.call_async(Trigger.Request())

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
-from rigs.paths import ROOT
 
-from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import MATCHES
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -20,7 +17,7 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from rigs.faults import node_in, shown
+from rigs.faults import node_in, rig_node
 from rigs.node_without_pictures import REFUSAL
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, Rig, corner_frame
 from rigs.unseen import covered
@@ -77,12 +74,8 @@ def test_a_bag_that_begins_anew_has_a_first_pose_again(ros_domain: int) -> None:
 
 @pytest.mark.slow
 def test_pictures_that_cannot_be_drawn_cost_no_pose_and_are_told_once(ros_domain: int) -> None:
-    environment = {
-        **ros_environment(ros_domain),
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
-    }
     with (
-        shown(NodeProcess({}, environment, module="rigs.node_without_pictures")) as node,
+        rig_node(ros_domain, "node_without_pictures") as node,
         Rig(ros_domain) as rig,
     ):
         # without a subscriber only the viewer fails, and later the picture of the matches

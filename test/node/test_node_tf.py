@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import itertools
-import os
 import time
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs.paths import ROOT
 
-from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
+from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.patient_lookup import MOST_MISSES
@@ -25,7 +23,7 @@ pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed (scripts/tf2-m
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
-from rigs.faults import running_node, shown
+from rigs.faults import rig_environment, running_node, shown
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, corner_frame
 from rigs.tf import T_BASE_LINK, Robot, transform
 from tf2_msgs.msg import TFMessage
@@ -117,12 +115,8 @@ def test_with_a_guess_frame_its_motion_is_used_and_its_pose_in_odom_is_published
 @pytest.mark.parametrize("module", ["rgbd_glue_ros.node", "rigs.node_with_tf2_ros"])
 def test_the_guess_is_used_after_a_bag_has_begun_anew(ros_domain: int, module: str) -> None:
     given = {"frame_id": "base_link", "guess_frame_id": "wheels"}
-    environment = {
-        **ros_environment(ros_domain),
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}",
-    }
     with (
-        shown(NodeProcess(given, environment, module=module)) as node,
+        shown(NodeProcess(given, rig_environment(ros_domain), module=module)) as node,
         Robot(ros_domain) as robot,
     ):
         robot.tell_where_the_camera_is()

@@ -36,11 +36,14 @@ def running_node(
     return shown(NodeProcess(parameters, ros_environment(domain), arguments))
 
 
+def rig_environment(domain: int) -> dict[str, str]:
+    """The environment of a node that a module beside this one runs."""
+    return {**ros_environment(domain), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}"}
+
+
 def rig_node(domain: int, module: str) -> AbstractContextManager[NodeProcess]:
     """A node that a module beside this one runs; it may end."""
-    places = {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}"}
-    environment = {**ros_environment(domain), **places}
-    return shown(NodeProcess({}, environment, module=f"rigs.{module}"))
+    return shown(NodeProcess({}, rig_environment(domain), module=f"rigs.{module}"))
 
 
 @contextmanager

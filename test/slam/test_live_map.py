@@ -224,13 +224,19 @@ def test_loops_with_which_there_is_no_optimum_cost_no_keyframe(
     np.testing.assert_allclose(live.T_map_odom, np.eye(4), atol=1e-3)
 
 
-def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def map_of_three() -> SavedMap:
+    """A map as it is saved after the first three keyframes."""
     pytest.importorskip("pyhbst", reason="pyHBST is not installed")
     before = LiveMap(config())
     for number in range(3):
         before.add(number, keyed(number))
+    return before.saved()
+
+
+def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = map_of_three()
     restored: list[int] = []
     restore = mapper.Mapper.restore
 
@@ -239,7 +245,7 @@ def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
         restore(self, saved)
 
     monkeypatch.setattr(mapper.Mapper, "restore", counted)
-    live = LiveMap(config(), before.saved())
+    live = LiveMap(config(), before)
     placed = [live.is_placed]
     # the first graph begins
     live.clear()
@@ -262,11 +268,8 @@ def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
 def test_while_a_map_is_restored_the_pose_of_odom_in_it_is_unknown(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
-    before = LiveMap(config())
-    for number in range(3):
-        before.add(number, keyed(number))
-    live = LiveMap(config(), before.saved())
+    before = map_of_three()
+    live = LiveMap(config(), before)
     live.add(0, replace(keyed(1), edges=()))
     assert live.is_placed
     # another thread may broadcast the pose meanwhile
