@@ -94,7 +94,7 @@ def test_silence_is_logged_once_for_each_cause_however_much_arrives(ros_domain: 
         def is_seen(missing: str, times: int, *, is_color: bool) -> bool:
             publish(next(numbers), is_color=is_color)
             rig.spin_for(0.05 * (1 + len(seen)))
-            if f"{missing} missing" in told(rig):
+            if f"; {missing} missing" in told(rig):
                 seen.add(told(rig))
             return len(seen) >= times
 
@@ -107,8 +107,8 @@ def test_silence_is_logged_once_for_each_cause_however_much_arrives(ros_domain: 
         rig.wait(lambda: is_seen("depth and camera_info are", 1, is_color=True), "a look at images")
         lines = [line for line in node.lines if "No frame for 1 s" in line]
         assert len({line.partition("No frame")[2] for line in lines}) == len(lines)
-        assert len([line for line in lines if "depth and camera_info are missing" in line]) == 1
-        assert len([line for line in lines if "color and camera_info are missing" in line]) == 1
+        assert len([line for line in lines if "; depth and camera_info are missing" in line]) == 1
+        assert len([line for line in lines if "; color and camera_info are missing" in line]) == 1
 
 
 @pytest.mark.slow
