@@ -35,8 +35,9 @@ def normalised_errors(estimates: Iterable[OdometryEstimate], reference: Trajecto
     errors = []
     for estimate, true in zip(posed, truth, strict=True):
         # a frame that restarts the odometry has its own number
-        if estimate.keyframe_id < len(keyframes):
-            errors.append(_normalised_error(estimate, true, *keyframes[estimate.keyframe_id]))
+        number = estimate.keyframe_id
+        if number is not None and number < len(keyframes):
+            errors.append(_normalised_error(estimate, true, *keyframes[number]))
         if estimate.is_keyframe:
             keyframes.append((estimate, true))
     normalised = np.array(errors, np.float64)

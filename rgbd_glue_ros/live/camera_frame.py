@@ -66,7 +66,7 @@ def explain_moved_camera(T_before: Float64, T_now: Float64) -> str | None:
     if metres < RIGID_M and radians < RIGID_RAD:
         return None
     return (
-        f"The camera moves on the robot, by {metres:.3f} m and {np.degrees(radians):.1f} degrees "
+        f"moves on the robot, by {metres:.3f} m and {np.degrees(radians):.1f} degrees "
         "since its pose was looked up: it is assumed to be fixed, so the robot's poses are off by "
         "as much. Mount it rigidly, or leave frame_id empty to publish the camera's own pose"
     )

@@ -134,7 +134,7 @@ class Monitor:
         self._evidence: dict[str, str] = {}
         self._imu: ImuCalibration | None = None
         self._last_estimate_ns = self._last_pose_ns = clock()
-        self._refused: Drop | None = None
+        self._refused = ""
         self._why_no_pose = ""
 
     def processed(
@@ -159,7 +159,7 @@ class Monitor:
             self._state = estimate.state
             self._frames += 1
             self._tracked += estimate.T_odom_camera is not None
-            self._refused = None
+            self._refused = ""
             self._last_estimate_ns = published_ns
             if estimate.T_odom_camera is not None:
                 self._last_pose_ns = published_ns
@@ -179,12 +179,12 @@ class Monitor:
             self.waited_for = transform
             self.waited_ns += duration_ns
 
-    def dropped(self, reason: Drop) -> None:
-        """Records a frame without an estimate."""
+    def dropped(self, reason: Drop, error: str = "") -> None:
+        """Records a frame without an estimate, and the error that caused this; "" if none did."""
         with self._lock:
             self._drops[reason] += 1
             if reason not in WISHED:
-                self._refused = reason
+                self._refused = f"{reason.value}: {error}" if error else reason.value
 
     def is_news(self, where: str, cause: str) -> bool:
         """As ``FaultNews.is_news``."""
@@ -207,11 +207,10 @@ class Monitor:
         """Why arriving frames are not processed; "" while they are."""
         with self._lock:
             # not since the last pose: a lost camera has none, although its frames are processed
-            refused, seconds = self._refused, (now_ns - self._last_estimate_ns) / NANOSECONDS
-            if refused is None or seconds < NO_POSE_S:
+            seconds = (now_ns - self._last_estimate_ns) / NANOSECONDS
+            if not self._refused or seconds < NO_POSE_S:
                 return ""
-            error = f": {self._faults.last}" if refused in {Drop.UNUSABLE, Drop.FAILED} else ""
-            return f"no frame was processed for {seconds:.0f} s, because {refused.value}{error}"
+            return f"no frame was processed for {seconds:.0f} s, because {self._refused}"
 
     def is_overdue(self, now_ns: int) -> bool:
         """Whether the last pose is more than ``NO_POSE_S`` old."""

@@ -6,9 +6,12 @@ import logging
 from abc import abstractmethod
 
 from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.node.log import LoggedNode, RosLogHandler
 from rgbd_glue_ros.parameters import PACKAGE
+
+logger = logging.getLogger(__name__)
 
 # How long a worker may take to finish: longer than the slowest frame, and shorter than a launch
 # system waits before it kills the process.
@@ -30,13 +33,28 @@ class BaseNode(Closing, LoggedNode):
         logging.getLogger(PACKAGE).addHandler(self._log_handler)
 
     def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault is new and should be logged."""
+        """Whether a fault differs from earlier ones in more than its numbers: then it is logged."""
         return self.monitor.is_news(where, cause)
 
+    def report(self, fault: InputError) -> None:
+        """Logs that something cannot be used as an error, if it is news."""
+        if self.is_news(fault.where, fault.cause):
+            self.get_logger().error(f"{fault} (logged once)")
+
+    def report_failure(self, what_failed: str, error: Exception) -> None:
+        """Logs an exception of this code with its traceback, if it is news.
+
+        Args:
+            what_failed: what it prevented.
+            error: the exception, which is being handled.
+        """
+        if self.is_news(what_failed, repr(error)):
+            logger.exception("%s; continuing", what_failed)
+
     def warn_once(self, where: str, cause: str | None) -> None:
-        """Logs a warning, unless one was logged before that differs only in its numbers."""
+        """Logs a warning, if it is news; None is none."""
         if cause is not None and self.is_news(where, cause):
-            self.get_logger().warning(f"{where}: {cause}")
+            self.get_logger().warning(f"{where}: {cause} (logged once)")
 
     @abstractmethod
     def _finish(self) -> bool:

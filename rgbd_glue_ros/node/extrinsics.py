@@ -8,7 +8,6 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.camera_frame import explain_moved_camera
 from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics, robot_extrinsics
-from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.guess import Guess, GuessInput
@@ -37,7 +36,6 @@ class NodeExtrinsics:
         self._looked_s = 0.0
         self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
         self._level: Extrinsics | None = None
-        self._news = FaultNews()
         self._guess: GuessInput | None = None
         if not config.guess_frame_id:
             return
@@ -116,8 +114,7 @@ class NodeExtrinsics:
             return
         T_now = self._transforms.lookup(self._config.frame_id, camera_frame, None, 0.0)
         moved = None if T_now is None else explain_moved_camera(T_robot_camera, T_now)
-        if moved is not None and self._news.is_news(camera_frame, "moves on the robot"):
-            self._node.get_logger().warning(moved)
+        self._node.warn_once(camera_frame, moved)
 
     def guess(self, stamp_ns: int, T_camera_child: Float64) -> Guess | None:
         """The pose from another odometry; None if there is none, or it is late or unusable.
@@ -138,11 +135,12 @@ class NodeExtrinsics:
         robot_frame = self._config.frame_id
         found = self._transforms.lookup(robot_frame, camera_frame, None, wait_s)
         what = f"from {camera_frame or 'images without a frame'} to {robot_frame}"
-        if found is None and self._news.is_news("TF", what):
-            self._node.get_logger().error(
-                f"TF: no transform {what} within {wait_s} s (logged once): make sure that "
-                "robot_state_publisher or static_transform_publisher runs, or set camera_pose"
+        if found is None:
+            remedy = (
+                "make sure that robot_state_publisher or static_transform_publisher runs, or set "
+                "camera_pose"
             )
+            self._node.report(InputError("TF", f"no transform {what} within {wait_s} s", remedy))
         return found
 
     @property

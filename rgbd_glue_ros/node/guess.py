@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live.patient_lookup import PatientLookup
-from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
@@ -47,8 +46,7 @@ class GuessInput:
             ),
             config.wait_for_transform,
         )
-        self._news = FaultNews()
-        self._is_told = False
+        self._is_missed = False
 
     def at(self, stamp_ns: int, T_child_camera: Float64) -> Guess | None:
         """The guess at the stamp of a frame; None if there is none, or it is late or unusable.
@@ -88,14 +86,11 @@ class GuessInput:
 
     def _report(self, fault: str) -> None:
         self._node.monitor.guess_fault = f"TF: {fault}"
-        if self._news.is_news("TF", fault):
-            self._is_told = True
-            self._node.get_logger().warning(
-                f"TF: {fault}. Tracking goes on without this guess (logged once)"
-            )
+        self._is_missed = True
+        self._node.warn_once("TF", f"{fault}. Tracking goes on without this guess")
 
     def _clear(self) -> None:
         self._node.monitor.guess_fault = ""
-        if self._is_told:
-            self._is_told = False
+        if self._is_missed:
+            self._is_missed = False
             self._node.get_logger().info(f"TF: the {self._name} is used")

@@ -6,17 +6,16 @@ import threading
 from collections import deque
 
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.channel_queue import BACKWARD_JUMP_NS
-from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
+from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
@@ -38,7 +37,7 @@ class ImuInput:
         topic: full name of the IMU topic.
     """
 
-    def __init__(self, node: Node, config: NodeConfig, transforms: Transforms | None) -> None:
+    def __init__(self, node: BaseNode, config: NodeConfig, transforms: Transforms | None) -> None:
         """Subscribes.
 
         Raises:
@@ -55,7 +54,6 @@ class ImuInput:
         self._changed = threading.Condition()
         self._has_waited = False
         self._is_used = False
-        self._news = FaultNews()
         # best effort matches every publisher, and a few of so many samples may be lost
         qos = QoSProfile(depth=_MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(Imu, self.topic, self._receive, qos)
@@ -67,8 +65,7 @@ class ImuInput:
         try:
             reading = imu_reading(message, stamp, self.topic)
         except InputError as fault:
-            if self._news.is_news(fault.where, fault.cause):
-                self._node.get_logger().warning(f"{fault} (logged once)")
+            self._node.warn_once(fault.where, f"{fault.cause}; {fault.remedy}")
             return
         with self._changed:
             if self._readings and stamp < self._readings[-1].stamp_ns - BACKWARD_JUMP_NS:
@@ -114,14 +111,11 @@ class ImuInput:
         if T_camera_imu is None:
             T_camera_imu = self._look_up(camera_frame, imu_frame)
         if T_camera_imu is None:
-            cause = (
+            self._node.warn_once(
+                self.topic,
                 f"TF has no transform from {imu_frame or 'the IMU, whose frame has no name,'} to "
-                f"{camera_frame}, so the IMU is not used yet"
+                f"{camera_frame}, so the IMU is not used yet; publish it, or set imu_pose",
             )
-            if self._news.is_news(self.topic, cause):
-                self._node.get_logger().warning(
-                    f"{self.topic}: {cause} (logged once): publish the transform, or set imu_pose"
-                )
             return None
         if not self._is_used:
             self._is_used = True

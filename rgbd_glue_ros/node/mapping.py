@@ -6,7 +6,6 @@ It subscribes to keyframes and their edges from the odometry node, and to images
 
 from __future__ import annotations
 
-import logging
 import sys
 import threading
 from collections import deque
@@ -47,8 +46,6 @@ from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
 from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame
-
-logger = logging.getLogger(f"{cfg.PACKAGE}.mapping")
 
 NODE_NAME = "rgbd_mapping"
 # Keyframes that wait for their images, and those that wait for the worker, at most.
@@ -181,7 +178,7 @@ class MappingNode(BaseNode):
             )
             self.warn_once(
                 f"keyframe {keyframe.number}",
-                f"no image has its stamp, so it is skipped; {why} (logged once)",
+                f"no image has its stamp, so it is skipped; {why}",
             )
         # even without images, its edges connect earlier keyframes with later ones
         self._worker.submit(_Keyframe(keyframe, match))
@@ -200,10 +197,9 @@ class MappingNode(BaseNode):
                 with self._map_lock:
                     self._map.clear()
         except InputError as fault:
-            self._report(fault)
+            self.report(fault)
         except Exception as error:
-            if self.is_news("a keyframe", repr(error)):
-                logger.exception("A keyframe could not be mapped; continuing without it")
+            self.report_failure("A keyframe could not be mapped", error)
 
     def _frame(self, item: _Keyframe) -> RgbdFrame | None:
         """The images of a keyframe; None if they are missing or unusable."""
@@ -212,12 +208,8 @@ class MappingNode(BaseNode):
         try:
             return self._input.frame(item.match)
         except InputError as fault:
-            self._report(fault)
+            self.report(fault)
             return None
-
-    def _report(self, fault: InputError) -> None:
-        if self.is_news(fault.where, fault.cause):
-            self.get_logger().error(f"{fault} (logged once)")
 
     def _add_edge(self, edge: PoseGraphEdge) -> None:
         extrinsics = self._extrinsics.known

@@ -220,13 +220,11 @@ class OdometryNode(BaseNode):
         try:
             tracked = self._track(arrival)
         except InputError as fault:
-            self.monitor.dropped(Drop.UNUSABLE)
-            if self.is_news(fault.where, fault.cause):
-                self.get_logger().error(f"{fault} (logged once, then counted)")
+            self.monitor.dropped(Drop.UNUSABLE, f"{fault.where}: {fault.cause}")
+            self.report(fault)
         except Exception as error:
-            self.monitor.dropped(Drop.FAILED)
-            if self.is_news("a frame", repr(error)):
-                logger.exception("The frame at %d ns failed; continuing", arrival.match.stamp_ns)
+            self.monitor.dropped(Drop.FAILED, repr(error))
+            self.report_failure(f"The frame at {arrival.match.stamp_ns} ns failed", error)
         else:
             if tracked is None:
                 self.monitor.dropped(Drop.UNPLACED)
@@ -270,8 +268,7 @@ class OdometryNode(BaseNode):
             self._outputs.show_matches(frame, estimate)
             self._viewer.show(frame, estimate, extrinsics, is_keyframe=is_keyframe)
         except Exception as error:
-            if self.is_news("after a frame", repr(error)):
-                logger.exception("Something failed after the pose was published; continuing")
+            self.report_failure("Something failed after the pose was published", error)
 
     def _update_map(
         self, estimate: OdometryEstimate, pose: PoseStamped | None, extrinsics: Extrinsics
@@ -289,8 +286,7 @@ class OdometryNode(BaseNode):
         try:
             is_keyframe = self._odometry.update_map() or estimate.is_keyframe
         except Exception as error:
-            if self.monitor.is_news("a keyframe", repr(error)):
-                logger.exception("A keyframe could not be made; continuing without it")
+            self.report_failure("A keyframe could not be made", error)
             return False
         keyframe = self._odometry.newest_keyframe
         if is_keyframe and pose is not None and keyframe is not None:
@@ -339,8 +335,7 @@ class OdometryNode(BaseNode):
     def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
         """Logs changes of state, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
-            if why and self.monitor.is_news("no pose", why):
-                self.get_logger().warning(f"No pose yet: {why}")
+            self.warn_once("No pose yet", why or None)
         elif estimate.state is before:
             pass
         elif estimate.state is TrackingState.LOST:

@@ -31,8 +31,6 @@ END_S = 2.0
 # The highest ROS domain that has ports (RTPS 2.2, 9.6.1.1).
 LAST_DOMAIN = 232
 
-logger = logging.getLogger(__name__)
-
 
 def init(name: str, args: list[str] | None) -> None:
     """Starts ROS without its signal handlers, which would end the context during a frame.
@@ -92,16 +90,11 @@ def _warn_of_shared_memory(name: str) -> None:
 class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
     """An executor that continues after exceptions, for example of a malformed message."""
 
-    def __init__(self, node: Node, is_news: Callable[[str, str], bool]) -> None:
-        """Adds a node.
-
-        Args:
-            node: the node.
-            is_news: whether a fault, given by place and cause, is new and should be logged.
-        """
+    def __init__(self, node: BaseNode) -> None:
+        """Adds a node, which reports the exceptions of its callbacks."""
         super().__init__()
         self.add_node(node)
-        self._is_news = is_news
+        self._node = node
 
     def spin_until(self, is_over: Callable[[], bool]) -> None:
         """Runs callbacks until ``is_over``, which is checked after each and after ``wake``.
@@ -119,11 +112,9 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
         except ConditionReachedException:
             pass
         except InputError as fault:
-            if self._is_news(fault.where, fault.cause):
-                logger.error("%s (logged once)", fault)  # noqa: TRY400 - a fault of the message, not of the code
+            self._node.report(fault)
         except Exception as error:
-            if self._is_news("a callback", repr(error)):
-                logger.exception("A callback failed; continuing")
+            self._node.report_failure("A callback failed", error)
 
 
 def run_node(
@@ -156,7 +147,7 @@ def run_node(
         init(name, args)
         _warn_of_shared_memory(name)
         with create(give_up) as node:
-            executor = NodeExecutor(node, node.is_news)
+            executor = NodeExecutor(node)
             spinning = threading.Thread(
                 target=executor.spin_until, args=[told_to_end.is_set], daemon=True
             )

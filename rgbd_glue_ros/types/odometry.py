@@ -49,7 +49,7 @@ class OdometryEstimate:
         twist_covariance: float64 [6, 6] of ``twist``; None if that is None.
         is_keyframe: whether the frame is known to be a keyframe.
         keyframe_id: number of the keyframe that the frame was registered against (its own
-            number if it became the first); -1 if there is none.
+            number if it became the first); None if there is no pose.
         registration: against that keyframe, or the failed one when LOST; None for a frame at
             which the odometry starts or restarts.
         edges: measured between keyframes since the previous estimate, including this frame's.
@@ -67,7 +67,7 @@ class OdometryEstimate:
     twist: Float64 | None = None
     twist_covariance: Float64 | None = None
     is_keyframe: bool = False
-    keyframe_id: int = -1
+    keyframe_id: int | None = None
     registration: RegistrationResult | None = None
     edges: tuple[PoseGraphEdge, ...] = ()
     stages_ms: dict[str, float] = field(default_factory=dict)

@@ -93,11 +93,11 @@ def test_the_age_of_the_last_pose_is_measured_by_the_clock_not_by_stamps() -> No
     assert not monitor.is_overdue(now_ns + 500 * MS)
 
 
-def test_frames_that_are_all_refused_are_reported_with_the_last_error() -> None:
+def test_frames_that_are_all_refused_are_reported_with_what_refused_the_last() -> None:
     monitor = Monitor(lambda: 0)
     monitor.processed(POSE, 0, 0)
-    monitor.is_news("/rgb/image", "bayer_rggb8 is not known")
-    monitor.dropped(Drop.UNUSABLE)
+    monitor.dropped(Drop.UNUSABLE, "/rgb/image: bayer_rggb8 is not known")
+    monitor.is_news("/imu", "has no stamp")
     assert monitor.why_refused(1000 * MS) == ""
     why = monitor.why_refused(7000 * MS)
     assert why == (

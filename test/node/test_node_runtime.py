@@ -14,30 +14,40 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 import rclpy
 from rclpy.node import Node
 
+from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.input_watch import explain_namesakes
 from rgbd_glue_ros.node.runtime import NodeExecutor
 
 PATIENCE_S = 10.0
 
 
+class WorkedNode(BaseNode):
+    """Keeps what its callbacks raised."""
+
+    def __init__(self) -> None:
+        super().__init__("worked")
+        self.failures: list[str] = []
+
+    def report_failure(self, what_failed: str, error: Exception) -> None:
+        super().report_failure(what_failed, error)
+        self.failures.append(repr(error))
+
+    def _finish(self) -> bool:
+        return True
+
+
 @pytest.fixture
-def node(ros_domain: int) -> Iterator[Node]:
+def node(ros_domain: int) -> Iterator[WorkedNode]:
     rclpy.init(domain_id=ros_domain)
-    node = Node("worked")
-    yield node
-    node.destroy_node()
+    with WorkedNode() as node:
+        yield node
     rclpy.shutdown()
 
 
-def run(node: Node, faults: list[str], until: Callable[[], bool]) -> None:
+def run(node: BaseNode, until: Callable[[], bool]) -> None:
     """Spins on another thread until a condition holds, which this thread notices."""
-
-    def is_news(where: str, cause: str) -> bool:
-        faults.append(cause)
-        return True
-
     over = threading.Event()
-    executor = NodeExecutor(node, is_news)
+    executor = NodeExecutor(node)
     spinning = threading.Thread(target=executor.spin_until, args=[over.is_set], daemon=True)
     spinning.start()
     while not until():
@@ -49,22 +59,21 @@ def run(node: Node, faults: list[str], until: Callable[[], bool]) -> None:
     executor.shutdown()
 
 
-def test_the_executor_ends_without_an_error_however_busy_it_is(node: Node) -> None:
+def test_the_executor_ends_without_an_error_however_busy_it_is(node: WorkedNode) -> None:
     calls: list[None] = []
     node.create_timer(1e-4, lambda: calls.append(None))
-    faults: list[str] = []
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)  # so that threads meet at every place
     try:
         for _ in range(50):
             calls.clear()
-            run(node, faults, lambda: bool(calls))
+            run(node, lambda: bool(calls))
     finally:
         sys.setswitchinterval(interval)
-    assert not faults
+    assert not node.failures
 
 
-def test_the_executor_continues_after_a_failed_callback(node: Node) -> None:
+def test_the_executor_continues_after_a_failed_callback(node: WorkedNode) -> None:
     calls: list[None] = []
 
     def fail() -> None:
@@ -72,10 +81,9 @@ def test_the_executor_continues_after_a_failed_callback(node: Node) -> None:
         raise ValueError("as a callback may")
 
     node.create_timer(1e-3, fail)
-    faults: list[str] = []
-    run(node, faults, lambda: len(calls) > 3)
-    assert set(faults) == {"ValueError('as a callback may')"}
-    assert len(faults) == len(calls) > 3
+    run(node, lambda: len(calls) > 3)
+    assert set(node.failures) == {"ValueError('as a callback may')"}
+    assert len(node.failures) == len(calls) > 3
 
 
 def test_a_second_node_with_the_same_name_is_reported(node: Node) -> None:
