@@ -111,6 +111,12 @@ def is_clear(
     return bool(np.count_nonzero(agreeing) >= _DECIDING_MATCHES)
 
 
+def fit(refinement: Refinement) -> float:
+    """How well planes and pixels agree with a pose."""
+    correlation = max(refinement.brightness_correlation, 0.0)
+    return refinement.plane_agreement + _TEXTURE * correlation
+
+
 def _is_better(
     candidate: Candidate, than: Candidate, matches: Correspondences, inlier_threshold: float
 ) -> bool:
@@ -118,7 +124,7 @@ def _is_better(
     T, T_other = candidate.estimate.T_track_camera, than.estimate.T_track_camera
     if se3.difference(T, T_other) <= _SAME:
         return False
-    by_images = _fit(candidate.coarse) - _fit(than.coarse)
+    by_images = fit(candidate.coarse) - fit(than.coarse)
     by_motion = _unlikeliness(than) - _unlikeliness(candidate)
     if by_images + _MOTION * by_motion > 0:
         return True
@@ -138,9 +144,3 @@ def _is_better(
 def _unlikeliness(candidate: Candidate) -> float:
     """From 0 for normal motion of a hand-held camera to 1 at the limit of what is possible."""
     return min(candidate.distance_squared / POSE_GATE, 1.0) ** 2
-
-
-def _fit(refinement: Refinement) -> float:
-    """How well planes and pixels agree with a pose."""
-    correlation = max(refinement.brightness_correlation, 0.0)
-    return refinement.plane_agreement + _TEXTURE * correlation

@@ -18,13 +18,15 @@ from rgbd_glue_ros.odometry.contradiction import settle_contradiction
 from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
-from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
+from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, fit, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
+    FINAL_LEVEL,
     PoseEstimate,
     PoseProblem,
 )
 from rgbd_glue_ros.odometry.progress import LastPose
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import Glue
@@ -37,6 +39,10 @@ from rgbd_glue_ros.types import (
     TransformPrior,
     stages,
 )
+
+# A pose slid if one near its start fits better by this much; from a wrong start, refinement also
+# ends in places that fit a little better.
+_SLID = 0.1
 
 
 @dataclass(frozen=True)
@@ -226,10 +232,34 @@ def _registered_candidates(
 
 def _candidate(T_track_camera: Float64, problem: PoseProblem, acceptance: Acceptance) -> Candidate:
     """The pose that refinement ends at from a start."""
-    coarse, coarse_ms = timed(problem.refined, T_track_camera, COARSE_LEVELS)
-    estimate, further_ms = timed(problem.refined_further, coarse, acceptance)
+    (estimate, coarse), ms = timed(_refined, T_track_camera, problem, acceptance)
     distance_squared = problem.predicted.distance_squared(estimate.T_track_camera)
-    return Candidate(estimate, coarse, distance_squared, coarse_ms + further_ms)
+    return Candidate(estimate, coarse, distance_squared, ms)
+
+
+def _refined(
+    T_track_camera: Float64, problem: PoseProblem, acceptance: Acceptance
+) -> tuple[PoseEstimate, Refinement]:
+    """The pose that refinement ends at from a start, and the pose after the coarse levels alone.
+
+    Along a corridor planes agree anywhere, but for errors of their normals. Those carry a pose away
+    at the coarse levels if too few pixels there hold it. So if it goes far, it is also refined
+    without these levels.
+    """
+    coarse = problem.refined(T_track_camera, COARSE_LEVELS)
+    estimate = problem.refined_further(coarse, acceptance)
+    if problem.basin.connects(T_track_camera, coarse.T_model_source):
+        return estimate, coarse
+    near = problem.refined(T_track_camera, [FINAL_LEVEL])
+    is_better = (
+        acceptance.is_plausible(near, near.planes_visible)
+        and 2 * near.pixels_seen >= acceptance.min_pixels
+        and fit(near) > fit(estimate.refinement) + _SLID
+    )
+    if not is_better:
+        return estimate, coarse
+    T_near = near.T_model_source
+    return PoseEstimate(near), evaluate_pose(T_near, problem, COARSE_LEVELS[-1])
 
 
 def _leaves_behind(

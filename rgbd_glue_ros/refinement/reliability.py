@@ -1,25 +1,26 @@
 """How much of the information about a pose is spurious, caused by errors of the derivatives.
 
-Normals have errors: from noise, and where a plane was fitted across an edge. In the normal
-equations the squares of these errors add up instead of cancelling, so that thousands of planes of
-one wall seem to hold a camera that can in fact slide along it. This is the bias of least squares
-with errors in the variables. A second measurement of the variables reveals it: how the residuals
-change when the pose moves, which depends on the depth image and hardly on the normals. The
-regression of the second measurement on the first is the reliability ratio (Fuller 1987, Measurement
-Error Models, 1.1): the fraction of the information that is real.
+Normals have errors: from noise, and where a plane was fitted across an edge. So have gradients of
+the brightness. In the normal equations the squares of these errors add up instead of cancelling, so
+that thousands of planes of one wall seem to hold a camera that can in fact slide along it. This is
+the bias of least squares with errors in the variables. A second measurement of the variables
+reveals it: how the residuals change when the pose moves, which depends on the images there and
+hardly on the derivatives here. The regression of the second measurement on the first is the
+reliability ratio (Fuller 1987, Measurement Error Models, 1.1): the fraction of the information that
+is real.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
-from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import Rows, plane_rows
+from rgbd_glue_ros.refinement.residual_rows import Rows, pixel_rows, plane_rows
 from rgbd_glue_ros.types import Float64
 
 
@@ -51,7 +52,12 @@ def without_spurious_information(
     as_one = problem.config.residuals_per_independent_one
     if eigenvalues[0] * reach**2 > as_one or not eigenvalues[0] > 0:
         return refinement
-    spurious = _spurious_information(T, weakest, reach, problem.at_level(0))
+    finest, brightness = problem.at_level(0), refinement.affine_brightness
+    spurious = _spurious_information(
+        lambda moved: plane_rows(moved, finest), T, weakest, reach
+    ) + _spurious_information(
+        lambda moved: pixel_rows(moved, finest, brightness), T, weakest, reach
+    )
     share = min(spurious / eigenvalues[0], 1.0)
     if share >= 1 / 2:
         share = 1.0
@@ -63,14 +69,13 @@ def without_spurious_information(
 
 
 def _spurious_information(
-    T: Float64, direction: Float64, reach: float, problem: LevelProblem
+    rows_at: Callable[[Float64], Rows], T: Float64, direction: Float64, reach: float
 ) -> float:
-    """The planes' information in a direction, times one minus the reliability ratio."""
-    rows = plane_rows(T, problem)
+    """The information of planes or pixels in a direction, times one minus the reliability ratio."""
+    rows = rows_at(T)
     derivative = rows.jacobian @ direction
     ahead, behind = (
-        _residuals(plane_rows(se3.exp(step * direction) @ T, problem), rows)
-        for step in (reach, -reach)
+        _residuals(rows_at(se3.exp(step * direction) @ T), rows) for step in (reach, -reach)
     )
     change = (ahead - behind) / (2 * reach)
     known = np.isfinite(change)
@@ -81,7 +86,7 @@ def _spurious_information(
 
 
 def _residuals(moved: Rows, rows: Rows) -> Float64:
-    """The residuals of the same planes at another pose; NaN for planes that are not seen there."""
+    """The residuals of the same points at another pose; NaN for those that are not seen there."""
     size = 1 + max(moved.point.max(initial=0), rows.point.max(initial=0))
     residuals = np.full(size, np.nan)
     residuals[moved.point] = moved.residual

@@ -1,4 +1,4 @@
-"""The information that errors of normals make up along a plane is told from what is real."""
+"""The information that errors of normals and gradients make up is told from what is real."""
 
 from __future__ import annotations
 
@@ -59,3 +59,21 @@ def test_in_an_empty_corridor_no_information_is_left_along_it_and_all_of_it_acro
     assert (left_of_it[[0, 1, 3, 4, 5]] > 0.9 * information[[0, 1, 3, 4, 5]]).all()
     # nor does the pose know of the way along it: it is back where it was expected
     assert abs(left.T_model_source[2, 3]) < 0.02
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_noise_of_the_gradients_of_edges_along_a_corridor_is_no_information(seed: int) -> None:
+    camera = Config().camera
+    scene = SCENES["an empty corridor at 10 Hz"]
+    frames = scene.noisy_frames(seed)
+    before, now = view_of(next(frames), camera), view_of(next(frames), camera)
+    model = model_of(before, CONFIG.grid_step)
+    pixels = [np.ones(len(level.points), bool) for level in model.pixels]
+    alone = model.selected(np.zeros(len(model.planes.points), bool), pixels)
+    problem = RefinementProblem(alone, now, CONFIG)
+    pose = evaluate_pose(scene.true_poses()[1], problem)
+    left = without_spurious_information(pose, np.eye(4), problem, REACH)
+    known, known_after = (np.linalg.eigvalsh(p.information) for p in (pose, left))
+    assert known[0] > 1000
+    assert known_after[0] < 0.9 * known[0]
+    assert (known_after[1:] > 0.9 * known[1:]).all()
