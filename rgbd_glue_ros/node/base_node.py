@@ -32,13 +32,9 @@ class BaseNode(Closing, LoggedNode):
         self._log_handler = RosLogHandler(self)
         logging.getLogger(PACKAGE).addHandler(self._log_handler)
 
-    def is_news(self, where: str, cause: str) -> bool:
-        """Whether a fault differs from earlier ones in more than its numbers: then it is logged."""
-        return self.monitor.is_news(where, cause)
-
     def report(self, fault: InputError) -> None:
-        """Logs that something cannot be used as an error, if it is news."""
-        if self.is_news(fault.where, fault.cause):
+        """Logs that something cannot be used as an error, if ``monitor.is_news``."""
+        if self.monitor.is_news(fault.where, fault.cause):
             self.get_logger().error(f"{fault} (logged once)")
 
     def report_failure(self, what_failed: str, error: Exception) -> None:
@@ -48,13 +44,15 @@ class BaseNode(Closing, LoggedNode):
             what_failed: what it prevented.
             error: the exception, which is being handled.
         """
-        if self.is_news(what_failed, repr(error)):
+        if self.monitor.is_news(what_failed, repr(error)):
             logger.exception("%s; continuing", what_failed)
 
-    def warn_once(self, where: str, cause: str | None) -> None:
-        """Logs a warning, if it is news; None is none."""
-        if cause is not None and self.is_news(where, cause):
-            self.get_logger().warning(f"{where}: {cause} (logged once)")
+    def warn_once(self, where: str, cause: str | None) -> bool:
+        """Logs a warning if it is news, and returns whether it was; None and "" are none."""
+        if not (cause and self.monitor.is_news(where, cause)):
+            return False
+        self.get_logger().warning(f"{where}: {cause} (logged once)")
+        return True
 
     @abstractmethod
     def _finish(self) -> bool:

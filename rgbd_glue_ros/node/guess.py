@@ -46,7 +46,7 @@ class GuessInput:
             ),
             config.wait_for_transform,
         )
-        self._is_missed = False
+        self._is_told = False
 
     def at(self, stamp_ns: int, T_child_camera: Float64) -> Guess | None:
         """The guess at the stamp of a frame; None if there is none, or it is late or unusable.
@@ -86,11 +86,11 @@ class GuessInput:
 
     def _report(self, fault: str) -> None:
         self._node.monitor.guess_fault = f"TF: {fault}"
-        self._is_missed = True
-        self._node.warn_once("TF", f"{fault}. Tracking goes on without this guess")
+        if self._node.warn_once("TF", f"{fault}. Tracking goes on without this guess"):
+            self._is_told = True
 
     def _clear(self) -> None:
         self._node.monitor.guess_fault = ""
-        if self._is_missed:
-            self._is_missed = False
+        if self._is_told:
+            self._is_told = False
             self._node.get_logger().info(f"TF: the {self._name} is used")

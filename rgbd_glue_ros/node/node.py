@@ -335,7 +335,7 @@ class OdometryNode(BaseNode):
     def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
         """Logs changes of state, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
-            self.warn_once("No pose yet", why or None)
+            self.warn_once("No pose yet", why)
         elif estimate.state is before:
             pass
         elif estimate.state is TrackingState.LOST:

@@ -11,34 +11,40 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
-from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.reliability import without_spurious_information
 from rgbd_glue_ros.types import Float64, View
 
 CONFIG = Config().refine
 REACH = 0.03
+CORRIDOR = SCENES["an empty corridor at 10 Hz"]
+
+
+def corridor_views(seed: int) -> tuple[View, View]:
+    """The first two frames of an empty corridor."""
+    frames, camera = CORRIDOR.noisy_frames(seed), Config().camera
+    return view_of(next(frames), camera), view_of(next(frames), camera)
 
 
 def evaluated(
-    before: View, now: View, T: Float64, reach: float = REACH
+    model: Model, now: View, T: Float64, reach: float = REACH
 ) -> tuple[Refinement, Refinement]:
     """A pose with spurious information and without it, where the start was expected."""
-    problem = RefinementProblem(model_of(before, CONFIG.grid_step), now, CONFIG)
+    problem = RefinementProblem(model, now, CONFIG)
     pose = evaluate_pose(T, problem)
     return pose, without_spurious_information(pose, np.eye(4), problem, reach)
 
 
 def test_a_pose_that_the_images_determine_is_left_unchanged() -> None:
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
-    pose, left = evaluated(room_view(0.0), room_view(0.3), truth)
+    pose, left = evaluated(model_of(room_view(0.0), CONFIG.grid_step), room_view(0.3), truth)
     assert left is pose
 
 
 def test_with_no_distance_to_compare_over_a_pose_is_left_unchanged() -> None:
-    frames = SCENES["an empty corridor at 10 Hz"].noisy_frames(0)
-    before, now = (view_of(next(frames), Config().camera) for _ in range(2))
-    pose, left = evaluated(before, now, np.eye(4), reach=0.0)
+    before, now = corridor_views(seed=0)
+    pose, left = evaluated(model_of(before, CONFIG.grid_step), now, np.eye(4), reach=0.0)
     assert left is pose
 
 
@@ -46,12 +52,9 @@ def test_with_no_distance_to_compare_over_a_pose_is_left_unchanged() -> None:
 def test_in_an_empty_corridor_no_information_is_left_along_it_and_all_of_it_across(
     seed: int,
 ) -> None:
-    camera = Config().camera
-    scene = SCENES["an empty corridor at 10 Hz"]
-    frames = scene.noisy_frames(seed)
-    before, now = view_of(next(frames), camera), view_of(next(frames), camera)
-    wrong = scene.true_poses()[1] @ se3.exp(np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0]))
-    pose, left = evaluated(before, now, wrong)
+    before, now = corridor_views(seed)
+    wrong = CORRIDOR.true_poses()[1] @ se3.exp(np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0]))
+    pose, left = evaluated(model_of(before, CONFIG.grid_step), now, wrong)
     information, left_of_it = np.diag(pose.information), np.diag(left.information)
     # the camera looks along z
     assert information[2] > 5000
@@ -62,17 +65,14 @@ def test_in_an_empty_corridor_no_information_is_left_along_it_and_all_of_it_acro
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_noise_of_the_gradients_of_edges_along_a_corridor_is_no_information(seed: int) -> None:
-    camera = Config().camera
-    scene = SCENES["an empty corridor at 10 Hz"]
-    frames = scene.noisy_frames(seed)
-    before, now = view_of(next(frames), camera), view_of(next(frames), camera)
+def test_noise_of_the_gradients_of_edges_is_not_counted_as_information_along_a_corridor(
+    seed: int,
+) -> None:
+    before, now = corridor_views(seed)
     model = model_of(before, CONFIG.grid_step)
     pixels = [np.ones(len(level.points), bool) for level in model.pixels]
     alone = model.selected(np.zeros(len(model.planes.points), bool), pixels)
-    problem = RefinementProblem(alone, now, CONFIG)
-    pose = evaluate_pose(scene.true_poses()[1], problem)
-    left = without_spurious_information(pose, np.eye(4), problem, REACH)
+    pose, left = evaluated(alone, now, CORRIDOR.true_poses()[1])
     known, known_after = (np.linalg.eigvalsh(p.information) for p in (pose, left))
     assert known[0] > 1000
     assert known_after[0] < 0.9 * known[0]
