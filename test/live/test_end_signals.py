@@ -20,6 +20,8 @@ from rgbd_glue_ros.live.end_signals import EndSignals, InterruptOnce
 
 PATIENCE_S = 20.0
 ATTEMPTS = 10  # where a signal meets the end is by chance
+SIGNAL_PERIOD_S = 1e-3
+"""Hundreds of thousands a second nest the interpreter's calls of a handler up to its limit."""
 ORDERS = [END_SIGNALS, END_SIGNALS[::-1]]
 
 WAITS = """
@@ -51,6 +53,15 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.fixture(autouse=True)
+def _handlers_as_before() -> Iterator[None]:
+    before = {number: signal.getsignal(number) for number in END_SIGNALS}
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize(("program", "code"), [(WAITS, 0), (IS_INTERRUPTED, 130)])
 def test_repeated_signals_end_a_program_once_and_in_order(
@@ -65,22 +76,22 @@ def test_repeated_signals_end_a_program_once_and_in_order(
             deadline = time.monotonic() + PATIENCE_S
             for how in itertools.cycle(order):
                 process.send_signal(how)
-                if process.poll() is not None or time.monotonic() > deadline:
+                if _has_ended(process) or time.monotonic() > deadline:
                     break
             process.kill()
             assert process.communicate() == ("ended in order\n", "")
         assert process.returncode == code
 
 
-@pytest.fixture
-def _handlers_as_before() -> Iterator[None]:
-    before = {number: signal.getsignal(number) for number in END_SIGNALS}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
+def _has_ended(process: subprocess.Popen[str]) -> bool:
+    """Whether it has within SIGNAL_PERIOD_S."""
+    try:
+        process.wait(SIGNAL_PERIOD_S)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 def test_a_later_signal_interrupts_the_handling_of_the_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -96,7 +107,6 @@ def test_a_later_signal_interrupts_the_handling_of_the_first(
         interrupt(signal.SIGINT, None)
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 @pytest.mark.parametrize("number", END_SIGNALS)
 def test_a_signal_during_a_computation_is_deferred_to_its_end(number: signal.Signals) -> None:
     interrupt = InterruptOnce()
@@ -111,7 +121,6 @@ def test_a_signal_during_a_computation_is_deferred_to_its_end(number: signal.Sig
     assert {signal.getsignal(n) for n in END_SIGNALS} == {interrupt}
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 def test_a_computation_that_fails_after_a_signal_ends_as_interrupted() -> None:
     InterruptOnce()
     with pytest.raises(KeyboardInterrupt), uninterrupted():  # noqa: PT012
@@ -119,7 +128,6 @@ def test_a_computation_that_fails_after_a_signal_ends_as_interrupted() -> None:
         raise ValueError
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 def test_a_second_request_interrupts_a_computation_that_may_be_stuck(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -133,7 +141,6 @@ def test_a_second_request_interrupts_a_computation_that_may_be_stuck(
             signal.raise_signal(signal.SIGINT)
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 def test_writing_results_after_an_interrupt_is_interrupted_by_the_next_request(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -150,7 +157,6 @@ def test_writing_results_after_an_interrupt_is_interrupted_by_the_next_request(
                 signal.raise_signal(signal.SIGINT)
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 def test_other_handlers_and_threads_are_left_alone() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -169,7 +175,6 @@ def test_other_handlers_and_threads_are_left_alone() -> None:
     assert seen == before
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 @pytest.mark.parametrize("take_over", [InterruptOnce, EndSignals])
 def test_a_process_under_nohup_continues_to_ignore_sighup(
     take_over: type[InterruptOnce | EndSignals],
@@ -181,7 +186,6 @@ def test_a_process_under_nohup_continues_to_ignore_sighup(
     assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
 
 
-@pytest.mark.usefixtures("_handlers_as_before")
 def test_a_deferred_signal_interrupts_between_the_compilation_of_two_functions() -> None:
     InterruptOnce()
 
