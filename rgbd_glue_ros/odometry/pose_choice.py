@@ -19,6 +19,11 @@ from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Correspondences
 
+CLEARLY_BETTER = 0.1
+"""A difference of fits that decides.
+
+From a wrong start, refinement also ends in places that fit a little better.
+"""
 # Poses refined from distant starts that end nearer than this, metres and radians added, are equal.
 _SAME = 0.01
 # The weight of brightness correlation relative to the agreement of planes: surfaces fill an image,

@@ -20,7 +20,6 @@ from rgbd_glue_ros.refinement.gauss_newton import (
     refine,
 )
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.reliability import without_spurious_information
 from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
 from rgbd_glue_ros.types import Float64
 
@@ -39,10 +38,13 @@ class PoseEstimate:
     Attributes:
         refinement: the pose, T_track_camera, and how well the frame agrees with it.
         twist: None if it was not measured.
+        view_twist: float64 [6], that the view had when the pose was refined; None if that was the
+            predicted one.
     """
 
     refinement: Refinement
     twist: TwistMeasurement | None = None
+    view_twist: Float64 | None = None
 
     @property
     def T_track_camera(self) -> Float64:
@@ -107,17 +109,14 @@ class PoseProblem(RefinementProblem):
         moving = self.with_twist_of(PoseEstimate(finer, twist))
         final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
         if acceptance.is_plausible(final, final.planes_visible):
-            return PoseEstimate(final, twist)
+            return PoseEstimate(final, twist, moving.view.twist)
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
-    def without_spurious_information(self, estimate: PoseEstimate) -> PoseEstimate:
-        """The estimate without the spurious part of its information.
-
-        In a direction in which nothing was measured, the pose is the predicted one.
-        """
-        expected, reach = self.predicted.T_track_camera, self.basin.translation
-        refinement = without_spurious_information(estimate.refinement, expected, self, reach)
-        return replace(estimate, refinement=refinement)
+    def as_refined(self, estimate: PoseEstimate) -> PoseProblem:
+        """The problem with the twist that an estimate was refined with."""
+        if estimate.view_twist is None:
+            return self
+        return replace(self, view=replace(self.view, twist=estimate.view_twist))
 
     def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
         """The problem with the twist that the motion filter infers from an estimate."""

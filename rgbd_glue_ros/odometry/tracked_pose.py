@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.contradiction import doubt
@@ -55,6 +55,7 @@ class TrackedPose:
             acceptance: how many planes count as a contradiction of the fix.
         """
         seen = corrected_motion(predicted, fix.estimate, errors.residuals_per_independent_one)
+        seen = replace(seen, twist=motion.twist)  # what an error of time costs goes by one velocity
         doubted = doubt(
             fix.estimate.refinement, fix.alternative, predicted.reach_covariance(), acceptance
         )

@@ -18,7 +18,7 @@ from rgbd_glue_ros.odometry.contradiction import settle_contradiction
 from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
-from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, fit, is_clear
+from rgbd_glue_ros.odometry.pose_choice import CLEARLY_BETTER, Candidate, choose, fit, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
     FINAL_LEVEL,
@@ -26,6 +26,7 @@ from rgbd_glue_ros.odometry.pose_refinement import (
     PoseProblem,
 )
 from rgbd_glue_ros.odometry.progress import LastPose
+from rgbd_glue_ros.odometry.unmeasured_direction import expected_where_unmeasured
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
@@ -39,10 +40,6 @@ from rgbd_glue_ros.types import (
     TransformPrior,
     stages,
 )
-
-# A pose slid if one near its start fits better by this much; from a wrong start, refinement also
-# ends in places that fit a little better.
-_SLID = 0.1
 
 
 @dataclass(frozen=True)
@@ -120,7 +117,7 @@ def track(
     if chosen is None:
         return Attempt(features, result.refused(RegistrationStatus.INCONSISTENT))
     settled = settle_contradiction(chosen, problem, last, acceptance)
-    estimate = problem.without_spurious_information(settled.estimate)
+    estimate = expected_where_unmeasured(settled.estimate, problem)
     fix = PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)
     return Attempt(features, result, fix)
 
@@ -254,7 +251,7 @@ def _refined(
     is_better = (
         acceptance.is_plausible(near, near.planes_visible)
         and 2 * near.pixels_seen >= acceptance.min_pixels
-        and fit(near) > fit(estimate.refinement) + _SLID
+        and fit(near) > fit(estimate.refinement) + CLEARLY_BETTER
     )
     if not is_better:
         return estimate, coarse

@@ -13,7 +13,7 @@ is real.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,8 +32,9 @@ def without_spurious_information(
 ) -> Refinement:
     """Removes the spurious part of a pose's information in its weakest direction.
 
-    If at least half of it is spurious, all of it is removed: in that direction nothing was
-    measured, and the pose is moved to where it was expected.
+    If that is at least half of it, and the pose is farther than ``reach`` from where it was
+    expected, nothing was measured in that direction: the pose is moved to where it was expected,
+    and no information is left there.
 
     Args:
         refinement: the refined pose.
@@ -44,13 +45,10 @@ def without_spurious_information(
     """
     if reach == 0:
         return refinement
-    T, H = refinement.T_model_source, refinement.information
-    # in the camera's frame, where a metre and a radian move the image by about as much
-    A, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))
-    eigenvalues, directions = np.linalg.eigh(A.T @ H @ A)
-    weakest = A @ directions[:, 0]
+    T, directions = refinement.T_model_source, _InformationInCamera.of(refinement)
+    strength, weakest = directions.eigenvalues[0], directions.weakest
     as_one = problem.config.residuals_per_independent_one
-    if eigenvalues[0] * reach**2 > as_one or not eigenvalues[0] > 0:
+    if strength * reach**2 > as_one or not strength > 0:
         return refinement
     finest, brightness = problem.at_level(0), refinement.affine_brightness
     spurious = _spurious_information(
@@ -58,14 +56,71 @@ def without_spurious_information(
     ) + _spurious_information(
         lambda moved: pixel_rows(moved, finest, brightness), T, weakest, reach
     )
-    share = min(spurious / eigenvalues[0], 1.0)
-    if share >= 1 / 2:
-        share = 1.0
-        off = float(directions[:, 0] @ to_camera @ se3.log(T @ se3.inverse(T_expected)))
-        T = se3.exp(-off * weakest) @ T
-    eigenvalues[0] *= 1 - share
-    information = to_camera.T @ (directions * eigenvalues) @ directions.T @ to_camera
-    return replace(refinement, T_model_source=T, information=information)
+    share = min(spurious / strength, 1.0)
+    expected = expected_in_weakest_direction(refinement, T_expected)
+    if share >= 1 / 2 and se3.difference(T, expected.T_model_source) > reach:
+        return expected
+    return replace(refinement, information=directions.with_weakest_times(1 - share))
+
+
+def expected_in_weakest_direction(refinement: Refinement, T_expected: Float64) -> Refinement:
+    """A pose moved to where it was expected in its weakest direction, without information there.
+
+    Args:
+        refinement: the refined pose.
+        T_expected: the pose that was expected before refinement, float64 [4, 4].
+    """
+    T, directions = refinement.T_model_source, _InformationInCamera.of(refinement)
+    off = float(directions.along_weakest(se3.log(T @ se3.inverse(T_expected))))
+    return replace(
+        refinement,
+        T_model_source=se3.exp(-off * directions.weakest) @ T,
+        information=directions.with_weakest_times(0.0),
+    )
+
+
+@dataclass(frozen=True)
+class _InformationInCamera:
+    """The information of a pose by directions, weakest first.
+
+    Directions are orthogonal in the camera's frame, where a metre and a radian move the image by
+    about as much.
+
+    Attributes:
+        eigenvalues: float64 [6].
+        directions: float64 [6, 6], one a column, perturbations on the right of the pose.
+        T: the pose, float64 [4, 4].
+    """
+
+    eigenvalues: Float64
+    directions: Float64
+    T: Float64
+
+    @staticmethod
+    def of(refinement: Refinement) -> _InformationInCamera:
+        T = refinement.T_model_source
+        A = se3.adjoint(T)
+        return _InformationInCamera(*np.linalg.eigh(A.T @ refinement.information @ A), T)
+
+    @property
+    def weakest(self) -> Float64:
+        """The weakest direction, float64 [6], a perturbation on the left of the pose."""
+        direction: Float64 = se3.adjoint(self.T) @ self.directions[:, 0]
+        return direction
+
+    def along_weakest(self, twist: Float64) -> Float64:
+        """The component of a twist [6], a perturbation on the left, in the weakest direction."""
+        component: Float64 = self.directions[:, 0] @ se3.adjoint(se3.inverse(self.T)) @ twist
+        return component
+
+    def with_weakest_times(self, factor: float) -> Float64:
+        """The information [6, 6], perturbation on the left, with less in the weakest direction."""
+        eigenvalues, to_camera = self.eigenvalues.copy(), se3.adjoint(se3.inverse(self.T))
+        eigenvalues[0] *= factor
+        information: Float64 = (
+            to_camera.T @ (self.directions * eigenvalues) @ self.directions.T @ to_camera
+        )
+        return information
 
 
 def _spurious_information(
