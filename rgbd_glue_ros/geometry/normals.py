@@ -20,6 +20,12 @@ _MIN_POINTS = 12
 _MIN_COSINE = 0.17
 
 
+def relative_edge(view: View) -> float:
+    """The edge length of an image relative to one of 640x480 pixels, for any aspect ratio."""
+    height, width = view.grey.shape
+    return math.sqrt(width * height / _STEP_IMAGE)
+
+
 def spacing_px(view: View, step: int) -> int:
     """The spacing of a grid with the same number of points in an image of any size.
 
@@ -29,8 +35,7 @@ def spacing_px(view: View, step: int) -> int:
         view: a frame.
         step: the spacing in an image of 640x480, pixels.
     """
-    height, width = view.grey.shape
-    return max(1, round(step * math.sqrt(width * height / _STEP_IMAGE)))
+    return max(1, round(step * relative_edge(view)))
 
 
 def widened_px(view: View, step: int) -> int:

@@ -23,14 +23,16 @@ from rgbd_glue_ros.refinement.model import LEVELS
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
+    DEVIATION_OF_MEAN,
     IMAGE_BRIGHTNESS,
     JACOBIAN,
     POINT,
     RESIDUAL,
     WEIGHT,
-    PlaneCounts,
+    PlaneFit,
     pixel_residuals,
     plane_residuals,
+    weight_of_pixels,
 )
 from rgbd_glue_ros.types import Float64
 
@@ -171,7 +173,7 @@ class _Linearisation(NamedTuple):
 
     H: Float64
     g: Float64
-    planes: PlaneCounts
+    planes: PlaneFit
     pixels: _PixelFit
 
 
@@ -180,7 +182,7 @@ class _Descent(NamedTuple):
 
     T: Float64
     H: Float64
-    planes: PlaneCounts
+    planes: PlaneFit
     pixels: _PixelFit
     affine_brightness: Float64
     next_affine_brightness: Float64
@@ -233,8 +235,9 @@ def _descend(
 def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> _Linearisation:
     """The normal equations at T, of planes, pixels and matches."""
     H, g = np.zeros((6, 6)), np.zeros(6)
-    pixels = _add_pixels(T, problem, affine_brightness, H, g)
     table, planes = plane_residuals(T, problem)
+    weight = weight_of_pixels(problem, planes)
+    pixels = _add_pixels(T, problem, affine_brightness, weight, H, g)
     for i in range(len(table)):
         _add(table[i], table[i, WEIGHT], H, g)
     add_matches(T, problem, H, g)
@@ -255,11 +258,16 @@ def _add(row: Float64, w: float, H: Float64, g: Float64) -> None:
 
 @compiled
 def _add_pixels(
-    T: Float64, problem: LevelProblem, affine_brightness: Float64, H: Float64, g: Float64
+    T: Float64,
+    problem: LevelProblem,
+    affine_brightness: Float64,
+    weight: float,
+    H: Float64,
+    g: Float64,
 ) -> _PixelFit:
     """Adds the photometric terms at T to g and to the upper triangle of H."""
     sigma = affine_brightness[2]
-    weight, brightness = problem.pixel_weight, problem.brightness
+    brightness = problem.brightness
     table = pixel_residuals(T, problem, affine_brightness)
     seen, spread = len(table), 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
@@ -281,7 +289,8 @@ def _add_pixels(
     least_variance = problem.contrast**2
     gain = min(max(covariance / max(var_x, least_variance), 0.5), 2.0)
     bias = sy / sw - gain * sx / sw
-    # 1.25 mean |r| is the standard deviation of a normal distribution
-    deviation = min(max(1.25 * spread / seen, _LEAST_DEVIATION * problem.contrast), 30.0)
+    deviation = min(
+        max(DEVIATION_OF_MEAN * spread / seen, _LEAST_DEVIATION * problem.contrast), 30.0
+    )
     correlation = covariance / max(np.sqrt(max(var_x, 0.0) * max(var_y, 0.0)), least_variance)
     return _PixelFit(seen, correlation, np.array([gain, bias, deviation]))

@@ -39,7 +39,8 @@ class LevelProblem(NamedTuple):
         image_exposure: exposure of ``image``.
         plane_cauchy: residual, in standard deviations, at which a plane's weight is halved.
         pixel_cauchy: the same for a pixel.
-        pixel_weight: weight of a pixel relative to a plane.
+        pixel_weight: weight of a pixel relative to a plane, if depth is exact.
+        noisy_pixel_weight: the same if depth is as noisy as a sensor's.
         match_source: float64 [L, 3], points of visual matches in the frame.
         match_target: float64 [L, 3], the same points in the model.
         match_weight: weight of a match relative to a plane.
@@ -57,6 +58,7 @@ class LevelProblem(NamedTuple):
     plane_cauchy: float
     pixel_cauchy: float
     pixel_weight: float
+    noisy_pixel_weight: float
     match_source: Float64
     match_target: Float64
     match_weight: float

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rgbd_glue_ros.geometry.normals import relative_edge
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.image_pyramid import ImagePyramid
 from rgbd_glue_ros.refinement.level_problem import Exposure, LevelProblem
@@ -17,6 +18,8 @@ NO_MATCHES = Correspondences.empty()
 # planes and pixels do not determine it. Where they do, they outweigh the matches by their number
 # and accuracy.
 _MATCH_WEIGHT = 30.0
+# Of a small image there are as many planes and fewer pixels; they weigh more by up to this factor.
+_MOST_GAIN = 2.0
 _NO_IMAGES = ImagePyramid(np.empty((0, 0), np.uint8))
 
 
@@ -70,8 +73,13 @@ class RefinementProblem:
             plane_cauchy=config.plane_cauchy,
             pixel_cauchy=config.pixel_cauchy,
             pixel_weight=config.pixel_weight,
+            noisy_pixel_weight=config.pixel_weight * _gain_of_pixels(view),
             match_source=self.matches.source,
             match_target=self.matches.target,
             match_weight=_MATCH_WEIGHT,
             contrast=view.contrast,
         )
+
+
+def _gain_of_pixels(view: View) -> float:
+    return min(max(1 / relative_edge(view), 1.0), _MOST_GAIN)

@@ -16,6 +16,7 @@ from rgbd_glue_ros.refinement.residuals import (
     WEIGHT,
     pixel_residuals,
     plane_residuals,
+    weight_of_pixels,
 )
 from rgbd_glue_ros.types import Float64, Int64
 
@@ -46,8 +47,8 @@ def plane_rows(T: Float64, problem: LevelProblem) -> Rows:
 def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Rows:
     """The residuals at T of the pixels that the image shows, grey levels."""
     rows = _rows(pixel_residuals(T, problem, affine_brightness))
-    sigma = affine_brightness[2]
-    return rows._replace(weight=rows.weight * (problem.pixel_weight / (sigma * sigma)))
+    weight, sigma = _weight_of_pixels_at(T, problem), affine_brightness[2]
+    return rows._replace(weight=rows.weight * (weight / (sigma * sigma)))
 
 
 def squared_sigmas(rows: Rows, problem: LevelProblem) -> Float64:
@@ -106,3 +107,10 @@ def _rows(table: Float64) -> Rows:
         jacobian=table[:, JACOBIAN : JACOBIAN + 6],
         row_time=table[:, ROW_TIME],
     )
+
+
+@compiled
+def _weight_of_pixels_at(T: Float64, problem: LevelProblem) -> float:
+    if problem.pixel_weight == problem.noisy_pixel_weight:
+        return problem.pixel_weight
+    return weight_of_pixels(problem, plane_residuals(T, problem)[1])

@@ -13,7 +13,7 @@ from rgbd_glue_ros.geometry.camera import grey
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement, disagreement
 from rgbd_glue_ros.refinement.gauss_newton import refine
-from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64, View
@@ -98,10 +98,10 @@ def recorded(row: int) -> View:
     return View(grey(frame.color), frame.depth, frame.intrinsics)
 
 
-def after(view: View, frames: int = 1) -> BandAgreement:
+def after(view: View, frames: int = 1, model: Model | None = None) -> BandAgreement:
     """What is known after the view was looked at some times, at its pose on an earlier one."""
     config = RefineConfig(iterations=15)
-    model = model_of(recorded(BEFORE), 8)
+    model = model_of(recorded(BEFORE), 8) if model is None else model
     start = se3.inverse(true_poses()[BEFORE]) @ true_poses()[NOW]
     problem = RefinementProblem(model, view, config)
     found, known = refine(start, problem), BandAgreement()
@@ -111,16 +111,21 @@ def after(view: View, frames: int = 1) -> BandAgreement:
 
 
 def test_depth_with_a_varying_scale_makes_fewer_residuals_independent() -> None:
-    view = recorded(NOW)
+    view, whole = recorded(NOW), model_of(recorded(BEFORE), 8)
     rows = np.linspace(-0.5, 0.5, len(view.depth))[:, None]
-    counts = [
-        after(
-            replace(view, depth=(view.depth * (1 + fault * rows)).astype(np.float32))
-        ).residuals_per_independent_one(1000.0)
+    # pixels do not show it, and outweigh the planes
+    of_planes = whole.selected(
+        np.ones(len(whole.planes.points), bool),
+        [np.zeros(len(pixels.points), bool) for pixels in whole.pixels],
+    )
+    scaled = [
+        replace(view, depth=(view.depth * (1 + fault * rows)).astype(np.float32))
         for fault in (0.0, 0.01, 0.02, 0.04)
     ]
-    assert counts == sorted(counts)
-    assert counts[-1] > 1.5 * counts[0]
+    for model, factor in ((whole, 1.1), (of_planes, 5.0)):
+        counts = [after(s, model=model).residuals_per_independent_one(1000.0) for s in scaled]
+        assert counts == sorted(counts)
+        assert counts[-1] > factor * counts[0]
 
 
 def test_neither_a_repeated_frame_nor_an_empty_one_changes_the_agreement() -> None:
