@@ -246,7 +246,8 @@ class RefineConfig:
     pixel_weight: float = parameter(
         10.0,
         "Weight of a photometric residual relative to a plane's, each divided by its standard "
-        "deviation; 0 refines on planes alone.",
+        "deviation; up to twice as much in images smaller than 640x480, which have fewer of them; "
+        "0 refines on planes alone.",
         minimum=0.0,
         maximum=1e6,
     )
