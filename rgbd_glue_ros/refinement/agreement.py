@@ -20,8 +20,7 @@ from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     normal_equations,
-    pixel_rows,
-    plane_rows,
+    plane_and_pixel_rows,
 )
 from rgbd_glue_ros.types import Float64
 
@@ -61,10 +60,7 @@ class BandAgreement:
             problem: the problem that it was refined with.
         """
         T, finest = refinement.T_model_source, problem.at_level(0)
-        rows = (
-            plane_rows(T, finest),
-            pixel_rows(T, finest, refinement.affine_brightness),
-        )
+        rows = plane_and_pixel_rows(T, finest, refinement.affine_brightness)
         excess = disagreement(rows)
         if excess is None:
             return self

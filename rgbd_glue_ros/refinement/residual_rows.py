@@ -46,9 +46,16 @@ def plane_rows(T: Float64, problem: LevelProblem) -> Rows:
 
 def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Rows:
     """The residuals at T of the pixels that the image shows, grey levels."""
-    rows = _rows(pixel_residuals(T, problem, affine_brightness))
-    weight, sigma = _weight_of_pixels_at(T, problem), affine_brightness[2]
-    return rows._replace(weight=rows.weight * (weight / (sigma * sigma)))
+    return _pixel_rows(T, problem, affine_brightness, _weight_of_pixels_at(T, problem))
+
+
+def plane_and_pixel_rows(
+    T: Float64, problem: LevelProblem, affine_brightness: Float64
+) -> tuple[Rows, Rows]:
+    """Both at T; the weight of the pixels depends on the planes, which are compared only once."""
+    table, planes = plane_residuals(T, problem)
+    weight = weight_of_pixels(problem, planes)
+    return _rows(table), _pixel_rows(T, problem, affine_brightness, weight)
 
 
 def squared_sigmas(rows: Rows, problem: LevelProblem) -> Float64:
@@ -107,6 +114,14 @@ def _rows(table: Float64) -> Rows:
         jacobian=table[:, JACOBIAN : JACOBIAN + 6],
         row_time=table[:, ROW_TIME],
     )
+
+
+def _pixel_rows(
+    T: Float64, problem: LevelProblem, affine_brightness: Float64, weight: float
+) -> Rows:
+    rows = _rows(pixel_residuals(T, problem, affine_brightness))
+    sigma = affine_brightness[2]
+    return rows._replace(weight=rows.weight * (weight / (sigma * sigma)))
 
 
 @compiled

@@ -19,8 +19,7 @@ from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     extended_normal_equations,
-    pixel_rows,
-    plane_rows,
+    plane_and_pixel_rows,
 )
 from rgbd_glue_ros.types import Float64
 
@@ -53,8 +52,7 @@ def twist_from_distortion(
     """
     T, source, config = refinement.T_model_source, problem.view, problem.config
     of_level = problem.at_level(level)
-    planes = plane_rows(T, of_level)
-    pixels = pixel_rows(T, of_level, refinement.affine_brightness)
+    planes, pixels = plane_and_pixel_rows(T, of_level, refinement.affine_brightness)
     H, g = _pose_and_twist(planes, source.depth_delay + planes.row_time * source.readout_time)
     H_pixels, g_pixels = _pose_and_twist(pixels, pixels.row_time * source.readout_time)
     H, g = marginalise_pose(H + H_pixels, g + g_pixels)

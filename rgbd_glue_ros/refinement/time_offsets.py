@@ -20,8 +20,7 @@ from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import (
     Rows,
     extended_normal_equations,
-    pixel_rows,
-    plane_rows,
+    plane_and_pixel_rows,
 )
 from rgbd_glue_ros.types import Float64
 
@@ -101,14 +100,13 @@ def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64,
     """Hessian [8, 8] and gradient [8] for the pose, depth latency and readout time."""
     T, twist, finest = refinement.T_model_source, problem.view.twist, problem.at_level(0)
     planes, pixels = problem.model.planes, problem.model.pixels[0]
-    rows = plane_rows(T, finest)
+    rows, pixel_rows = plane_and_pixel_rows(T, finest, refinement.affine_brightness)
     now, then, by_readout_time = _moves(rows, T, twist, planes.velocity, planes.row_time)
     H, g = extended_normal_equations(rows, then - now, by_readout_time)
-    rows = pixel_rows(T, finest, refinement.affine_brightness)
-    *_, by_readout_time = _moves(rows, T, twist, pixels.velocity, pixels.row_time)
+    *_, by_readout_time = _moves(pixel_rows, T, twist, pixels.velocity, pixels.row_time)
     # late depth is shifted along the surface, and so hardly changes the depth of a pixel
     by_latency = np.zeros_like(by_readout_time)
-    H_pixels, g_pixels = extended_normal_equations(rows, by_latency, by_readout_time)
+    H_pixels, g_pixels = extended_normal_equations(pixel_rows, by_latency, by_readout_time)
     return H + H_pixels, g + g_pixels
 
 

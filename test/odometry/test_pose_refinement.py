@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import gc
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
+from rigs.pose_problems import problem_of
 from rigs.scenes import SCENES
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.acceptance import Acceptance
-from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, Basin, PoseProblem
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS
 from rgbd_glue_ros.odometry.tracking import _candidate
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.image_pyramid import ImagePyramid
-from rgbd_glue_ros.refinement.model import model_of
 
 
 @pytest.mark.parametrize(("seed", "frame"), [(0, 8), (1, 11), (2, 13)])
@@ -30,14 +26,7 @@ def test_a_pose_that_slides_along_a_corridor_at_the_coarse_levels_is_refined_wit
     before, now = [*scene.noisy_frames(seed)][frame : frame + 2]
     T_before, T_now = scene.true_poses()[frame : frame + 2]
     truth = se3.inverse(T_before) @ T_now
-    predicted = Motion.start(before.stamp_ns, np.eye(4)).predicted(now.stamp_ns, config.motion)
-    problem = PoseProblem(
-        model_of(view_of(before, config.camera), config.refine.grid_step),
-        view_of(now, config.camera),
-        config.refine,
-        predicted=replace(predicted, T_track_camera=truth),
-        basin=Basin.of(config.odometry),
-    )
+    problem = problem_of(before, now, truth, config)
     slid = problem.refined(truth, COARSE_LEVELS)
     assert se3.difference(slid.T_model_source, truth) > 0.05
     candidate = _candidate(truth, problem, Acceptance.of(config.odometry))

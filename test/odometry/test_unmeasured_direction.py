@@ -7,39 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames, true_poses
+from rigs.pose_problems import problem_of
 from rigs.scenes import SCENES
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.acceptance import Acceptance
-from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
-    Basin,
     PoseEstimate,
     PoseProblem,
 )
 from rgbd_glue_ros.odometry.unmeasured_direction import expected_where_unmeasured
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
-from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.types import Float64, RgbdFrame
 
 CONFIG = Config()
 EMPTY = SCENES["an empty corridor at 10 Hz"]
 # the camera looks along the corridor
 ALONG, ACROSS = 2, [0, 1]
-
-
-def problem_of(before: RgbdFrame, now: RgbdFrame, T_predicted: Float64) -> PoseProblem:
-    predicted = Motion.start(before.stamp_ns, np.eye(4)).predicted(now.stamp_ns, CONFIG.motion)
-    return PoseProblem(
-        model_of(view_of(before, CONFIG.camera), CONFIG.refine.grid_step),
-        view_of(now, CONFIG.camera),
-        CONFIG.refine,
-        predicted=replace(predicted, T_track_camera=T_predicted),
-        basin=Basin.of(CONFIG.odometry),
-    )
 
 
 def slid_in_corridor(
@@ -48,7 +33,7 @@ def slid_in_corridor(
     """A frame of the corridor on the one before, with a pose that slid along it."""
     before, now = [*EMPTY.noisy_frames(seed)][frame - 1 : frame + 1]
     T = se3.exp(np.array([0, 0, predicted_along, 0, 0, 0]))
-    problem = problem_of(before, now, T)
+    problem = problem_of(before, now, T, CONFIG)
     coarse = problem.refined(np.eye(4), COARSE_LEVELS)
     estimate = problem.refined_further(coarse, Acceptance.of(CONFIG.odometry))
     assert estimate.T_track_camera[ALONG, 3] < -0.3
@@ -77,7 +62,7 @@ def test_a_pose_is_judged_with_the_twist_that_it_was_refined_with() -> None:
     before, now = recorded_frames()[34:36]
     T_before, T_now = true_poses()[34:36]
     truth = se3.inverse(T_before) @ T_now
-    problem = problem_of(before, now, truth)
+    problem = problem_of(before, now, truth, CONFIG)
     # predicted to turn fast, which would distort an image that is read row by row
     turning = np.array([0.0, 0.0, 0.0, 3.0, 0.0, 0.0])
     view = replace(problem.view, readout_time=0.03, twist=turning)

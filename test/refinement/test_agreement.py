@@ -100,7 +100,8 @@ def recorded(row: int) -> View:
 
 def after(view: View, frames: int = 1, model: Model | None = None) -> BandAgreement:
     """What is known after the view was looked at some times, at its pose on an earlier one."""
-    config = RefineConfig(iterations=15)
+    # images of this size double the weight of pixels
+    config = RefineConfig(iterations=15, pixel_weight=5.0)
     model = model_of(recorded(BEFORE), 8) if model is None else model
     start = se3.inverse(true_poses()[BEFORE]) @ true_poses()[NOW]
     problem = RefinementProblem(model, view, config)
@@ -113,7 +114,7 @@ def after(view: View, frames: int = 1, model: Model | None = None) -> BandAgreem
 def test_depth_with_a_varying_scale_makes_fewer_residuals_independent() -> None:
     view, whole = recorded(NOW), model_of(recorded(BEFORE), 8)
     rows = np.linspace(-0.5, 0.5, len(view.depth))[:, None]
-    # pixels do not show it, and outweigh the planes
+    # pixels do not show it
     of_planes = whole.selected(
         np.ones(len(whole.planes.points), bool),
         [np.zeros(len(pixels.points), bool) for pixels in whole.pixels],
@@ -122,7 +123,7 @@ def test_depth_with_a_varying_scale_makes_fewer_residuals_independent() -> None:
         replace(view, depth=(view.depth * (1 + fault * rows)).astype(np.float32))
         for fault in (0.0, 0.01, 0.02, 0.04)
     ]
-    for model, factor in ((whole, 1.1), (of_planes, 5.0)):
+    for model, factor in ((whole, 1.5), (of_planes, 5.0)):
         counts = [after(s, model=model).residuals_per_independent_one(1000.0) for s in scaled]
         assert counts == sorted(counts)
         assert counts[-1] > factor * counts[0]
