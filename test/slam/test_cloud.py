@@ -36,6 +36,15 @@ def test_points_lie_on_the_surfaces_in_their_colours() -> None:
     assert (cloud.colors[~is_box] == (0, 0, 200)).all()
 
 
+def test_a_slanted_wall_reaches_to_the_borders_of_the_image() -> None:
+    along = np.linspace(1.0, 3.0, CAMERA.width, dtype=np.float32)
+    color = np.full((CAMERA.height, CAMERA.width), 100, np.uint8)
+    for depth in (np.tile(along, (CAMERA.height, 1)), np.tile(along[: CAMERA.height, None], 160)):
+        cloud = cloud_of(RgbdFrame(0, color, depth, CAMERA), 1e-4)
+        # every second pixel of every second row
+        assert len(cloud) == depth.size // 4
+
+
 def test_two_views_of_a_room_are_one_cloud_where_poses_are_right_and_double_where_not() -> None:
     rows = (0, 20, 40)
     clouds = [cloud_of(recorded_frames()[row]) for row in rows]
