@@ -117,7 +117,10 @@ class KeyframeStream:
             )
 
     def _completed(self, stamp_ns: int, edge: PoseGraphEdge) -> list[NewKeyframe]:
-        is_anew = not self._stamps or edge.child in self._stamps
+        if self._precedes_the_graph(stamp_ns):
+            del self._poses[stamp_ns]
+            return []
+        is_anew = self._begins_a_graph(edge.child, stamp_ns)
         keyframes = []
         if is_anew:
             self._stamps = {}
@@ -133,6 +136,19 @@ class KeyframeStream:
             NewKeyframe(edge.child, stamp_ns, T, None if is_first else edge, is_anew=is_first)
         )
         return keyframes
+
+    def _precedes_the_graph(self, stamp_ns: int) -> bool:
+        """Whether a keyframe comes so late that another graph has begun."""
+        first_ns = next(iter(self._stamps.values()), stamp_ns)
+        return stamp_ns < first_ns
+
+    def _begins_a_graph(self, number: int, stamp_ns: int) -> bool:
+        """Whether a keyframe is of another graph than those before.
+
+        Within a graph numbers grow with stamps. A low number with an early stamp comes late.
+        """
+        newest = max(self._stamps, default=None)
+        return newest is None or (number <= newest and stamp_ns > self._stamps[newest])
 
     def _first_before(self, stamp_ns: int) -> int | None:
         """The stamp of the latest earlier pose without an edge: it begins the graph."""

@@ -90,6 +90,51 @@ def test_after_a_reset_a_new_graph_begins() -> None:
     assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
 
 
+def late_comer() -> KeyframeStream:
+    """A stream that has seen the keyframes 50 to 53 alone."""
+    stream = KeyframeStream()
+    for number in range(50, 54):
+        stream.add_pose(10 * number, pose(number))
+        stream.add_edge(10 * number, edge(number - 1, number))
+    return stream
+
+
+def test_a_reset_begins_a_new_graph_for_who_came_late_and_never_saw_its_numbers() -> None:
+    stream = late_comer()
+    stream.add_pose(1000, pose(0))
+    stream.add_pose(1100, pose(1))
+    keyframes, _ = stream.add_edge(1100, edge(0, 1))
+    assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
+    stream.add_pose(1200, pose(2))
+    keyframes, _ = stream.add_edge(1200, edge(1, 2))
+    assert said(keyframes) == [(2, 1200, 2.0, True, False)]
+
+
+def test_a_keyframe_whose_edge_comes_late_begins_no_new_graph() -> None:
+    stream = late_comer()
+    for number in (54, 55):
+        stream.add_pose(10 * number, pose(number))
+    assert said(stream.add_edge(550, edge(54, 55))[0]) == [(55, 550, 55.0, True, False)]
+    # such as the edge to an anchor, where that of tracking was lost
+    keyframes, late = stream.add_edge(540, edge(51, 54))
+    assert late is None
+    assert said(keyframes) == [(54, 540, 54.0, True, False)]
+    stream.add_pose(560, pose(56))
+    assert said(stream.add_edge(560, edge(55, 56))[0]) == [(56, 560, 56.0, True, False)]
+
+
+def test_a_keyframe_of_the_graph_before_that_comes_late_is_left_out() -> None:
+    stream = late_comer()
+    stream.add_pose(540, pose(54))
+    stream.add_pose(1000, pose(0))
+    stream.add_pose(1100, pose(1))
+    stream.add_edge(1100, edge(0, 1))
+    assert stream.add_edge(540, edge(53, 54)) == ([], None)
+    assert stream.waiting == 0
+    stream.add_pose(1200, pose(2))
+    assert said(stream.add_edge(1200, edge(1, 2))[0]) == [(2, 1200, 2.0, True, False)]
+
+
 def test_keyframes_whose_edges_are_on_the_way_are_awaited() -> None:
     stream = KeyframeStream()
     stream.add_pose(100, pose(0))
