@@ -213,9 +213,8 @@ class Mapper:
         Returns:
             The loops found.
         """
-        last = child.number - self._config.odometry.window
         T_child = poses[child.number]
-        earlier = [n for n in poses if n < last]
+        earlier = [n for n in poses if self._is_earlier(n, child.number)]
         apart = se3.differences(np.array([poses[n] for n in earlier]).reshape(-1, 4, 4), T_child)
         near = [earlier[row] for row in np.argsort(apart, kind="stable") if apart[row] < _NEAR]
         linked = self._linked_to(child.number)
@@ -235,8 +234,12 @@ class Mapper:
         return loops
 
     def _is_earlier(self, parent: int, child: int) -> bool:
-        """Whether the odometry has not already compared the two."""
-        return parent < max(self.session_start, child - self._config.odometry.window)
+        """Whether the odometry has not already compared the two.
+
+        It knows its latest keyframes, and none of an existing map.
+        """
+        start = self.session_start if child >= self.session_start else 0
+        return parent < max(start, child - self._config.odometry.window)
 
     def _linked_to(self, child: int) -> set[int]:
         """The parents of all edges to a keyframe."""
