@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -15,9 +16,10 @@ from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
 from rgbd_glue_ros.slam.edge_composition import SkippedKeyframes, assumed_edge
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
+from rgbd_glue_ros.slam.loop_closure import T_map_odom_by
+from rgbd_glue_ros.slam.loop_finder import LoopFinder, linked_to
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
-from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe
 from rgbd_glue_ros.types import Float64, PoseGraph, PoseGraphEdge, RgbdFrame, Trajectory
 
@@ -82,7 +84,8 @@ class LiveMap:
     def _begin(self) -> None:
         # first, since others read it while the map is being restored
         self.T_map_odom: Float64 | None = np.eye(4) if self._before is None else None
-        self._mapper = Mapper(self._config, self._glue, SearchTree())
+        self._finder = LoopFinder(self._config, self._glue, SearchTree())
+        self._edges: list[PoseGraphEdge] = []
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
         self._skipped = SkippedKeyframes()
@@ -119,18 +122,18 @@ class LiveMap:
             InputError: its images cannot be compared (its edges are kept), or no optimum exists
                 with it (it is left out).
         """
-        row = len(self._mapper.keyframes) + len(self._waiting)
+        row = len(self._finder.keyframes) + len(self._waiting)
         try:
             keyframe = self._keyframe(row, keyed)
         except Exception:
             self.skip(number, keyed.edges)
             raise
-        new = _New(number, self._mapper.stored(keyframe), keyed.edges)
+        new = _New(number, self._finder.seen(keyframe), keyed.edges)
         if self._before is None or self._rows:
             self._add([new])
             return
         self._waiting.append(new)
-        loops = self._mapper.recognised(keyframe)
+        loops = self._finder.recognised(keyframe)
         if loops:
             waiting, self._waiting = self._waiting, []
             self._add(waiting, loops)
@@ -152,29 +155,30 @@ class LiveMap:
         Returns:
             Whether it was found; ``T_map_odom`` is then that of the keyframe.
         """
-        keyframe = self._keyframe(len(self._mapper.keyframes), keyed)
-        loops = self._mapper.recognised(keyframe)
+        keyframe = self._keyframe(len(self._finder.keyframes), keyed)
+        loops = self._finder.recognised(keyframe)
         if not loops:
             return False
-        self.T_map_odom = self._T_map_odom(keyframe.T_odom_camera, loops[0])
+        self.T_map_odom = self._T_map_odom(loops[0], keyframe.T_odom_camera)
         return True
 
     def stamps_ns(self) -> dict[int, int]:
         """Stamps of the keyframes by their rows."""
-        return {keyframe.number: keyframe.stamp_ns for keyframe in self._mapper.keyframes}
+        return {keyframe.number: keyframe.stamp_ns for keyframe in self._finder.keyframes}
 
     def saved(self) -> SavedMap:
         """The current map, for a file."""
-        keyframes = self._mapper.keyframes
+        keyframes = self._finder.keyframes
         stamps = np.array([keyframe.stamp_ns for keyframe in keyframes], np.int64)
         poses = np.array([self.poses[row] for row in range(len(keyframes))]).reshape(-1, 4, 4)
-        graph = PoseGraph(Trajectory(stamps, poses), tuple(self._mapper.edges))
-        return self._mapper.saved(graph)
+        graph = PoseGraph(Trajectory(stamps, poses), tuple(self._edges))
+        return SavedMap(graph, self._finder.views)
 
     def _restore(self, before: SavedMap) -> None:
-        self._mapper.restore(before)
-        poses = {keyframe.number: keyframe.T_odom_camera for keyframe in self._mapper.keyframes}
+        self._finder.restore(before)
+        poses = {keyframe.number: keyframe.T_odom_camera for keyframe in self._finder.keyframes}
         self._solve(before.graph.edges, poses)
+        self._edges += before.graph.edges
 
     def _add(self, new: Sequence[_New], links: tuple[PoseGraphEdge, ...] = ()) -> None:
         """Adds keyframes that are linked to one another or to the map.
@@ -184,7 +188,7 @@ class LiveMap:
             links: loops of the last of them with the existing map.
         """
         newest = new[-1].keyframe
-        T_map_odom = self._T_map_odom(newest.T_odom_camera, links[0]) if links else self.T_map_odom
+        T_map_odom = self._T_map_odom(links[0], newest.T_odom_camera) if links else self.T_map_odom
         assert T_map_odom is not None  # noqa: S101 - for the type checker
         try:
             edges = (*self._edges_by_rows(new), *links)
@@ -196,20 +200,35 @@ class LiveMap:
             for n in new:
                 self._rows.pop(n.number, None)
             raise
-        self._mapper.keyframes += [n.keyframe for n in new]
-        self._mapper.add_edges(edges)
+        self._edges += edges
+        self._finder.add([n.keyframe for n in new])
         self.loops += len(links)
         try:
-            found = [self._mapper.find_loops(n.keyframe, self._config) for n in new]
-            self._close(tuple(loop for loops in found for loop in loops))
-            self._close(self._mapper.compare_near(newest, self.poses))
+            self._close_loops([n.keyframe for n in new])
         finally:
             self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
+
+    def _close_loops(self, added: Sequence[StoredKeyframe]) -> None:
+        """Closes loops of keyframes that were added, and of the last with those near it."""
+        with ExitStack() as searches:
+            # from the last to the first of these calls, each even if another fails
+            searches.callback(self._close_near, added[-1])
+            for keyframe in reversed(added):
+                searches.callback(self._close_alike, keyframe)
+
+    def _close_alike(self, keyframe: StoredKeyframe) -> None:
+        self._close(self._finder.loops_of(keyframe, self._linked_to(keyframe)))
+
+    def _close_near(self, keyframe: StoredKeyframe) -> None:
+        self._close(self._finder.loops_near(keyframe, self.poses, self._linked_to(keyframe)))
+
+    def _linked_to(self, keyframe: StoredKeyframe) -> set[int]:
+        return linked_to(keyframe.number, self._edges)
 
     def _edges_by_rows(self, new: Sequence[_New]) -> list[PoseGraphEdge]:
         """The edges from new keyframes to earlier ones, by rows; registers the rows."""
         found: list[PoseGraphEdge] = []
-        before = self._mapper.keyframes[self._mapper.session_start :][-1:]
+        before = self._finder.keyframes[self._finder.session_start :][-1:]
         for n in new:
             row = self._rows[n.number] = n.keyframe.number
             known = [edge for edge in map(self._by_rows, n.edges) if edge is not None]
@@ -235,17 +254,14 @@ class LiveMap:
         known = self._by_rows(edge)
         if known is not None:
             self._solve((known,))
-            self._mapper.add_edges((known,))
+            self._edges.append(known)
 
     def _close(self, loops: tuple[PoseGraphEdge, ...]) -> None:
-        """Takes loops that the mapper has found."""
+        """Adds loops that were found; they are left out if there is no optimum with them."""
         if not loops:
             return
-        try:
-            self._solve(loops)
-        except Exception:
-            self._mapper.remove_edges(loops)
-            raise
+        self._solve(loops)
+        self._edges += loops
         self.loops += len(loops)
 
     def _solve(
@@ -260,10 +276,9 @@ class LiveMap:
             self._optimiser.add_edge(edge)
         self.poses = self._optimiser.update()
 
-    def _T_map_odom(self, T_odom_camera: Float64, loop: PoseGraphEdge) -> Float64:
-        """The pose of odom in the map according to a loop, float64 [4, 4]."""
-        T_map_camera = self.poses[loop.parent] @ loop.T_parent_child
-        return np.asarray(T_map_camera @ se3.inverse(T_odom_camera), np.float64)
+    def _T_map_odom(self, loop: PoseGraphEdge, T_odom_camera: Float64) -> Float64:
+        """The pose of odom in the map according to a loop with it, float64 [4, 4]."""
+        return T_map_odom_by(loop, self.poses[loop.parent], T_odom_camera)
 
     def _keyframe(self, row: int, keyed: Keyed) -> MapKeyframe:
         view = view_of(keyed.frame, self._config.camera)

@@ -70,6 +70,18 @@ def loop_edge(
     return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
 
 
+def T_map_odom_by(loop: PoseGraphEdge, T_map_parent: Float64, T_odom_child: Float64) -> Float64:
+    """The pose of odom in a map according to a loop between them, float64 [4, 4].
+
+    Args:
+        loop: from a keyframe of the map to one of the odometry.
+        T_map_parent: pose of the first in the map, float64 [4, 4].
+        T_odom_child: pose of the second, float64 [4, 4].
+    """
+    T_map_child = T_map_parent @ loop.T_parent_child
+    return np.asarray(T_map_child @ se3.inverse(T_odom_child), np.float64)
+
+
 def _refined(T: Float64, problem: RefinementProblem, acceptance: Acceptance) -> Refinement | None:
     """The pose of one keyframe on the model of another, if planes and pixels are certain."""
     refinement = refine(T, problem)

@@ -15,10 +15,11 @@ from rigs.pose_graphs import random_graph
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.slam import mapper
+from rgbd_glue_ros.slam import loop_finder
 from rgbd_glue_ros.slam.edge_composition import composed
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import optimise
@@ -209,7 +210,7 @@ def test_loops_with_which_there_is_no_optimum_cost_no_keyframe(
         covariance = np.full((6, 6), np.nan)
         return PoseGraphEdge(*tried[-1], np.eye(4), covariance, EdgeOrigin.LOOP)
 
-    monkeypatch.setattr(mapper, "loop_edge", useless)
+    monkeypatch.setattr(loop_finder, "loop_edge", useless)
     live = LiveMap(config())
     for number in range(5):
         with suppress(InputError):
@@ -233,18 +234,60 @@ def map_of_three() -> SavedMap:
     return before.saved()
 
 
+class Sight:
+    """In place of ``loop_edge``: may see no loop at all, or fail for some keyframes."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._loop_edge = loop_edge
+        self.is_blind = True
+        self.failing: set[int] = set()
+        monkeypatch.setattr(loop_finder, "loop_edge", self)
+
+    def __call__(
+        self, parent: MapKeyframe, child: MapKeyframe, *others: Any
+    ) -> PoseGraphEdge | None:
+        if child.number in self.failing:
+            raise ArithmeticError("no digits are left")
+        return None if self.is_blind else self._loop_edge(parent, child, *others)
+
+
+def loops_of(saved: SavedMap) -> list[PoseGraphEdge]:
+    return [edge for edge in saved.graph.edges if edge.origin is EdgeOrigin.LOOP]
+
+
+def test_where_the_search_for_one_of_several_fails_loops_of_the_others_are_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = map_of_three()
+    sight = Sight(monkeypatch)
+    live = LiveMap(config(), before)
+    for number in (0, 1):
+        live.add(number, replace(keyed(number), edges=()))
+    sight.is_blind, sight.failing = False, {4}
+    with pytest.raises(ArithmeticError):
+        live.add(2, replace(keyed(2), edges=()))
+    saved = live.saved()
+    assert len(saved) == 6
+    found = loops_of(saved)[len(loops_of(before)) :]
+    assert {edge.child for edge in found} == {3, 5}
+    assert live.loops == len(found)
+    # those that could not be compared can be compared with, and so can those after them
+    live.add(3, keyed(3))
+    assert {edge.child for edge in loops_of(live.saved())} >= {3, 5, 6}
+
+
 def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     before = map_of_three()
     restored: list[int] = []
-    restore = mapper.Mapper.restore
+    restore = loop_finder.LoopFinder.restore
 
-    def counted(self: mapper.Mapper, saved: SavedMap) -> None:
+    def counted(self: loop_finder.LoopFinder, saved: SavedMap) -> None:
         restored.append(len(saved))
         restore(self, saved)
 
-    monkeypatch.setattr(mapper.Mapper, "restore", counted)
+    monkeypatch.setattr(loop_finder.LoopFinder, "restore", counted)
     live = LiveMap(config(), before)
     placed = [live.is_placed]
     # the first graph begins
@@ -274,14 +317,14 @@ def test_while_a_map_is_restored_the_pose_of_odom_in_it_is_unknown(
     assert live.is_placed
     # another thread may broadcast the pose meanwhile
     during: list[bool] = []
-    restore = mapper.Mapper.restore
+    restore = loop_finder.LoopFinder.restore
 
-    def watched(self: mapper.Mapper, saved: SavedMap) -> None:
+    def watched(self: loop_finder.LoopFinder, saved: SavedMap) -> None:
         during.append(live.is_placed)
         restore(self, saved)
         during.append(live.is_placed)
 
-    monkeypatch.setattr(mapper.Mapper, "restore", watched)
+    monkeypatch.setattr(loop_finder.LoopFinder, "restore", watched)
     live.clear()
     assert during == [False, False]
     assert not live.is_placed

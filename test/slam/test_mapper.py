@@ -12,13 +12,9 @@ from rigs.hamming_votes import HammingVotes
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam import mapper as mapper_module
 from rgbd_glue_ros.slam.loop_closure import loop_edge
-from rgbd_glue_ros.slam.map_file import SavedMap
-from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
-from rgbd_glue_ros.slam.packed_view import packed
-from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraph, Trajectory
+from rgbd_glue_ros.types import EdgeOrigin, Float64, Trajectory
 
 
 def mapped_with_drift() -> Mapper:
@@ -26,7 +22,7 @@ def mapped_with_drift() -> Mapper:
     mapper = Mapper(config(), Glue(config()), HammingVotes())
     for known in drifted():
         mapper.add_edges(known.edges)
-        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config())
+        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera))
     return mapper
 
 
@@ -94,43 +90,6 @@ def test_without_a_loop_poses_stay_where_the_odometry_has_them() -> None:
     mapper = Mapper(config(), Glue(config()), HammingVotes())
     for known in drifted()[:2]:
         mapper.add_edges(known.edges)
-        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera), config())
+        mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera))
     optimum = mapper.finish()
     np.testing.assert_array_equal(optimum.graph.keyframes.poses, mapper.graph.keyframes.poses)
-
-
-def map_of(count: int) -> SavedMap:
-    """A map of the first keyframes, where they were tracked."""
-    keyframes = [known.keyframe for known in drifted()[:count]]
-    edges = tuple(edge for known in drifted()[:count] for edge in known.edges)
-    stamps = np.array([keyframe.stamp_ns for keyframe in keyframes])
-    poses = np.array([keyframe.T_odom_camera for keyframe in keyframes])
-    views = tuple(packed(keyframe.features.view) for keyframe in keyframes)
-    return SavedMap(PoseGraph(Trajectory(stamps, poses), edges), views)
-
-
-def test_the_first_keyframes_of_a_session_are_compared_with_the_last_of_the_map_near_them(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    compared: list[tuple[int, int]] = []
-
-    def none_of(parent: MapKeyframe, child: MapKeyframe, *_: object) -> None:
-        compared.append((parent.number, child.number))
-
-    monkeypatch.setattr(mapper_module, "loop_edge", none_of)
-    window = config().odometry.window
-    mapper = Mapper(config(), Glue(config()), HammingVotes())
-    mapper.restore(map_of(window + 1))
-    poses = {keyframe.number: keyframe.T_odom_camera for keyframe in mapper.keyframes}
-    for number in (window + 1, window + 2):
-        known = drifted()[window].keyframe
-        mapper.add(replace(known, number=number), config())
-        poses[number] = known.T_odom_camera
-    compared.clear()
-    for keyframe in mapper.keyframes:
-        mapper.compare_near(keyframe, poses)
-    last = window
-    assert {(last, last + 1), (last, last + 2)} <= set(compared)
-    # within a session are those that the odometry has compared
-    assert (last + 1, last + 2) not in compared
-    assert not [pair for pair in compared if pair[1] <= last]

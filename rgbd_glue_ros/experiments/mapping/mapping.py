@@ -98,7 +98,8 @@ class MappingSink:
         start = perf_counter()
         kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
         kept = replace(kept, number=start_row + kept.number)
-        self.mapper.add(kept, self._odometry.learnt_config())
+        self.mapper.reconfigure(self._odometry.learnt_config())
+        self.mapper.add(kept)
         self.ms.append(1000 * (perf_counter() - start))
         self.clouds.append(cloud_of(frame))
 
