@@ -7,6 +7,7 @@ number. The results are only candidates.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -75,14 +76,15 @@ class SearchTree:
         places = [(0.0, 0.0)] * len(bits)
         nobody = 2**31
         scores = self._tree.getScorePerImage(places, bits, nobody, True, MAX_DISTANCE_BITS)
-        return _sorted({s.identifier_reference: s.number_of_matches for s in scores})
+        matches = {s.identifier_reference: s.number_of_matches for s in scores}
+        return most_alike_first(Likeness(*row) for row in matches.items() if row[1])
+
+
+def most_alike_first(likenesses: Iterable[Likeness]) -> list[Likeness]:
+    """Sorts by the number of matches, and equal ones by the keyframe."""
+    return sorted(likenesses, key=lambda likeness: (-likeness.matches, likeness.number))
 
 
 def _bits(descriptors: UInt8) -> list[list[bool]]:
     bits: list[list[bool]] = np.unpackbits(descriptors[:DESCRIPTORS], axis=1).astype(bool).tolist()
     return bits
-
-
-def _sorted(matches: dict[int, int]) -> list[Likeness]:
-    likenesses = [Likeness(number, count) for number, count in matches.items() if count]
-    return sorted(likenesses, key=lambda likeness: (-likeness.matches, likeness.number))

@@ -79,12 +79,15 @@ class LiveMap:
         self._config = config
         self._before = before
         self._glue = Glue(config)
+        self._finder = LoopFinder(config, self._glue, SearchTree)
+        if before is not None:
+            self._finder.restore(before)
         self._begin()
 
     def _begin(self) -> None:
-        # first, since others read it while the map is being restored
+        # first, since others read it meanwhile
         self.T_map_odom: Float64 | None = np.eye(4) if self._before is None else None
-        self._finder = LoopFinder(self._config, self._glue, SearchTree())
+        self._finder.forget_session()
         self._edges: list[PoseGraphEdge] = []
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
@@ -93,11 +96,11 @@ class LiveMap:
         self.poses: dict[int, Float64] = {}
         self.loops = 0
         if self._before is not None:
-            self._restore(self._before)
+            self._solve_given(self._before.graph)
 
     def clear(self) -> None:
         """Starts over, from the existing map if there is one."""
-        # restoring a map takes a while, and locating does not change it
+        # locating does not change the map
         if self._rows or self._waiting or len(self._skipped):
             self._begin()
         elif self._before is not None:
@@ -174,11 +177,9 @@ class LiveMap:
         graph = PoseGraph(Trajectory(stamps, poses), tuple(self._edges))
         return SavedMap(graph, self._finder.views)
 
-    def _restore(self, before: SavedMap) -> None:
-        self._finder.restore(before)
-        poses = {keyframe.number: keyframe.T_odom_camera for keyframe in self._finder.keyframes}
-        self._solve(before.graph.edges, poses)
-        self._edges += before.graph.edges
+    def _solve_given(self, graph: PoseGraph) -> None:
+        self._solve(graph.edges, dict(enumerate(graph.keyframes.poses)))
+        self._edges += graph.edges
 
     def _add(self, new: Sequence[_New], links: tuple[PoseGraphEdge, ...] = ()) -> None:
         """Adds keyframes that are linked to one another or to the map.

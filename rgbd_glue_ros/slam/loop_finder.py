@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from rgbd_glue_ros.features.visual import orb
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam.appearance import Appearance, Likeness
+from rgbd_glue_ros.slam.appearance import Appearance, Likeness, most_alike_first
 from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
@@ -35,19 +35,23 @@ class LoopFinder:
         keyframes: all so far, by number.
     """
 
-    def __init__(self, config: Config, glue: Glue, appearance: Appearance) -> None:
+    def __init__(
+        self, config: Config, glue: Glue, new_appearance: Callable[[], Appearance]
+    ) -> None:
         """Without keyframes.
 
         Args:
             config: how keyframes are compared.
             glue: registers them, with that configuration.
-            appearance: finds similar keyframes.
+            new_appearance: creates what finds similar keyframes.
         """
         self._config = config
         self._glue = glue
-        self._appearance = appearance
         self._orb = orb(config.features)
         self._whole = WholeKeyframes()
+        # apart, so that a session can be forgotten without the given map
+        self._new_appearance = new_appearance
+        self._before, self._session = new_appearance(), new_appearance()
         self.session_start = 0
         self.keyframes: list[StoredKeyframe] = []
 
@@ -58,9 +62,14 @@ class LoopFinder:
             zip(graph.stamps_ns.tolist(), graph.poses, saved.views, strict=True)
         ):
             keyframe = MapKeyframe.seen(number, at_ns, T, view.unpacked(), self._glue, self._config)
-            self._appearance.add(number, self._descriptors(keyframe))
+            self._before.add(number, self._descriptors(keyframe))
             self.keyframes.append(self._of_view(keyframe, view))
         self.session_start = len(self.keyframes)
+
+    def forget_session(self) -> None:
+        """Removes all keyframes but those of the given map."""
+        del self.keyframes[self.session_start :]
+        self._session = self._new_appearance()
 
     def reconfigure(self, config: Config) -> None:
         """Compares by another configuration from now on, such as with what the odometry learnt."""
@@ -95,13 +104,13 @@ class LoopFinder:
         """
         keyframe = self._whole.of(stored)
         descriptors = self._descriptors(keyframe)
-        alike = self._appearance.like(descriptors)
-        self._appearance.add(keyframe.number, descriptors)
+        alike = self._alike(descriptors)
+        self._session.add(keyframe.number, descriptors)
         return self._loops(keyframe, alike, linked)
 
     def recognised(self, keyframe: MapKeyframe) -> tuple[PoseGraphEdge, ...]:
         """The loops of a keyframe, which is not added, with similar ones."""
-        return self._loops(keyframe, self._appearance.like(self._descriptors(keyframe)), ())
+        return self._loops(keyframe, self._alike(self._descriptors(keyframe)), ())
 
     def loops_near(
         self, child: StoredKeyframe, poses: Mapping[int, Float64], linked: Container[int]
@@ -132,6 +141,9 @@ class LoopFinder:
             for n in unlinked[:_NEAREST]
         ]
         return tuple(edge for edge in edges if edge is not None)
+
+    def _alike(self, descriptors: UInt8) -> list[Likeness]:
+        return most_alike_first([*self._before.like(descriptors), *self._session.like(descriptors)])
 
     def _loops(
         self, keyframe: MapKeyframe, alike: Sequence[Likeness], linked: Container[int]

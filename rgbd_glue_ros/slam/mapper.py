@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -26,15 +27,17 @@ class Mapper:
         edges: of the odometry and of loops.
     """
 
-    def __init__(self, config: Config, glue: Glue, appearance: Appearance) -> None:
+    def __init__(
+        self, config: Config, glue: Glue, new_appearance: Callable[[], Appearance]
+    ) -> None:
         """An empty map.
 
         Args:
             config: how keyframes are compared.
             glue: registers them, with that configuration.
-            appearance: finds similar keyframes.
+            new_appearance: creates what finds similar keyframes.
         """
-        self._finder = LoopFinder(config, glue, appearance)
+        self._finder = LoopFinder(config, glue, new_appearance)
         self._before_name = ""
         self.edges: list[PoseGraphEdge] = []
 

@@ -23,7 +23,7 @@ from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import optimise
-from rgbd_glue_ros.types import EdgeOrigin, PoseGraphEdge
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 
@@ -276,7 +276,7 @@ def test_where_the_search_for_one_of_several_fails_loops_of_the_others_are_close
     assert {edge.child for edge in loops_of(live.saved())} >= {3, 5, 6}
 
 
-def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
+def test_a_given_map_is_restored_once_however_often_the_odometry_starts_anew(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     before = map_of_three()
@@ -289,6 +289,7 @@ def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
 
     monkeypatch.setattr(loop_finder.LoopFinder, "restore", counted)
     live = LiveMap(config(), before)
+    restored_poses = live.saved().graph.keyframes.poses
     placed = [live.is_placed]
     # the first graph begins
     live.clear()
@@ -304,11 +305,20 @@ def test_a_given_map_is_restored_once_until_something_came_and_then_anew(
     assert placed == [False, True, False, True]
     assert len(live.saved()) == 4
     live.clear()
-    assert restored == [3, 3]
-    assert len(live.saved()) == 3
+    assert restored == [3]
+    assert live.loops == 0
+    placed = [live.is_placed]
+    after = live.saved()
+    assert len(after) == 3
+    np.testing.assert_array_equal(after.graph.keyframes.poses, restored_poses)
+    # what was of the session before is no candidate of the next
+    live.add(0, replace(keyed(2), edges=()))
+    placed.append(live.is_placed)
+    assert placed == [False, True]
+    assert all(edge.parent < 3 for edge in loops_of(live.saved()))
 
 
-def test_while_a_map_is_restored_the_pose_of_odom_in_it_is_unknown(
+def test_while_the_odometry_starts_anew_the_pose_of_odom_in_a_given_map_is_unknown(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     before = map_of_three()
@@ -317,14 +327,15 @@ def test_while_a_map_is_restored_the_pose_of_odom_in_it_is_unknown(
     assert live.is_placed
     # another thread may broadcast the pose meanwhile
     during: list[bool] = []
-    restore = loop_finder.LoopFinder.restore
+    update = IncrementalOptimiser.update
 
-    def watched(self: loop_finder.LoopFinder, saved: SavedMap) -> None:
+    def watched(self: IncrementalOptimiser) -> dict[int, Float64]:
         during.append(live.is_placed)
-        restore(self, saved)
+        poses = update(self)
         during.append(live.is_placed)
+        return poses
 
-    monkeypatch.setattr(loop_finder.LoopFinder, "restore", watched)
+    monkeypatch.setattr(IncrementalOptimiser, "update", watched)
     live.clear()
     assert during == [False, False]
     assert not live.is_placed

@@ -38,7 +38,7 @@ def test_the_first_keyframes_of_a_session_are_compared_with_the_last_of_the_map_
 
     monkeypatch.setattr(loop_finder, "loop_edge", none_of)
     window = config().odometry.window
-    finder = LoopFinder(config(), Glue(config()), HammingVotes())
+    finder = LoopFinder(config(), Glue(config()), HammingVotes)
     finder.restore(map_of(window + 1))
     known = drifted()[window].keyframe
     session = [replace(known, number=number) for number in (window + 1, window + 2)]

@@ -316,7 +316,7 @@ def test_a_map_of_another_version_is_told_from_what_is_no_map(tmp_path: Path) ->
 def test_a_map_of_another_place_is_named_by_its_file(tmp_path: Path) -> None:
     path = tmp_path / "room.rgbdmap"
     write_map(path, walk())
-    mapper = Mapper(config(), Glue(config()), HammingVotes())
+    mapper = Mapper(config(), Glue(config()), HammingVotes)
     mapper.restore(read_map(path))
     with pytest.raises(InputError) as refused:
         mapper.finish()

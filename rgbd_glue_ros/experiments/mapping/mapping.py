@@ -192,7 +192,7 @@ def map_recording(
 
 @uninterrupted()
 def _new_mapper(config: Config, glue: Glue, before: SavedMap | None) -> Mapper:
-    mapper = Mapper(config, glue, SearchTree())
+    mapper = Mapper(config, glue, SearchTree)
     if before is not None:
         mapper.restore(before)
     return mapper
