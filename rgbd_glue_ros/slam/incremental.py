@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +37,20 @@ class IncrementalOptimiser:
         self._solved = self._gtsam.NonlinearFactorGraph()
         self._poses: dict[int, Float64] = {}
         self._begin()
+
+    @staticmethod
+    def check(edges: Iterable[PoseGraphEdge]) -> None:
+        """Refuses edges that would keep any graph from its optimum.
+
+        Raises:
+            InputError: there is no optimum with one of them alone.
+        """
+        for edge in edges:
+            alone = IncrementalOptimiser()
+            alone.add(0, np.eye(4))
+            alone.add(1, edge.T_parent_child)
+            alone.add_edge(replace(edge, parent=0, child=1))
+            alone.update()
 
     def _new_isam(self) -> Any:
         params = self._gtsam.ISAM2Params()

@@ -21,6 +21,7 @@ from rgbd_glue_ros.slam.loop_finder import LoopFinder, linked_to
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe
+from rgbd_glue_ros.slam.waiting_keyframes import UnmappedKeyframe, WaitingKeyframes
 from rgbd_glue_ros.types import Float64, PoseGraph, PoseGraphEdge, RgbdFrame, Trajectory
 
 
@@ -39,26 +40,12 @@ class Keyed:
     edges: tuple[PoseGraphEdge, ...] = ()
 
 
-@dataclass(frozen=True)
-class _New:
-    """A keyframe that is not in the map yet.
-
-    Attributes:
-        number: the odometry's.
-        keyframe: as the map will keep it; its number is its row.
-        edges: to earlier keyframes, by the odometry's numbers.
-    """
-
-    number: int
-    keyframe: StoredKeyframe
-    edges: tuple[PoseGraphEdge, ...]
-
-
 class LiveMap:
     """Closes loops as keyframes arrive.
 
-    With an existing map, keyframes wait until one of them shows a place of it. A keyframe with
-    which there is no optimum is left out, and the map goes on: every row has a pose.
+    With an existing map, keyframes wait until one of them shows a place of it, and then all join
+    it. A keyframe with which there is no optimum is left out, and the map goes on: every row has a
+    pose.
 
     Attributes:
         poses: T_map_camera [4, 4] of every keyframe, by its row.
@@ -80,6 +67,7 @@ class LiveMap:
         self._before = before
         self._glue = Glue(config)
         self._finder = LoopFinder(config, self._glue, SearchTree)
+        self._waiting = WaitingKeyframes("" if before is None else before.name)
         if before is not None:
             self._finder.restore(before)
         self._begin()
@@ -92,7 +80,7 @@ class LiveMap:
         self._optimiser = IncrementalOptimiser()
         self._rows: dict[int, int] = {}
         self._skipped = SkippedKeyframes()
-        self._waiting: list[_New] = []
+        self._waiting.clear()
         self.poses: dict[int, Float64] = {}
         self.loops = 0
         if self._before is not None:
@@ -101,7 +89,7 @@ class LiveMap:
     def clear(self) -> None:
         """Starts over, from the existing map if there is one."""
         # locating does not change the map
-        if self._rows or self._waiting or len(self._skipped):
+        if self._rows or len(self._waiting) or len(self._skipped):
             self._begin()
         elif self._before is not None:
             self.T_map_odom = None
@@ -123,23 +111,31 @@ class LiveMap:
 
         Raises:
             InputError: its images cannot be compared (its edges are kept), or no optimum exists
-                with it (it is left out).
+                with it (it is left out) or with what links those that wait to the map (they wait
+                for another such link).
         """
-        row = len(self._finder.keyframes) + len(self._waiting)
         try:
-            keyframe = self._keyframe(row, keyed)
+            keyframe = self._keyframe(keyed)
         except Exception:
             self.skip(number, keyed.edges)
             raise
-        new = _New(number, self._finder.seen(keyframe), keyed.edges)
-        if self._before is None or self._rows:
+        new = UnmappedKeyframe(number, self._finder.seen(keyframe), keyed.edges)
+        if self._is_joined:
             self._add([new])
             return
-        self._waiting.append(new)
+        # such a one would keep all that wait from the map
+        self._optimiser.check(keyed.edges)
+        self._waiting.add(new)
         loops = self._finder.recognised(keyframe)
         if loops:
-            waiting, self._waiting = self._waiting, []
-            self._add(waiting, loops)
+            waiting = self._waiting.numbered(len(self._finder.keyframes))
+            row = waiting[-1].keyframe.number
+            self._add(waiting, tuple(replace(loop, child=row) for loop in loops))
+
+    @property
+    def _is_joined(self) -> bool:
+        """Whether keyframes need not wait."""
+        return self._before is None or bool(self._rows)
 
     def skip(self, number: int, edges: tuple[PoseGraphEdge, ...]) -> None:
         """Keeps the edges of a keyframe without images.
@@ -158,7 +154,7 @@ class LiveMap:
         Returns:
             Whether it was found; ``T_map_odom`` is then that of the keyframe.
         """
-        keyframe = self._keyframe(len(self._finder.keyframes), keyed)
+        keyframe = self._keyframe(keyed)
         loops = self._finder.recognised(keyframe)
         if not loops:
             return False
@@ -181,7 +177,7 @@ class LiveMap:
         self._solve(graph.edges, dict(enumerate(graph.keyframes.poses)))
         self._edges += graph.edges
 
-    def _add(self, new: Sequence[_New], links: tuple[PoseGraphEdge, ...] = ()) -> None:
+    def _add(self, new: Sequence[UnmappedKeyframe], links: tuple[PoseGraphEdge, ...] = ()) -> None:
         """Adds keyframes that are linked to one another or to the map.
 
         Args:
@@ -201,6 +197,7 @@ class LiveMap:
             for n in new:
                 self._rows.pop(n.number, None)
             raise
+        self._waiting.clear()
         self._edges += edges
         self._finder.add([n.keyframe for n in new])
         self.loops += len(links)
@@ -226,7 +223,7 @@ class LiveMap:
     def _linked_to(self, keyframe: StoredKeyframe) -> set[int]:
         return linked_to(keyframe.number, self._edges)
 
-    def _edges_by_rows(self, new: Sequence[_New]) -> list[PoseGraphEdge]:
+    def _edges_by_rows(self, new: Sequence[UnmappedKeyframe]) -> list[PoseGraphEdge]:
         """The edges from new keyframes to earlier ones, by rows; registers the rows."""
         found: list[PoseGraphEdge] = []
         before = self._finder.keyframes[self._finder.session_start :][-1:]
@@ -247,11 +244,15 @@ class LiveMap:
         return replace(known, parent=self._rows[known.parent], child=self._rows[known.child])
 
     def add_edge(self, edge: PoseGraphEdge) -> None:
-        """Adds a later edge between keyframes that are known or were skipped.
+        """Adds a later edge between keyframes that are known, wait or were skipped.
 
         Raises:
             InputError: there is no optimum with it; it is left out.
         """
+        if not self._is_joined:
+            self._optimiser.check([edge])
+            self._waiting.add_edge(edge)
+            return
         known = self._by_rows(edge)
         if known is not None:
             self._solve((known,))
@@ -281,7 +282,9 @@ class LiveMap:
         """The pose of odom in the map according to a loop with it, float64 [4, 4]."""
         return T_map_odom_by(loop, self.poses[loop.parent], T_odom_camera)
 
-    def _keyframe(self, row: int, keyed: Keyed) -> MapKeyframe:
+    def _keyframe(self, keyed: Keyed) -> MapKeyframe:
+        """A keyframe whose row is the next one."""
+        row = len(self._finder.keyframes)
         view = view_of(keyed.frame, self._config.camera)
         T, stamp_ns = keyed.T_odom_camera, keyed.frame.stamp_ns
         return MapKeyframe.seen(row, stamp_ns, T, view, self._glue, self._config)

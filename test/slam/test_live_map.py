@@ -12,6 +12,7 @@ import pytest
 from rigs.bag_frames import recorded_frames
 from rigs.drifted import config, drifted, rmse
 from rigs.pose_graphs import random_graph
+from rigs.sight import Sight
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
@@ -19,7 +20,6 @@ from rgbd_glue_ros.slam import loop_finder
 from rgbd_glue_ros.slam.edge_composition import composed
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
-from rgbd_glue_ros.slam.loop_closure import loop_edge
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import optimise
@@ -232,23 +232,6 @@ def map_of_three() -> SavedMap:
     for number in range(3):
         before.add(number, keyed(number))
     return before.saved()
-
-
-class Sight:
-    """In place of ``loop_edge``: may see no loop at all, or fail for some keyframes."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self._loop_edge = loop_edge
-        self.is_blind = True
-        self.failing: set[int] = set()
-        monkeypatch.setattr(loop_finder, "loop_edge", self)
-
-    def __call__(
-        self, parent: MapKeyframe, child: MapKeyframe, *others: Any
-    ) -> PoseGraphEdge | None:
-        if child.number in self.failing:
-            raise ArithmeticError("no digits are left")
-        return None if self.is_blind else self._loop_edge(parent, child, *others)
 
 
 def loops_of(saved: SavedMap) -> list[PoseGraphEdge]:
