@@ -15,11 +15,10 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
-from nav_msgs.msg import Path as PathMessage
 
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.user_paths import expanded, file_to_write
+from rgbd_glue_ros.files.user_paths import file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.end_signals import EndSignals
@@ -28,24 +27,25 @@ from rgbd_glue_ros.live.keyframe_edges import edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.recent_images import RecentImages
 from rgbd_glue_ros.live.worker import QueueWorker
-from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.node.base_node import CLOSE_S, BaseNode
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
+from rgbd_glue_ros.node.map_loading import MapLoading, given_map_file
+from rgbd_glue_ros.node.map_path import MapPath
 from rgbd_glue_ros.node.mapping_diagnostics import MappingDiagnostics
 from rgbd_glue_ros.node.odometry_input import OdometryInput
 from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
 from rgbd_glue_ros.node.rgbd_input import RgbdInput
-from rgbd_glue_ros.node.runtime import run_node
+from rgbd_glue_ros.node.runtime import GiveUp, run_node
 from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.parameters.inputs import MAP_BY_RECEIPT
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
-from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, RgbdFrame
+from rgbd_glue_ros.slam.map_file import write_map
+from rgbd_glue_ros.types import PoseGraphEdge, RgbdFrame
 
 NODE_NAME = "rgbd_mapping"
 # Keyframes that wait for their images, and those that wait for the worker, at most.
@@ -70,43 +70,51 @@ class _NewGraph:
 class MappingNode(BaseNode):
     """Publishes ``map`` -> ``odom`` and ``map/path``."""
 
-    def __init__(self) -> None:
-        """Subscribes.
+    def __init__(self, give_up: GiveUp) -> None:
+        """Declares the parameters, and loads the map; subscribes as soon as that is done.
+
+        Args:
+            give_up: called from another thread if the map cannot be loaded, or the libraries of the
+                extra slam are not installed.
 
         Raises:
             InputError: a parameter has an invalid value.
-            MissingExtraError: the libraries of the extra slam are not installed.
         """
         super().__init__(NODE_NAME)
         self._config, config = declare_parameters(self, CHANGEABLE)
         self._config.check_for_mapping()
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
-        self._map = LiveMap(config, _given_map(self._config))
         self._map_lock = threading.Lock()
         self._stream = KeyframeStream()
         self._matches: RecentImages[Match[Any]] = RecentImages(lambda: self._stream.awaited_ns)
         self._input = RgbdInput(
             self, self._config, transforms, self._receive, with_two_clocks=MAP_BY_RECEIPT
         )
-        self._path = self.create_publisher(PathMessage, topics.MAP_PATH, 10)
         self._broadcaster = None if transforms is None else Broadcaster(self)
         self._worker: QueueWorker[_NewGraph | _Keyframe | PoseGraphEdge] = QueueWorker(
             self._process, KEYFRAMES_WAITING
         )
         self._waiting: deque[_NewGraph | NewKeyframe | PoseGraphEdge] = deque()
+        follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
+        given = given_map_file(self._config)
+        self._loading = MapLoading(self, given, config, self._begin, give_up)
+
+    def _begin(self, live_map: LiveMap) -> None:
+        """Subscribes and publishes."""
+        self._map = live_map
+        self._path = MapPath(self, self._config.map_frame_id)
         self._odometry = OdometryInput(self, self._take_pose, self._take_keyframe, self._take_edge)
         self._diagnostics = MappingDiagnostics(
             self, self._map, self._input.watch, lambda: len(self._waiting) + len(self._worker)
         )
         self._input.subscribe()
         create_save_service(self, topics.SAVE_MAP_SERVICE, "map", self._save_map)
-        follow_changes(self, self._config, config, self._take_parameters, CHANGEABLE)
         self.get_logger().info(self._description())
 
     def _finish(self) -> bool:
-        """Finishes the current keyframe."""
-        has_ended = self._worker.close(CLOSE_S)
+        """Finishes the current keyframe; a map is not loaded to the end."""
+        has_ended = self._worker.close(CLOSE_S) and self._loading.is_over
         if has_ended:
             self._input.close()
         return has_ended
@@ -250,23 +258,7 @@ class MappingNode(BaseNode):
                 f"Keyframe {keyframe.number}: {self._map.loops - before} loops closed, "
                 f"{self._map.loops} in total"
             )
-        self._publish_path(extrinsics.T_camera_child, keyframe.stamp_ns)
-
-    def _publish_path(self, T_camera_child: Float64, at_ns: int) -> None:
-        """Publishes the optimised poses of all keyframes."""
-        if not self._path.get_subscription_count():
-            return
-        path, frame = PathMessage(), self._config.map_frame_id
-        stamps = self._map.stamps_ns()
-        fields.copy_fields(fields.header(at_ns, frame), path.header)
-        path.poses = [
-            fields.copy_fields(
-                fields.pose_stamped(T @ T_camera_child, fields.header(stamps[row], frame)),
-                PoseStamped(),
-            )
-            for row, T in sorted(self._map.poses.items())
-        ]
-        self._path.publish(path)
+        self._path.publish(self._map, extrinsics.T_camera_child, keyframe.stamp_ns)
 
     def _broadcast(self, pose: PoseStamped) -> None:
         """Publishes map -> odom at the stamp of a pose, once the transform is known."""
@@ -280,7 +272,7 @@ class MappingNode(BaseNode):
     def _description(self) -> str:
         """What the node subscribes to and publishes."""
         subscribed = ", ".join([*self._input.topics, *self._odometry.topics])
-        path = self._path.topic_name
+        path = self._path.topic
         frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
         if self._broadcaster is None:
             published = f"{path} only, since {frames} needs tf2_msgs"
@@ -292,22 +284,9 @@ class MappingNode(BaseNode):
         return f"Subscribed to {subscribed}, and if it exists {optional}; publishing {published}"
 
 
-def _given_map(config: cfg.NodeConfig) -> SavedMap | None:
-    """The map in ``map_file``, to start with; None if no file is given.
-
-    Raises:
-        InputError: the map cannot be read, or ``localize_only`` is set without a map.
-    """
-    if config.map_file:
-        return read_map(expanded(config.map_file, "map_file"))
-    if config.localize_only:
-        raise InputError("localize_only", "there is no map", "set map_file")
-    return None
-
-
 def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
     """Runs the node until a signal ends it; arguments and exit code as for the odometry node."""
-    return run_node(NODE_NAME, lambda _: MappingNode(), args, end_signals)
+    return run_node(NODE_NAME, MappingNode, args, end_signals)
 
 
 if __name__ == "__main__":

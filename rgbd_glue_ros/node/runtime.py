@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -30,6 +31,13 @@ NAMES_S = 1.0
 END_S = 2.0
 # The highest ROS domain that has ports (RTPS 2.2, 9.6.1.1).
 LAST_DOMAIN = 232
+
+
+class GiveUp(Protocol):
+    """A function that ends the node; any thread may call it."""
+
+    def __call__(self, fault: InputError | MissingExtraError | None = None) -> None:
+        """Ends the node, because of invalid input, or because of what has been logged already."""
 
 
 def init(name: str, args: list[str] | None) -> None:
@@ -119,7 +127,7 @@ class NodeExecutor(SingleThreadedExecutor):  # type: ignore[misc]
 
 def run_node(
     name: str,
-    create: Callable[[Callable[[], None]], BaseNode],
+    create: Callable[[GiveUp], BaseNode],
     args: list[str] | None,
     end_signals: EndSignals | None = None,
 ) -> int:
@@ -138,9 +146,12 @@ def run_node(
     """
     end_signals = end_signals or EndSignals()
     told_to_end, has_failed = threading.Event(), threading.Event()
+    faults: list[InputError | MissingExtraError] = []
 
-    def give_up() -> None:
+    def give_up(fault: InputError | MissingExtraError | None = None) -> None:
         has_failed.set()
+        if fault is not None:
+            faults.append(fault)
         end_signals.end()
 
     try:
@@ -158,6 +169,8 @@ def run_node(
             spinning.join(END_S)
             if not spinning.is_alive():  # else a callback waits for the worker, closed next
                 executor.shutdown()
+        if faults:
+            raise faults[0]
     except (InputError, MissingExtraError) as error:
         PrintableLogger(name).fatal(str(error))
         return BAD_INPUT

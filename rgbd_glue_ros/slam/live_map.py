@@ -18,7 +18,7 @@ from rgbd_glue_ros.slam.edge_composition import SkippedKeyframes, assumed_edge
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.loop_closure import T_map_odom_by
 from rgbd_glue_ros.slam.loop_finder import LoopFinder, linked_to
-from rgbd_glue_ros.slam.map_file import SavedMap
+from rgbd_glue_ros.slam.map_file import OnKeyframe, SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe
 from rgbd_glue_ros.slam.waiting_keyframes import UnmappedKeyframe, WaitingKeyframes
@@ -43,9 +43,8 @@ class Keyed:
 class LiveMap:
     """Closes loops as keyframes arrive.
 
-    With an existing map, keyframes wait until one of them shows a place of it, and then all join
-    it. A keyframe with which there is no optimum is left out, and the map goes on: every row has a
-    pose.
+    With an existing map, keyframes wait until one of them shows a place of it. A keyframe with
+    which there is no optimum is left out, and the map goes on: every row has a pose.
 
     Attributes:
         poses: T_map_camera [4, 4] of every keyframe, by its row.
@@ -53,12 +52,18 @@ class LiveMap:
         T_map_odom: float64 [4, 4]; None until a place of the map is recognised.
     """
 
-    def __init__(self, config: Config, before: SavedMap | None = None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        before: SavedMap | None = None,
+        on_keyframe: OnKeyframe = lambda _done, _total: None,
+    ) -> None:
         """Creates a map.
 
         Args:
             config: how keyframes are compared.
             before: an existing map; None starts an empty one.
+            on_keyframe: called after each keyframe of that map.
 
         Raises:
             MissingExtraError: the libraries of the extra slam are not installed.
@@ -69,7 +74,7 @@ class LiveMap:
         self._finder = LoopFinder(config, self._glue, SearchTree)
         self._waiting = WaitingKeyframes("" if before is None else before.name)
         if before is not None:
-            self._finder.restore(before)
+            self._finder.restore(before, on_keyframe)
         self._begin()
 
     def _begin(self) -> None:
@@ -84,7 +89,9 @@ class LiveMap:
         self.poses: dict[int, Float64] = {}
         self.loops = 0
         if self._before is not None:
-            self._solve_given(self._before.graph)
+            graph = self._before.graph
+            self._solve(graph.edges, dict(enumerate(graph.keyframes.poses)))
+            self._edges += graph.edges
 
     def clear(self) -> None:
         """Starts over, from the existing map if there is one."""
@@ -172,10 +179,6 @@ class LiveMap:
         poses = np.array([self.poses[row] for row in range(len(keyframes))]).reshape(-1, 4, 4)
         graph = PoseGraph(Trajectory(stamps, poses), tuple(self._edges))
         return SavedMap(graph, self._finder.views)
-
-    def _solve_given(self, graph: PoseGraph) -> None:
-        self._solve(graph.edges, dict(enumerate(graph.keyframes.poses)))
-        self._edges += graph.edges
 
     def _add(self, new: Sequence[UnmappedKeyframe], links: tuple[PoseGraphEdge, ...] = ()) -> None:
         """Adds keyframes that are linked to one another or to the map.

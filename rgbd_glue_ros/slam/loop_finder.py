@@ -12,7 +12,7 @@ from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import Appearance, Likeness, most_alike_first
 from rgbd_glue_ros.slam.loop_closure import loop_edge
-from rgbd_glue_ros.slam.map_file import SavedMap
+from rgbd_glue_ros.slam.map_file import OnKeyframe, SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.packed_view import PackedView, packed
 from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe, WholeKeyframes
@@ -55,8 +55,15 @@ class LoopFinder:
         self.session_start = 0
         self.keyframes: list[StoredKeyframe] = []
 
-    def restore(self, saved: SavedMap) -> None:
-        """Adds the keyframes of a given map, first; later ones belong to another session."""
+    def restore(
+        self, saved: SavedMap, on_keyframe: OnKeyframe = lambda _done, _total: None
+    ) -> None:
+        """Adds the keyframes of a given map, first; later ones belong to another session.
+
+        Args:
+            saved: the map.
+            on_keyframe: called after each keyframe.
+        """
         graph = saved.graph.keyframes
         for number, (at_ns, T, view) in enumerate(
             zip(graph.stamps_ns.tolist(), graph.poses, saved.views, strict=True)
@@ -64,6 +71,7 @@ class LoopFinder:
             keyframe = MapKeyframe.seen(number, at_ns, T, view.unpacked(), self._glue, self._config)
             self._before.add(number, self._descriptors(keyframe))
             self.keyframes.append(self._of_view(keyframe, view))
+            on_keyframe(number + 1, len(saved))
         self.session_start = len(self.keyframes)
 
     def forget_session(self) -> None:

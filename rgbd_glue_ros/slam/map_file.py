@@ -6,7 +6,7 @@ Features are not stored: they are extracted again, with the parameters in use.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -47,6 +47,10 @@ _DEPTH_UNIT_M = 0.00025
 _FARTHEST = 65535
 # Maximum number of keyframes in a file: at 0.3 MB each, 30 GB.
 _MOST_KEYFRAMES = 100_000
+
+
+OnKeyframe = Callable[[int, int], None]
+"""Called with the number of keyframes that are done, and that of all."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +100,12 @@ def write_map(path: Path, saved: SavedMap) -> None:
     write_whole(path, file.getvalue())
 
 
-def read_map(path: Path) -> SavedMap:
+def read_map(path: Path, on_keyframe: OnKeyframe = lambda _done, _total: None) -> SavedMap:
     """Reads a map.
+
+    Args:
+        path: its file.
+        on_keyframe: called after each keyframe.
 
     Raises:
         InputError: the file cannot be read, is not a map, or is of another version.
@@ -107,7 +115,7 @@ def read_map(path: Path) -> SavedMap:
             _check_stored(zipfile.ZipFile(file))
             file.seek(0)
             with np.load(file, allow_pickle=False) as arrays:
-                return _map(arrays, path)
+                return _map(arrays, path, on_keyframe)
         except InputError:
             raise
         except Exception as error:
@@ -128,7 +136,7 @@ def _check_stored(archive: zipfile.ZipFile) -> None:
         raise ValueError("an entry is compressed")
 
 
-def _map(arrays: Mapping[str, Any], path: Path) -> SavedMap:
+def _map(arrays: Mapping[str, Any], path: Path, on_keyframe: OnKeyframe) -> SavedMap:
     _check_format(str(arrays["format"]), path)
     stamps = arrays["stamps_ns"]
     if stamps.dtype != np.int64 or stamps.ndim != 1 or not 0 < len(stamps) <= _MOST_KEYFRAMES:
@@ -147,6 +155,7 @@ def _map(arrays: Mapping[str, Any], path: Path) -> SavedMap:
         contrast = float(contrasts[i])
         view = View(grey, depth, camera, twists[i], readout_time, depth_delay, contrast)
         views.append(packed(view))
+        on_keyframe(i + 1, count)
     return SavedMap(PoseGraph(Trajectory(stamps, poses), edges), tuple(views), str(path))
 
 

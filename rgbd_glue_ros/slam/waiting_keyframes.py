@@ -11,7 +11,7 @@ from rgbd_glue_ros.types import PoseGraphEdge
 logger = logging.getLogger(__name__)
 
 MOST_WAITING = 1000
-"""Keyframes that wait, at most: some hundred megabytes at 640x480."""
+"""Keyframes that wait, at most: a gigabyte at 640x480."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,9 @@ import pytest
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_FRAME, KEYFRAME_POSE, POSE
 from rgbd_glue_ros.parameters import Config, NodeConfig, parameters
+from rgbd_glue_ros.slam.map_file import SavedMap, write_map
+from rgbd_glue_ros.slam.packed_view import packed
+from rgbd_glue_ros.types import PoseGraph, PoseGraphEdge, Trajectory, View
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
@@ -20,7 +23,8 @@ pytest.importorskip("pyhbst", reason="pyHBST is not installed")
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.parameter_client import AsyncParameterClient
-from rigs.faults import rig_node, shown
+from rigs.faults import rig_environment, rig_node, shown
+from rigs.pan import Pan
 from rigs.ros import PATIENCE_S, START_S, Rig, corner_frame
 
 NODE_NAME = "rgbd_mapping"
@@ -153,6 +157,44 @@ def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: in
         assert "TF: not available" in node.lines[0]
         assert line.endswith("; publishing /map/path only, since map -> odom needs tf2_msgs")
         assert node.stop() == 0
+
+
+def large_map(count: int) -> SavedMap:
+    """A map of one view many times."""
+    frame = next(iter(Pan(1)))
+    view = packed(View(frame.color[..., 0].copy(), frame.depth, frame.intrinsics))
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    edges = tuple(PoseGraphEdge(i, i + 1, np.eye(4), np.eye(6)) for i in range(count - 1))
+    graph = PoseGraph(Trajectory(np.arange(count, dtype=np.int64), poses), edges)
+    return SavedMap(graph, (view,) * count)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["read", "features extracted of"])
+def test_while_a_large_map_is_loaded_its_progress_is_logged_and_a_signal_ends_the_node(
+    ros_domain: int, tmp_path: Path, task: str
+) -> None:
+    room, count = tmp_path / "room.rgbdmap", 200
+    write_map(room, large_map(count))
+    given = {"map_file": str(room)}
+    environment = rig_environment(ros_domain)
+    with shown(NodeProcess(given, environment, module="rigs.hasty_loading")) as node:
+        line = node.wait_for_line(f"{room}: {task}", START_S)
+        assert line.endswith(f" of {count} keyframes")
+        assert node.stop() == 0
+        assert not [line for line in node.lines if "Subscribed" in line or "Traceback" in line]
+
+
+def test_a_damaged_map_ends_the_node_with_exit_code_2_and_one_line(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    room = tmp_path / "room.rgbdmap"
+    room.write_text("no map")
+    given = {"map_file": str(room)}
+    with shown(NodeProcess(given, ros_environment(ros_domain), module=MODULE)) as node:
+        node.wait_for_line(f"{room}: holds no valid map", START_S)
+        assert node.wait_for_end(PATIENCE_S) == 2
+        assert not [line for line in node.lines if "Traceback" in line]
 
 
 @pytest.mark.slow

@@ -266,9 +266,9 @@ def test_a_given_map_is_restored_once_however_often_the_odometry_starts_anew(
     restored: list[int] = []
     restore = loop_finder.LoopFinder.restore
 
-    def counted(self: loop_finder.LoopFinder, saved: SavedMap) -> None:
+    def counted(self: loop_finder.LoopFinder, saved: SavedMap, *progress: Any) -> None:
         restored.append(len(saved))
-        restore(self, saved)
+        restore(self, saved, *progress)
 
     monkeypatch.setattr(loop_finder.LoopFinder, "restore", counted)
     live = LiveMap(config(), before)
