@@ -64,8 +64,9 @@ class Odometry(Closing):
     def add_imu(self, samples: ImuSamples) -> None:
         """Adds samples of an IMU, in the axes of the camera's optical frame; optional.
 
-        Samples are used if they are added before ``track`` or ``process`` is called with the frame
-        that they lead up to. For frames that they do not cover, motion is predicted without them.
+        They may come in any order; of two with one stamp, the first is kept. Samples are used if
+        they are added before ``track`` or ``process`` is called with the frame that they lead up
+        to. For frames that they do not cover, motion is predicted without them.
 
         Raises:
             InputError: ``samples`` are of another class.
