@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -17,7 +18,6 @@ from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
-from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 # Messages kept until the next frame, or until TF has the sensor's orientation: 10 s at 200 Hz.
@@ -36,19 +36,31 @@ class ImuInput:
         topic: full name of the IMU topic.
     """
 
-    def __init__(self, node: BaseNode, config: NodeConfig, transforms: Transforms | None) -> None:
+    def __init__(
+        self,
+        node: BaseNode,
+        config: NodeConfig,
+        transforms: Transforms | None,
+        is_by_receipt: Callable[[], bool],
+    ) -> None:
         """Subscribes.
+
+        Args:
+            node: subscribes, and provides the log.
+            config: may give the IMU's orientation in the camera.
+            transforms: where to look it up; None without TF.
+            is_by_receipt: whether images are stamped with the time of receipt: both must be of one
+                clock.
 
         Raises:
             InputError: ``imu_pose`` cannot be read.
         """
         self.topic = str(node.resolve_topic_name(topics.IMU))
         self._node = node
-        self._goes_by_receipt = config.stamps == RECEIPT
         self._transforms = transforms
         self._given_pose = pose_parameter("imu_pose", config.imu_pose)
         self._known_poses: dict[tuple[str, str], Float64] = {}
-        self._readings = ImuQueue(_MOST_WAITING)
+        self._readings = ImuQueue(_MOST_WAITING, is_by_receipt)
         self._imu_frame = ""
         self._changed = threading.Condition()
         self._has_waited = False
@@ -58,17 +70,15 @@ class ImuInput:
         self._subscription = node.create_subscription(Imu, self.topic, self._receive, qos)
 
     def _receive(self, message: Imu) -> None:
-        stamp = stamp_ns(message.header.stamp)
-        if self._goes_by_receipt or stamp == 0:
-            stamp = self._node.get_clock().now().nanoseconds
+        receipt_ns = self._node.get_clock().now().nanoseconds
         try:
-            reading = imu_reading(message, stamp, self.topic)
+            reading = imu_reading(message, stamp_ns(message.header.stamp), self.topic)
         except InputError as fault:
             self._node.warn_once(fault.where, f"{fault.cause}; {fault.remedy}")
             return
         with self._changed:
             self._imu_frame = frame_of(message.header)
-            self._readings.add(reading)
+            self._readings.add(reading, receipt_ns)
             self._changed.notify_all()
 
     def take(self, camera_frame: str, stamp_ns: int) -> ImuSamples:

@@ -113,7 +113,7 @@ class OdometryNode(BaseNode):
         self._worker = self._create_worker()
         learned = learned_features(self._config.features)
         self._input = RgbdInput(self, self._node_config, transforms, self._receive, learned)
-        self._imu = ImuInput(self, self._node_config, transforms)
+        self._imu = ImuInput(self, self._node_config, transforms, lambda: self._input.is_by_receipt)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
         self._viewer = NodeViewer(self._node_config.rerun)

@@ -14,9 +14,9 @@ STILL = np.zeros(3)
 
 def stamps_left(stamps_ns: list[int], size: int = 100) -> list[int]:
     """The stamps that a frame gets after readings with these."""
-    queue = ImuQueue(size)
+    queue = ImuQueue(size, lambda: False)
     for stamp_ns in stamps_ns:
-        queue.add(ImuReading(stamp_ns, STILL, STILL))
+        queue.add(ImuReading(stamp_ns, STILL, STILL), stamp_ns)
     taken = [reading.stamp_ns for reading in queue.take()]
     assert (len(queue), queue.newest_ns) == (0, None)
     return taken
@@ -40,3 +40,22 @@ def test_of_more_readings_than_may_wait_the_latest_are_kept() -> None:
     assert stamps_left([i * PERIOD_NS for i in range(9)], size=3) == [
         i * PERIOD_NS for i in range(6, 9)
     ]
+
+
+def test_readings_go_by_the_clock_of_the_images_even_if_that_is_known_only_later() -> None:
+    images = {"by receipt": False}
+    queue = ImuQueue(100, lambda: images["by receipt"])
+    for i in range(3):
+        queue.add(ImuReading(NANOSECONDS + i, STILL, STILL), 100 * NANOSECONDS + i)
+    assert queue.newest_ns == NANOSECONDS + 2
+    images["by receipt"] = True
+    assert queue.newest_ns == 100 * NANOSECONDS + 2
+    assert [reading.stamp_ns for reading in queue.take()] == [
+        100 * NANOSECONDS + i for i in range(3)
+    ]
+
+
+def test_a_reading_without_a_stamp_has_the_time_of_its_receipt() -> None:
+    queue = ImuQueue(100, lambda: False)
+    queue.add(ImuReading(0, STILL, STILL), 7)
+    assert [reading.stamp_ns for reading in queue.take()] == [7]

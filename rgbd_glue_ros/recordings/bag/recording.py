@@ -171,7 +171,10 @@ class BagRecording(Closing):
         """The samples of its IMU; None if it has none or its orientation is not known."""
         if self._imu is None:
             return None
-        return recorded_imu(self._bag, self._imu, self._topics.color, self._inputs)
+        return recorded_imu(
+            *(self._bag, self._imu, self._topics.color, self._inputs),
+            by_receipt=self._stamp_source == RECEIPT,
+        )
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time; a stamp goes back only if the bag's do.
@@ -232,7 +235,7 @@ class BagRecording(Closing):
             channels[self._topics.info] = Channel.INFO
         else:
             sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
-        stamps = StampSource[Any](self._stamp_source())
+        stamps = StampSource[Any](self._stamp_source)
         for recorded in self._bag.messages(channels):
             try:
                 message = self._bag.deserialize(recorded)
@@ -247,6 +250,7 @@ class BagRecording(Closing):
             yield from sync.add(channel, stamp, item)
         yield from sync.flush()
 
+    @cached_property
     def _stamp_source(self) -> str:
         """The requested source; if the first images have no stamp, their time of recording."""
         first = islice(self._bag.messages([self._topics.color]), 2)
