@@ -306,7 +306,42 @@ def test_wrong_stamps_of_one_frame_cost_no_other_frame_however_the_channels_inte
     assert all(abs(m.info - m.color) <= PERIOD for m in matches)
 
 
-@pytest.mark.parametrize("jump_ns", [-(10**18), -20 * PERIOD, 10**18])
+@pytest.mark.parametrize("ahead_s", [0.6, 2.0, 9.9])
+@given(data=st.data())
+def test_a_frame_whose_stamp_is_ahead_by_seconds_costs_no_other_frame(
+    ahead_s: float, data: st.DataObject
+) -> None:
+    good = [i * PERIOD for i in range(1, 16)]
+    wrong = data.draw(st.sets(st.sampled_from(Channel), min_size=1))
+    ahead = good[10] + round(ahead_s * 1000) * MS
+    streams = {c: [*good[:11], *([ahead] if c in wrong else []), *good[11:]] for c in Channel}
+    matches = matched_at_once(interleaved(streams, data))
+    assert [(m.color, m.depth) for m in matches] == [(t, t) for t in good]
+    assert all(abs(m.info - m.color) <= PERIOD for m in matches)
+
+
+@pytest.mark.parametrize("pause_s", [0.6, 3.0, 9.0, 3600.0])
+@given(data=st.data())
+def test_a_pause_costs_no_frame_and_delays_its_first_one_by_a_period(
+    pause_s: float, data: st.DataObject
+) -> None:
+    before = [i * PERIOD for i in range(1, 12)]
+    stamps = [*before, *(before[-1] + round(pause_s * 1000) * MS + t for t in before)]
+    steps = matched_in_steps(triples(stamps), queue_size=10)
+    arrived = [len(list(chain.from_iterable(steps[: 3 * i]))) for i in range(1, len(stamps) + 1)]
+    assert arrived == [*range(1, 12), 11, *range(13, 23)]
+    matches = matched_at_once(interleaved(dict.fromkeys(Channel, stamps), data))
+    assert [(m.color, m.depth) for m in matches] == [(t, t) for t in stamps]
+
+
+@pytest.mark.parametrize("period_s", [0.4, 1.0, 2.0])
+def test_a_slow_camera_is_not_delayed_even_if_images_are_lost(period_s: float) -> None:
+    stamps = [round(i * period_s * 1000) * MS for i in range(20) if i not in (10, 12, 13)]
+    steps = matched_in_steps(triples(stamps), queue_size=10)
+    assert [len(step) for step in steps] == [0, 0, 1] * len(stamps)
+
+
+@pytest.mark.parametrize("jump_ns", [-(10**18), -20 * PERIOD, 20 * PERIOD, 10**18])
 @given(data=st.data())
 def test_a_jump_in_time_costs_no_frame_however_the_channels_interleave(
     jump_ns: int, data: st.DataObject
