@@ -313,7 +313,7 @@ class OdometryNode(BaseNode):
         self._reset()
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
-        """Resets if time went back; a match with ``restarted`` may have been superseded."""
+        """Resets if time went back, as with a looping bag or a clock that was set."""
         if self._last_stamp_ns is not None and frame.stamp_ns < self._last_stamp_ns:
             back_s = (self._last_stamp_ns - frame.stamp_ns) / NANOSECONDS
             self.get_logger().warning(

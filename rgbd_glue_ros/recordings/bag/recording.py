@@ -270,12 +270,14 @@ class BagRecording(Closing):
     ) -> Iterator[tuple[Match[Any], DepthCamera | None]]:
         """The matches with the camera that took their depth; anomalies are logged."""
         taken_by: DepthCamera | None = None
-        for number, match in enumerate(matches):
-            if number == 0:
+        last_ns: int | None = None
+        for match in matches:
+            if last_ns is None:
                 taken_by = self._depth_camera.of(match)
                 self._say_of_unit(match)
-            if match.restarted:
+            elif match.stamp_ns < last_ns:
                 logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
+            last_ns = match.stamp_ns
             yield match, taken_by
 
     def _say_of_unit(self, match: Match[Any]) -> None:
