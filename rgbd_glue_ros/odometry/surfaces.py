@@ -70,10 +70,10 @@ def widened(blocks: UInt8) -> UInt8:
 
 
 def pixels_of(blocks: UInt8, view: View) -> Mask:
-    """The pixels of blocks [R, C] that are not 0, bool [H, W]."""
-    height, width = view.depth.shape
-    pixels = cv2.resize(blocks, (width, height), interpolation=cv2.INTER_NEAREST)
-    return np.asarray(pixels > 0, np.bool_)
+    """The pixels of blocks [R, C] that are not 0, bool [H, W]; beyond all blocks, of the last."""
+    pixels = (blocks > 0).repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)
+    missing = np.subtract(view.depth.shape, pixels.shape)
+    return np.pad(pixels, [(0, missing[0]), (0, missing[1])], mode="edge")
 
 
 def _nearest_surfaces(depth: Float32) -> Float32:
