@@ -47,7 +47,7 @@ class Surfaces:
             np.ascontiguousarray(view.depth[middle, middle][:rows, :columns]),
             _nearest_surfaces(view.depth),
             view.intrinsics.focal_and_centre,
-            T_track_camera @ se3.exp(view.twist * view.depth_delay),
+            depth_pose(view, T_track_camera),
         )
 
     def in_front_of(self, other: Surfaces) -> UInt8:
@@ -56,6 +56,11 @@ class Surfaces:
         return np.asarray(
             _in_front(self.depth, self.K, T_other_depth, other.nearest, other.K), np.uint8
         )
+
+
+def depth_pose(view: View, T_track_camera: Float64) -> Float64:
+    """T_track_depth [4, 4]: the pose when the depth of a view with this pose was taken."""
+    return T_track_camera @ se3.exp(view.twist * view.depth_delay)
 
 
 def dense(blocks: UInt8) -> UInt8:

@@ -15,6 +15,7 @@ from rigs.scenes import SCENES
 
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.experiments.bench.robot_part import pixels_of_part, with_robot_part
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.odometry import Odometry
@@ -126,6 +127,14 @@ def test_blocks_are_placed_every_eight_pixels_whatever_the_size_of_the_image(
             column * BLOCK_PX : None if last_column else (column + 1) * BLOCK_PX,
         ] = True
         np.testing.assert_array_equal(pixels, expected)
+
+
+def test_a_view_at_the_pose_of_the_last_one_is_not_needed_however_late_its_depth_is() -> None:
+    twist = np.array([0.0, 0.0, 0.0, 0.0, 2.5, 0.0])
+    late = replace(view_of(empty_room([0.0])[0], CONFIG.camera), twist=twist, depth_delay=0.02)
+    seen = OwnParts().after_view(late, np.eye(4))
+    assert not seen.needs(late, np.eye(4))
+    assert seen.needs(late, se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
 
 
 def test_another_image_size_restarts_the_detection(known: OwnParts) -> None:
