@@ -17,11 +17,11 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.camera_info import of_image_size
+from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
-    DepthEncoding,
     ImagePair,
     ImageSequence,
     read_image,
@@ -35,7 +35,6 @@ from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame, Trajectory, UInt8
 VIDEOS = ("rgb.mp4", "rgb.mov", "color.mp4", "video.mp4")
 ODOMETRY = "odometry.csv"
 
-_MILLIMETRES = DepthEncoding(1000.0, (0,))
 _MP4 = b"ftyp"
 
 
@@ -77,7 +76,7 @@ def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> Im
     shape = read_image(pairs[0].depth).shape[:2]
     camera = of_image_size(camera, (shape[0], shape[1]), str(video), str(pairs[0].depth))
     return ImageSequence(
-        folder.resolve().name, pairs, _MILLIMETRES, camera, truth, (color[1], color[0])
+        folder.resolve().name, pairs, MILLIMETRES, camera, truth, (color[1], color[0])
     )
 
 

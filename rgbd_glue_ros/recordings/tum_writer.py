@@ -15,6 +15,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.messages.fields import distortion_model
 from rgbd_glue_ros.messages.image_codecs import encode_png, quantised
+from rgbd_glue_ros.recordings.depth_encoding import TUM_UNITS_PER_METRE
 from rgbd_glue_ros.recordings.tum import (
     ACCELEROMETER,
     CALIBRATION,
@@ -22,7 +23,6 @@ from rgbd_glue_ros.recordings.tum import (
     DEPTH_LIST,
     GROUND_TRUTH,
     R_OPTICAL_ACCELEROMETER,
-    UNITS_PER_METRE,
 )
 from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import CameraIntrinsics, ImuSamples, RgbdFrame, Trajectory
@@ -94,7 +94,7 @@ class TumFolderWriter(Closing):
             frame.stamp_ns,
             encode_png(color),
             frame.stamp_ns + frame.depth_delay_ns,
-            encode_png(quantised(frame.depth, UNITS_PER_METRE)),
+            encode_png(quantised(frame.depth, TUM_UNITS_PER_METRE)),
         )
 
     def write(self, frame: EncodedFrame) -> None:
