@@ -63,9 +63,6 @@ class BagRecording(Closing):
     """The frames of a bag, paired and decoded as in the node.
 
     Unusable messages are skipped, counted and logged once per cause.
-
-    Attributes:
-        skipped: number of messages and frames that the last iteration could not use.
     """
 
     def __init__(
@@ -96,7 +93,7 @@ class BagRecording(Closing):
         self._inputs = inputs or InputConfig()
         self._calibration = calibration
         self._calibration_depth_scale = calibration_depth_scale
-        self.skipped = 0
+        self._faults = Faults()
         self._sync: Synchronizer[Any] = self._new_synchronizer()
         try:
             self._find_topics(topics or Topics(), depth_calibration)
@@ -184,6 +181,7 @@ class BagRecording(Closing):
         """
         faults, gaps = Faults(), FrameGaps()
         sync = self._sync = self._new_synchronizer()
+        self._faults = faults
         for result in mapped_ahead(self._frame, self._watched(self._matches(sync, faults))):
             if isinstance(result, InputError):
                 faults.add(result)
@@ -191,7 +189,6 @@ class BagRecording(Closing):
                 faults.are_skipped()
                 gaps.add(result.stamp_ns)
                 yield result
-        self.skipped = faults.count
         if self._bag.damage is not None:
             faults.are_skipped()
             raise InputError(
@@ -204,6 +201,11 @@ class BagRecording(Closing):
         if faults.count:
             logger.warning("%s: %d messages or frames skipped", self._bag.path, faults.count)
         warn_of_left_out(self._bag.path, self.left_out, gaps)
+
+    @property
+    def skipped(self) -> int:
+        """Number of messages and frames that the last iteration could not use, so far."""
+        return self._faults.count
 
     @property
     def left_out(self) -> LeftOut:
