@@ -43,7 +43,7 @@ class Odometry(Closing):
         self.reset()
 
     def close(self) -> None:
-        """Ends the background thread; no frame can be tracked after that."""
+        """Ends the background thread; no frame or keyframe can be added after that."""
         self._background.close()
 
     def reconfigure(self, config: Config) -> None:
@@ -136,7 +136,11 @@ class Odometry(Closing):
 
         Returns:
             Whether the frame became a keyframe.
+
+        Raises:
+            InputError: the odometry was closed.
         """
+        self._background.check_open()
         return self._session.update_map()
 
     @property
