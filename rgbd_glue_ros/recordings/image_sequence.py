@@ -184,7 +184,7 @@ class ImageSequence(Closing):
         shape = size if any(size) else color.shape[:2]
         told = f"the calibration of {self.name}"
         camera = of_image_size(self.intrinsics, shape, told, str(pair.color))
-        color = reduced(color, camera)
+        color = resized_to_camera(color, camera)
         depth_size = camera if self.depth_camera is None else self.depth_camera.intrinsics
         depth = self._depth(pair.depth, (depth_size.width, depth_size.height))
         if self.depth_camera is not None:
@@ -300,7 +300,7 @@ def to_rgb(image: NDArray[Any], where: str) -> UInt8:
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
 
 
-def reduced(color: UInt8, camera: CameraIntrinsics) -> UInt8:
+def resized_to_camera(color: UInt8, camera: CameraIntrinsics) -> UInt8:
     """A larger colour image of the same view, averaged to the size of ``camera``."""
     size = camera.width, camera.height
     if color.shape[1::-1] == size:

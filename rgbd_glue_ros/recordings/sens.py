@@ -20,7 +20,7 @@ from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
 from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
-from rgbd_glue_ros.recordings.image_sequence import reduced, to_rgb
+from rgbd_glue_ros.recordings.image_sequence import resized_to_camera, to_rgb
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -243,7 +243,7 @@ class SensSequence(Closing):
             raise InputError(
                 where, f"its colour is {width}x{height}, unlike the header's", "download it again"
             )
-        return reduced(to_rgb(image, where), self._header.camera)
+        return resized_to_camera(to_rgb(image, where), self._header.camera)
 
     def _depth(self, data: bytes, where: str) -> Float32:
         camera = self._header.camera
