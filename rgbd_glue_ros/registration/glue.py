@@ -5,7 +5,6 @@ One function per equation; ``Glue.register`` follows section 3 of the paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -21,10 +20,10 @@ from rgbd_glue_ros.geometry.fitting import (
     fit_covariance,
     ransac,
 )
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.parameters import SC2_PCR, Config
 from rgbd_glue_ros.registration.fits import FITS
 from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures, KeypointFeatures
-from rgbd_glue_ros.registration.sc2_pcr import sc2_pcr
+from rgbd_glue_ros.registration.sc2_pcr import INLIER_M, sc2_pcr
 from rgbd_glue_ros.stopwatch import Stopwatch, timed
 from rgbd_glue_ros.types import (
     Correspondences,
@@ -37,9 +36,6 @@ from rgbd_glue_ros.types import (
 )
 
 R = TypeVar("R")
-
-# The publication of SC2-PCR uses 10 cm indoors.
-_GEOMETRIC_INLIER_M = 0.1
 
 
 def assumed_inliers(
@@ -81,19 +77,13 @@ def surviving(
 
 
 def geometric_rough(matches: Correspondences, config: Config) -> TransformPrior | None:
-    """A rough transform from geometric matches alone, with the epsilon of equations 4 to 7."""
+    """A rough transform by SC2-PCR of geometric matches alone, with epsilon as in 4 to 7."""
     T, agreeing = sc2_pcr(matches)
     if T is None or agreeing < config.glue.min_credible:
         return None
     glue = config.glue
-    inliers = matches.select(distances(T, matches) <= _GEOMETRIC_INLIER_M)
+    inliers = matches.select(distances(T, matches) <= INLIER_M)
     return TransformPrior(T, adaptive_threshold(error_variance(inliers, T), glue.confidence))
-
-
-FALLBACKS: dict[str, Callable[[Correspondences, Config], TransformPrior | None]] = {
-    "sc2_pcr": geometric_rough
-}
-"""The choices of ``glue.fallback`` other than none."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +211,7 @@ class Glue:
 
     @property
     def _has_fallback(self) -> bool:
-        return self._config.glue.filter and self._config.glue.fallback in FALLBACKS
+        return self._config.glue.filter and self._config.glue.fallback == SC2_PCR
 
     def _rough_transform(
         self, C_vis: Correspondences, prior: TransformPrior | None, rng: np.random.Generator
@@ -263,7 +253,7 @@ class Glue:
         unguided = geometric.matches
         if rough.prior is not None:
             unguided = self._geometric.match(source.geometric, target.geometric, None)
-        prior = FALLBACKS[self._config.glue.fallback](unguided, self._config)
+        prior = geometric_rough(unguided, self._config)
         if prior is None:
             return rough, geometric
         C_vis_in = self._assumed_inliers(C_vis, prior.T_target_source)
