@@ -5,9 +5,8 @@ One function per equation; ``Glue.register`` follows section 3 of the paper.
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -115,12 +114,17 @@ class _GeometricMatches:
 
 
 class Glue:
-    """Registers RGB-D frames with the features and parameters of a configuration."""
+    """Registers RGB-D frames with the features and parameters of a configuration.
+
+    Attributes:
+        visual: the configured visual features.
+        geometric: the configured geometric features.
+    """
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._visual = VISUAL[config.features.visual](config.features)
-        self._geometric = GEOMETRIC[config.features.geometric](config.features)
+        self.visual = VISUAL[config.features.visual](config.features)
+        self.geometric = GEOMETRIC[config.features.geometric](config.features)
 
     @property
     def inlier_threshold(self) -> float:
@@ -133,26 +137,21 @@ class Glue:
 
     def extract(self, view: View) -> FrameFeatures:
         """Section 3.1: visual and geometric features."""
-        visual = timed(self._visual.extract, view)
-        return _features(view, visual, timed(self._geometric.extract, view))
-
-    def extract_on_two_threads(self, view: View, executor: Executor) -> FrameFeatures:
-        """Like ``extract``, with geometric features extracted by an executor's thread."""
-        geometric = executor.submit(timed, self._geometric.extract, view)
-        return _features(view, timed(self._visual.extract, view), geometric.result())
+        visual = timed(self.visual.extract, view)
+        return FrameFeatures.timed(view, visual, timed(self.geometric.extract, view))
 
     def with_other_depth(self, features: FrameFeatures, view: View) -> FrameFeatures:
         """The features of a view with the same colours but other depth."""
-        return replace(features, view=view, geometric=self._geometric.extract(view))
+        return replace(features, view=view, geometric=self.geometric.extract(view))
 
     def without_images(self, features: FrameFeatures) -> Described:
         """What registration needs of a frame, with depth at its keypoints alone.
 
         Visual features that may match any pixel need the images too: theirs are unchanged.
         """
-        if not isinstance(self._visual, KeypointFeature):
+        if not isinstance(self.visual, KeypointFeature):
             return features
-        points = KeypointPoints.of(self._visual.keypoints(features.visual), features.view)
+        points = KeypointPoints.of(self.visual.keypoints(features.visual), features.view)
         return KeypointFeatures(features.visual, features.geometric, points)
 
     def register(
@@ -172,7 +171,7 @@ class Glue:
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
 
-        matches = self._visual.match(source.visual, target.visual)
+        matches = self.visual.match(source.visual, target.visual)
         C_vis = lift(matches, source.points_at, target.points_at)
         clock.lap(stages.VISUAL_MATCHING)
         rough = self._rough_transform(C_vis, prior, rng)
@@ -237,7 +236,7 @@ class Glue:
     ) -> _GeometricMatches:
         """C_geo, and what equation 8 leaves of it if the filter is on and has a transform."""
         guide = prior if self._config.glue.filter else None
-        C_geo = self._geometric.match(source.geometric, target.geometric, guide)
+        C_geo = self.geometric.match(source.geometric, target.geometric, guide)
         credible = None if guide is None else surviving(C_geo, guide, self._config)
         return _GeometricMatches(C_geo, credible)
 
@@ -252,7 +251,7 @@ class Glue:
         """Filters by a transform from geometric matches alone; unchanged if there is none."""
         unguided = geometric.matches
         if rough.prior is not None:
-            unguided = self._geometric.match(source.geometric, target.geometric, None)
+            unguided = self.geometric.match(source.geometric, target.geometric, None)
         prior = geometric_rough(unguided, self._config)
         if prior is None:
             return rough, geometric
@@ -261,9 +260,3 @@ class Glue:
             _RoughTransform(C_vis_in, float("nan"), prior),
             self._filtered(source, target, prior),
         )
-
-
-def _features(view: View, visual: tuple[Any, float], geometric: tuple[Any, float]) -> FrameFeatures:
-    """Features, and the milliseconds that each took."""
-    times = {stages.VISUAL_FEATURES: visual[1], stages.GEOMETRIC_FEATURES: geometric[1]}
-    return FrameFeatures(view, visual[0], geometric[0], times)
