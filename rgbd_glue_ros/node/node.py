@@ -336,9 +336,10 @@ class OdometryNode(BaseNode):
         """Logs changes of state, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
             self.warn_once("No pose yet", why)
-        elif estimate.state is before:
-            pass
-        elif estimate.state is TrackingState.LOST:
+            return
+        if estimate.state is before:
+            return
+        if estimate.state is TrackingState.LOST:
             self.get_logger().warning(
                 f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f} ({why}): no pose is published "
                 "until the camera is found again"
