@@ -12,8 +12,8 @@ from rgbd_glue_ros.types import NANOSECONDS
 
 Item = TypeVar("Item")
 
-# Reordering in a network is shorter than this, the jump of a looping bag longer. Nor does a stamp
-# that is ahead by less look like a jump backward once right ones follow it.
+# Reordering in a network is shorter than this, the jump of a looping bag longer. A stamp that is
+# ahead by less does not look like such a jump once right ones follow it.
 BACKWARD_JUMP_NS = NANOSECONDS // 2
 # After more periods than this nothing was lost: the camera has paused, or a stamp is wrong.
 _PAUSE_PERIODS = 4

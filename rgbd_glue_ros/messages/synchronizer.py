@@ -74,13 +74,13 @@ class Synchronizer(Generic[Item]):
     are assumed to be sent once or rarely, and pairs no longer wait for them.
 
     If no queue overflows and no stamp goes backward, the matches do not depend on the order in
-    which messages of different channels arrive. A message whose stamp is half a second before the
-    newest one of its channel, or several periods and half a second after it, is held until the next
-    message of its channel. If that has a similar stamp, the camera has paused or time has jumped,
-    and pairing continues with the new time, after a jump backward with an empty channel. Otherwise
-    the stamp was wrong, and the held message is dropped. A camera info, which may be the only one,
-    is held until colour images have arrived at its time. Matches are in order of time, except that
-    after a jump backward they start again with the new time. Not thread-safe.
+    which messages of different channels arrive. A message whose stamp is over half a second before
+    the newest one of its channel, or over half a second and four periods after it, is held until
+    the next message of its channel. If that has a similar stamp, the camera has paused or time has
+    jumped, and pairing continues with the new time, after a jump backward with an empty channel.
+    Otherwise the stamp was wrong, and the held message is dropped. A camera info, which may be the
+    only one, is held until colour images have arrived at its time. Matches are in order of time,
+    except that after a jump backward they start again with the new time. Not thread-safe.
 
     Attributes:
         max_interval_ns: maximum interval of a pair, nanoseconds.
