@@ -41,7 +41,8 @@ class CameraFrame:
         """
         before, other, self._other = self._name, self._other, None
         if before is None or name == before:
-            self._name = name
+            # a header without a name says nothing about the camera
+            self._name = name or None
             return None
         if name != other:
             self._other = name

@@ -30,8 +30,10 @@ AXES = {"body": T_BODY_OPTICAL, "optical": np.eye(4)}
 class Extrinsics:
     """The two constant transforms between the camera's motion and the published pose.
 
+    As in ``T_odom_camera``, ``odom`` is the first optical frame; the ROS frame odom is ``fixed``.
+
     Attributes:
-        T_fixed_odom: float64 [4, 4], pose of the first optical frame in odom.
+        T_fixed_odom: float64 [4, 4], pose of the first optical frame in the ROS frame odom.
         T_camera_child: float64 [4, 4], pose of the child frame in the optical frame.
     """
 

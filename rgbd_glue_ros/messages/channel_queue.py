@@ -12,9 +12,12 @@ from rgbd_glue_ros.types import NANOSECONDS
 
 Item = TypeVar("Item")
 
-# Reordering in a network is shorter than this, the jump of a looping bag longer.
+# Reordering in a network is shorter than this, the jump of a looping bag longer. A stamp that is
+# ahead by less does not look like such a jump once right ones follow it.
 BACKWARD_JUMP_NS = NANOSECONDS // 2
-# A tracked camera does not pause this long between two images.
+# After more periods than this nothing was lost: the camera has paused, or a stamp is wrong.
+_PAUSE_PERIODS = 4
+# While the period is unknown: a tracked camera does not pause this long between two images.
 FORWARD_JUMP_NS = 10 * NANOSECONDS
 
 # Number of gaps between stamps that a channel's period is computed from: enough to bridge lost
@@ -82,8 +85,9 @@ class ChannelQueue(Generic[Item]):
     def add(self, stamp_ns: int, item: Item) -> None:
         """Adds a message, unless it is a duplicate, late, or its stamp far from the others.
 
-        A message with such a stamp is held until the next one shows whether time has jumped, so
-        that a single wrong stamp does no harm.
+        A message with such a stamp is held until the next one shows whether time has jumped, or
+        the camera has paused, so that a single wrong stamp does no harm. So the first message after
+        a pause is late by a period.
         """
         self.counts.received += 1
         held, self.held = self.held, None
@@ -112,14 +116,25 @@ class ChannelQueue(Generic[Item]):
         if self.held is None or self.newest_ns is None or now_ns is None:
             return
         stamp_ns, item = self.held
-        # after a pause it may have been sent well before the first image
-        is_ahead = stamp_ns > self.newest_ns and abs(stamp_ns - now_ns) <= FORWARD_JUMP_NS
-        if is_ahead or _is_near(stamp_ns, now_ns):
+        # after a pause it may have been sent well before the first image; an image from well before
+        # it confirms nothing
+        is_ahead = stamp_ns > self.newest_ns
+        apart_ns = now_ns - stamp_ns if is_ahead else stamp_ns - now_ns
+        if -BACKWARD_JUMP_NS <= apart_ns <= FORWARD_JUMP_NS:
             self._take_in(stamp_ns, item)
             self.held = None
 
     def _is_of_another_time(self, stamp_ns: int) -> bool:
-        return self.newest_ns is not None and not _is_near(stamp_ns, self.newest_ns)
+        if self.newest_ns is None:
+            return False
+        return not -BACKWARD_JUMP_NS <= stamp_ns - self.newest_ns <= self._longest_step_ns
+
+    @property
+    def _longest_step_ns(self) -> int:
+        """How far a stamp may be ahead of the newest one without a pause, nanoseconds."""
+        if len(self.gaps_ns) < PERIOD_WINDOW:
+            return FORWARD_JUMP_NS
+        return max(BACKWARD_JUMP_NS, _PAUSE_PERIODS * self.period_ns)
 
     def _take_in(self, stamp_ns: int, item: Item) -> None:
         if self.newest_ns is not None and stamp_ns < self.newest_ns - BACKWARD_JUMP_NS:
@@ -172,8 +187,3 @@ class ChannelQueue(Generic[Item]):
         oldest = self.waiting.pop(0)
         self.passed_ns = oldest.stamp_ns
         return oldest
-
-
-def _is_near(stamp_ns: int, newest_ns: int) -> bool:
-    """Whether a stamp may follow the newest one without a jump of time."""
-    return -BACKWARD_JUMP_NS <= stamp_ns - newest_ns <= FORWARD_JUMP_NS

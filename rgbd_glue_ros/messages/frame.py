@@ -70,24 +70,15 @@ def frame_from_messages(
     decoded = None if background is None else background.submit(decode_depth)
     color_pixels = color_from_message(color, topics.color)
     depth_pixels = decode_depth() if decoded is None else decoded.result()
-    height, width = color_pixels.shape[:2]
-    camera = of_image_size(
-        intrinsics_of(info, topics.color, topics.info), (height, width), topics.info, topics.color
-    )
+    size = color_pixels.shape[0], color_pixels.shape[1]
+    intrinsics = intrinsics_of(info, topics.color, topics.info)
+    camera = of_image_size(intrinsics, size, topics.info, topics.color)
     if depth_camera is not None:
         color_pixels, depth_pixels, camera = registered_images(
             color_pixels, depth_pixels, camera, depth_camera, topics
         )
-    elif depth_pixels.shape != (height, width):
-        check_aspect(
-            depth_pixels.shape,
-            (height, width),
-            topics.depth,
-            topics.color,
-            "give depth registered to colour, or its own camera (--depth-calibration FILE; of the "
-            "node depth_info_topic)",
-        )
-        depth_pixels = resampled(depth_pixels, width, height)
+    else:
+        depth_pixels = _of_size(depth_pixels, size, topics)
     return RgbdFrame(
         stamp_ns=stamp_ns(color.header.stamp),
         color=color_pixels,
@@ -96,6 +87,26 @@ def frame_from_messages(
         frame_id=frame_of(color.header),
         depth_delay_ns=stamp_ns(depth.header.stamp) - stamp_ns(color.header.stamp),
     )
+
+
+def _of_size(depth: Float32, size: tuple[int, int], topics: FrameTopics) -> Float32:
+    """Registered depth [h, w] at the height and width of the colour image.
+
+    Raises:
+        InputError: the aspect ratios differ.
+    """
+    if depth.shape == size:
+        return depth
+    check_aspect(
+        depth.shape,
+        size,
+        topics.depth,
+        topics.color,
+        "give depth registered to colour, or its own camera (--depth-calibration FILE; of the "
+        "node depth_info_topic)",
+    )
+    height, width = size
+    return resampled(depth, width, height)
 
 
 def registered_images(

@@ -52,8 +52,6 @@ class Match(Generic[Item]):
         depth: depth image, as passed to ``add``.
         info: camera info, as passed to ``add``; the one with the stamp of ``color``, otherwise the
             nearest.
-        restarted: whether time went backward since the previous match (a bag looped, a clock was
-            reset), so that any state over time must be reset.
     """
 
     stamp_ns: int
@@ -61,7 +59,6 @@ class Match(Generic[Item]):
     color: Item
     depth: Item
     info: Item
-    restarted: bool
 
 
 class Synchronizer(Generic[Item]):
@@ -77,11 +74,13 @@ class Synchronizer(Generic[Item]):
     are assumed to be sent once or rarely, and pairs no longer wait for them.
 
     If no queue overflows and no stamp goes backward, the matches do not depend on the order in
-    which messages of different channels arrive. A message whose stamp is far from earlier ones is
-    held until the next message of its channel. If that has a similar stamp, time has jumped and
-    pairing continues with the new time, after a jump backward with an empty channel. Otherwise the
-    stamp was wrong, and the held message is dropped. A camera info, which may be the only one, is
-    held until colour images have arrived at its time. Not thread-safe.
+    which messages of different channels arrive. A message whose stamp is over half a second before
+    the newest one of its channel, or over half a second and four periods after it, is held until
+    the next message of its channel. If that has a similar stamp, the camera has paused or time has
+    jumped, and pairing continues with the new time, after a jump backward with an empty channel.
+    Otherwise the stamp was wrong, and the held message is dropped. A camera info, which may be the
+    only one, is held until colour images have arrived at its time. Matches are in order of time,
+    except that after a jump backward they start again with the new time. Not thread-safe.
 
     Attributes:
         max_interval_ns: maximum interval of a pair, nanoseconds.
@@ -98,7 +97,6 @@ class Synchronizer(Generic[Item]):
         self._infos_are_rare = False
         self._last_interval_ns = 0
         self._intervals_ns: deque[int] = deque(maxlen=INTERVAL_WINDOW)
-        self._last_match_ns: int | None = None
         self.matches = 0
         self.closest_miss_ns: int | None = None
         self._late = LatePartners(max_interval_ns, queue_size, BACKWARD_JUMP_NS)
@@ -250,8 +248,6 @@ class Synchronizer(Generic[Item]):
         while len(infos.waiting) > 1 and infos.waiting[1].stamp_ns <= color.stamp_ns:
             infos.take()
         info = min(infos.waiting[:2], key=lambda s: abs(s.stamp_ns - color.stamp_ns))
-        restarted = self._last_match_ns is not None and color.stamp_ns < self._last_match_ns
-        self._last_match_ns = color.stamp_ns
         self.matches += 1
         return Match(
             stamp_ns=color.stamp_ns,
@@ -259,5 +255,4 @@ class Synchronizer(Generic[Item]):
             color=color.item,
             depth=depth.item,
             info=info.item,
-            restarted=restarted,
         )

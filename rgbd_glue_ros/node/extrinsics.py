@@ -105,7 +105,7 @@ class NodeExtrinsics:
 
     def forget(self) -> None:
         """Forgets the camera's pose, so that it is looked up again, as for another camera."""
-        self._at_origin, self._looked_up = self._given(), None
+        self._at_origin, self._looked_up, self._level = self._given(), None, None
 
     def _watch_mount(self, T_robot_camera: Float64, camera_frame: str) -> None:
         """Warns once if, according to TF, the camera has moved on the robot since the look-up."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -11,14 +11,13 @@ from sensor_msgs.msg import Imu
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.messages.channel_queue import BACKWARD_JUMP_NS
-from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
+from rgbd_glue_ros.messages.imu import imu_reading, imu_samples
+from rgbd_glue_ros.messages.imu_queue import ImuQueue
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
-from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
 # Messages kept until the next frame, or until TF has the sensor's orientation: 10 s at 200 Hz.
@@ -37,19 +36,31 @@ class ImuInput:
         topic: full name of the IMU topic.
     """
 
-    def __init__(self, node: BaseNode, config: NodeConfig, transforms: Transforms | None) -> None:
+    def __init__(
+        self,
+        node: BaseNode,
+        config: NodeConfig,
+        transforms: Transforms | None,
+        is_by_receipt: Callable[[], bool],
+    ) -> None:
         """Subscribes.
+
+        Args:
+            node: subscribes, and provides the log.
+            config: may give the IMU's orientation in the camera.
+            transforms: where to look it up; None without TF.
+            is_by_receipt: whether images are stamped with the time of receipt: both must be of one
+                clock.
 
         Raises:
             InputError: ``imu_pose`` cannot be read.
         """
         self.topic = str(node.resolve_topic_name(topics.IMU))
         self._node = node
-        self._goes_by_receipt = config.stamps == RECEIPT
         self._transforms = transforms
         self._given_pose = pose_parameter("imu_pose", config.imu_pose)
         self._known_poses: dict[tuple[str, str], Float64] = {}
-        self._readings: deque[ImuReading] = deque(maxlen=_MOST_WAITING)
+        self._readings = ImuQueue(_MOST_WAITING, is_by_receipt)
         self._imu_frame = ""
         self._changed = threading.Condition()
         self._has_waited = False
@@ -59,19 +70,15 @@ class ImuInput:
         self._subscription = node.create_subscription(Imu, self.topic, self._receive, qos)
 
     def _receive(self, message: Imu) -> None:
-        stamp = stamp_ns(message.header.stamp)
-        if self._goes_by_receipt or stamp == 0:
-            stamp = self._node.get_clock().now().nanoseconds
+        receipt_ns = self._node.get_clock().now().nanoseconds
         try:
-            reading = imu_reading(message, stamp, self.topic)
+            reading = imu_reading(message, stamp_ns(message.header.stamp), self.topic)
         except InputError as fault:
             self._node.warn_once(fault.where, f"{fault.cause}; {fault.remedy}")
             return
         with self._changed:
-            if self._readings and stamp < self._readings[-1].stamp_ns - BACKWARD_JUMP_NS:
-                self._readings.clear()  # time went back, as when a bag loops
             self._imu_frame = frame_of(message.header)
-            self._readings.append(reading)
+            self._readings.add(reading, receipt_ns)
             self._changed.notify_all()
 
     def take(self, camera_frame: str, stamp_ns: int) -> ImuSamples:
@@ -88,18 +95,17 @@ class ImuInput:
             with self._changed:
                 self._changed.wait_for(lambda: self._reaches(stamp_ns), _FIRST_WAIT_S)
             self._has_waited = True
-        if not self._readings:
+        if not len(self._readings):
             return ImuSamples.empty()
         T_camera_imu = self._pose_in(camera_frame)
         if T_camera_imu is None:
             return ImuSamples.empty()
         with self._changed:
-            readings = [*self._readings]
-            self._readings.clear()
+            readings = self._readings.take()
         return imu_samples(readings).rotated(T_camera_imu[:3, :3])
 
     def _reaches(self, stamp_ns: int) -> bool:
-        newest = self._readings[-1].stamp_ns if self._readings else None
+        newest = self._readings.newest_ns
         return newest is not None and newest >= stamp_ns - _REACH_NS
 
     def _pose_in(self, camera_frame: str) -> Float64 | None:

@@ -113,7 +113,7 @@ class OdometryNode(BaseNode):
         self._worker = self._create_worker()
         learned = learned_features(self._config.features)
         self._input = RgbdInput(self, self._node_config, transforms, self._receive, learned)
-        self._imu = ImuInput(self, self._node_config, transforms)
+        self._imu = ImuInput(self, self._node_config, transforms, lambda: self._input.is_by_receipt)
         self._graph = KeyframeGraph()
         self._outputs = NodeOutputs(self, self._node_config, has_tf=transforms is not None)
         self._viewer = NodeViewer(self._node_config.rerun)
@@ -313,7 +313,7 @@ class OdometryNode(BaseNode):
         self._reset()
 
     def _reset_if_earlier(self, frame: RgbdFrame) -> None:
-        """Resets if time went back; a match with ``restarted`` may have been superseded."""
+        """Resets if time went back, as with a looping bag or a clock that was set."""
         if self._last_stamp_ns is not None and frame.stamp_ns < self._last_stamp_ns:
             back_s = (self._last_stamp_ns - frame.stamp_ns) / NANOSECONDS
             self.get_logger().warning(
@@ -336,9 +336,10 @@ class OdometryNode(BaseNode):
         """Logs changes of state, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
             self.warn_once("No pose yet", why)
-        elif estimate.state is before:
-            pass
-        elif estimate.state is TrackingState.LOST:
+            return
+        if estimate.state is before:
+            return
+        if estimate.state is TrackingState.LOST:
             self.get_logger().warning(
                 f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f} ({why}): no pose is published "
                 "until the camera is found again"

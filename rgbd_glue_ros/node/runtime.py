@@ -31,6 +31,14 @@ NAMES_S = 1.0
 END_S = 2.0
 # The highest ROS domain that has ports (RTPS 2.2, 9.6.1.1).
 LAST_DOMAIN = 232
+# What keeps a node from running, for a user to correct.
+_UNUSABLE = (
+    InputError,
+    MissingExtraError,
+    ParameterException,
+    NameValidationException,
+    RCLError,
+)
 
 
 class GiveUp(Protocol):
@@ -145,7 +153,7 @@ def run_node(
         invalid or ROS does not start.
     """
     end_signals = end_signals or EndSignals()
-    told_to_end, has_failed = threading.Event(), threading.Event()
+    has_failed = threading.Event()
     faults: list[InputError | MissingExtraError] = []
 
     def give_up(fault: InputError | MissingExtraError | None = None) -> None:
@@ -158,34 +166,40 @@ def run_node(
         init(name, args)
         _warn_of_shared_memory(name)
         with create(give_up) as node:
-            executor = NodeExecutor(node)
-            spinning = threading.Thread(
-                target=executor.spin_until, args=[told_to_end.is_set], daemon=True
-            )
-            spinning.start()
-            end_signals.wait()
-            told_to_end.set()
-            executor.wake()
-            spinning.join(END_S)
-            if not spinning.is_alive():  # else a callback waits for the worker, closed next
-                executor.shutdown()
+            _spin_until_end(node, end_signals)
         if faults:
             raise faults[0]
-    except (InputError, MissingExtraError) as error:
-        PrintableLogger(name).fatal(str(error))
-        return BAD_INPUT
-    except (ParameterException, NameValidationException) as error:
-        # from a parameter that rclpy itself declares, such as use_sim_time
-        PrintableLogger(name).fatal(f"ROS arguments: {error}; correct it")
-        return BAD_INPUT
-    except RCLError as error:
-        cause = str(error).partition(", at /")[0]
-        remedy = "see the lines of the middleware above"
-        PrintableLogger(name).fatal(f"ROS does not start: {cause}; {remedy}")
+    except _UNUSABLE as error:
+        PrintableLogger(name).fatal(_explained(error))
         return BAD_INPUT
     finally:
         rclpy.try_shutdown()
     return _end_process(1 if has_failed.is_set() else 0)
+
+
+def _spin_until_end(node: BaseNode, end_signals: EndSignals) -> None:
+    """Calls the node's callbacks on another thread until a signal, or until the node gives up."""
+    told_to_end = threading.Event()
+    executor = NodeExecutor(node)
+    spinning = threading.Thread(target=executor.spin_until, args=[told_to_end.is_set], daemon=True)
+    spinning.start()
+    end_signals.wait()
+    told_to_end.set()
+    executor.wake()
+    spinning.join(END_S)
+    if not spinning.is_alive():  # else a callback waits for the worker, closed next
+        executor.shutdown()
+
+
+def _explained(error: Exception) -> str:
+    """Why a node cannot run, and what to do about it."""
+    if isinstance(error, (ParameterException, NameValidationException)):
+        # from a parameter that rclpy itself declares, such as use_sim_time
+        return f"ROS arguments: {error}; correct it"
+    if isinstance(error, RCLError):
+        cause = str(error).partition(", at /")[0]
+        return f"ROS does not start: {cause}; see the lines of the middleware above"
+    return str(error)
 
 
 def _end_process(code: int) -> int:

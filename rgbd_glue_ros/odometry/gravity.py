@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
@@ -31,15 +30,12 @@ def up_direction(samples: ImuSamples, gyroscope: Gyroscope, stamp_ns: int) -> Fl
     """
     offset_ns = round(gyroscope.time_offset * NANOSECONDS)
     recent = samples.between(stamp_ns + offset_ns - _WINDOW_NS, stamp_ns + offset_ns)
-    accelerations = []
-    for at_ns, acceleration in zip(recent.stamps_ns, recent.linear_acceleration, strict=True):
-        turn = gyroscope.turn(samples, int(at_ns) - offset_ns, stamp_ns)
-        back = np.zeros(3) if turn is None else -turn.rotation_vector
-        R_camera_then = se3.exp(np.concatenate([np.zeros(3), back]))[:3, :3]
-        if np.isfinite(acceleration).all():
-            accelerations.append(R_camera_then @ acceleration)
-    if not accelerations:
+    measured = np.isfinite(recent.linear_acceleration).all(axis=1)
+    if not measured.any():
         return None
-    mean = np.mean(accelerations, axis=0)
+    stamps_ns = recent.stamps_ns[measured] - offset_ns
+    R_camera_then = gyroscope.rotations_until(samples, stamps_ns, stamp_ns)
+    mean = np.einsum("nij,nj->i", R_camera_then, recent.linear_acceleration[measured])
+    mean /= len(stamps_ns)
     size = float(np.linalg.norm(mean))
     return mean / size if _LEAST <= size <= _MOST else None

@@ -14,7 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import chi_squared, mahalanobis_squared
-from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples, Int64
 
 # The worst of consumer sensors: noise, rad/s/√Hz, and scale and axes, as a fraction of the turn.
 _NOISE, _SCALE = 5e-4, 0.01
@@ -126,6 +126,39 @@ class Gyroscope:
             elapsed,
         )
 
+    def rotations_until(self, samples: ImuSamples, stamps_ns: Int64, last_ns: int) -> Float64:
+        """The rotations of ``turn`` from many stamps to a later one, integrated once.
+
+        Args:
+            samples: IMU samples in the axes of the camera's optical frame.
+            stamps_ns: int64 [N], increasing, the camera's stamps, at most ``last_ns``, nanoseconds.
+            last_ns: the later stamp, nanoseconds.
+
+        Returns:
+            float64 [N, 3, 3], R_last_then of the camera; the identity where the samples do not
+            cover the time in between.
+        """
+        rotations = np.tile(np.eye(3), (len(stamps_ns), 1, 1))
+        if not len(stamps_ns):
+            return rotations
+        first_ns = int(stamps_ns[0])
+        then, end = (stamps_ns - first_ns) / NANOSECONDS, (last_ns - first_ns) / NANOSECONDS
+        seconds, velocities = self._around(samples, first_ns, last_ns)
+        covered = then >= _covered_since(seconds, end)
+        if not covered.any():
+            return rotations
+        between = seconds[(seconds > then[covered][0]) & (seconds < end)]
+        knots = np.unique(np.concatenate([then[covered], between, [end]]))
+        at_knots = np.stack([np.interp(knots, seconds, v) for v in velocities.T], axis=1)
+        steps = np.diff(knots)[:, None] * (at_knots[:-1] + at_knots[1:]) / 2
+        R_last_knot = np.empty((len(knots), 3, 3))
+        R_last_knot[-1] = np.eye(3)
+        for i in reversed(range(len(steps))):
+            back = se3.exp(np.concatenate([np.zeros(3), -steps[i]]))[:3, :3]
+            R_last_knot[i] = R_last_knot[i + 1] @ back
+        rotations[covered] = R_last_knot[np.searchsorted(knots, then[covered])]
+        return rotations
+
     def _around(self, samples: ImuSamples, first_ns: int, last_ns: int) -> tuple[Float64, Float64]:
         """Times [N] since the first of two stamps, seconds, and angular velocities [N, 3], rad/s.
 
@@ -165,3 +198,16 @@ class Gyroscope:
             covariance=kept @ self.covariance @ kept.T + gain @ noise @ gain.T + walk,
             doubt=doubt,
         )
+
+
+def _covered_since(seconds: Float64, end: float) -> float:
+    """Since when measurements at these times [N] tell the rotation up to the end, seconds.
+
+    Infinite if they do not reach it. Before the first one, velocity is held for the longest gap.
+    """
+    near = seconds[: np.searchsorted(seconds, end) + 1]
+    if not len(near) or end - near[-1] > _LONGEST_GAP_S:
+        return np.inf
+    gaps = np.flatnonzero(np.diff(near) > _LONGEST_GAP_S)
+    first = near[gaps[-1] + 1] if len(gaps) else near[0]
+    return float(first - _LONGEST_GAP_S) if first <= end else np.inf

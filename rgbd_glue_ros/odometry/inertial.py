@@ -45,8 +45,8 @@ class Inertial:
     _last: _TrackedRotation | None = None
 
     def with_samples(self, samples: ImuSamples) -> Inertial:
-        """The state with more samples; those not later than all earlier ones are ignored."""
-        return replace(self, samples=self.samples.with_later(samples))
+        """The state with more samples, in any order: one wrong stamp must not shut out others."""
+        return replace(self, samples=self.samples.merged_with(samples))
 
     def at_frame(self, stamp_ns: int) -> Inertial:
         """The state without samples that no frame from this stamp on needs."""

@@ -31,8 +31,8 @@ _ANCHORS_COMPARED = 3
 class KeyframeMap:
     """Keyframes, the edges measured between them, and the drift that these show.
 
-    The background thread compares a new keyframe with an anchor while the next frame is tracked;
-    ``finish_revisit`` waits for it.
+    The background thread compares a new keyframe with up to three anchors while the next frame is
+    tracked; ``finish_revisit`` waits for it.
     """
 
     def __init__(self, glue: Glue, background: BackgroundThread, config: Config) -> None:

@@ -43,7 +43,7 @@ class Odometry(Closing):
         self.reset()
 
     def close(self) -> None:
-        """Ends the background thread; no frame can be tracked after that."""
+        """Ends the background thread; no frame or keyframe can be added after that."""
         self._background.close()
 
     def reconfigure(self, config: Config) -> None:
@@ -64,8 +64,9 @@ class Odometry(Closing):
     def add_imu(self, samples: ImuSamples) -> None:
         """Adds samples of an IMU, in the axes of the camera's optical frame; optional.
 
-        Samples are used if they are added before ``track`` or ``process`` is called with the frame
-        that they lead up to. For frames that they do not cover, motion is predicted without them.
+        They may come in any order; of two with one stamp, the first is kept. Samples are used if
+        they are added before ``track`` or ``process`` is called with the frame that they lead up
+        to. For frames that they do not cover, motion is predicted without them.
 
         Raises:
             InputError: ``samples`` are of another class.
@@ -135,7 +136,11 @@ class Odometry(Closing):
 
         Returns:
             Whether the frame became a keyframe.
+
+        Raises:
+            InputError: the odometry was closed.
         """
+        self._background.check_open()
         return self._session.update_map()
 
     @property

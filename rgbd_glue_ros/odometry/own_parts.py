@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.depth import depth_sigma
-from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces, dense, pixels_of, widened
+from rgbd_glue_ros.odometry.surfaces import (
+    BLOCK_PX,
+    Surfaces,
+    dense,
+    depth_pose,
+    pixels_of,
+    widened,
+)
 from rgbd_glue_ros.types import Float32, Float64, Mask, UInt8, View
 
 logger = logging.getLogger(__name__)
@@ -62,8 +69,10 @@ class OwnParts:
         """Whether a view from that pose would add information."""
         if min(view.depth.shape) < BLOCK_PX:
             return False
-        views = self.views
-        return not views or se3.difference(views[-1].T_track_depth, T_track_camera) > _APART
+        if not self.views:
+            return True
+        T_track_depth = depth_pose(view, T_track_camera)
+        return se3.difference(self.views[-1].T_track_depth, T_track_depth) > _APART
 
     def after_view(self, view: View, T_track_camera: Float64) -> OwnParts:
         """The own parts after another view that contains them. Logs what is ignored from now on.

@@ -47,7 +47,7 @@ class Surfaces:
             np.ascontiguousarray(view.depth[middle, middle][:rows, :columns]),
             _nearest_surfaces(view.depth),
             view.intrinsics.focal_and_centre,
-            T_track_camera @ se3.exp(view.twist * view.depth_delay),
+            depth_pose(view, T_track_camera),
         )
 
     def in_front_of(self, other: Surfaces) -> UInt8:
@@ -56,6 +56,11 @@ class Surfaces:
         return np.asarray(
             _in_front(self.depth, self.K, T_other_depth, other.nearest, other.K), np.uint8
         )
+
+
+def depth_pose(view: View, T_track_camera: Float64) -> Float64:
+    """T_track_depth [4, 4]: the pose when the depth of a view with this pose was taken."""
+    return T_track_camera @ se3.exp(view.twist * view.depth_delay)
 
 
 def dense(blocks: UInt8) -> UInt8:
@@ -70,10 +75,10 @@ def widened(blocks: UInt8) -> UInt8:
 
 
 def pixels_of(blocks: UInt8, view: View) -> Mask:
-    """The pixels of blocks [R, C] that are not 0, bool [H, W]."""
-    height, width = view.depth.shape
-    pixels = cv2.resize(blocks, (width, height), interpolation=cv2.INTER_NEAREST)
-    return np.asarray(pixels > 0, np.bool_)
+    """The pixels of blocks [R, C] that are not 0, bool [H, W]; beyond all blocks, of the last."""
+    pixels = (blocks > 0).repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)
+    missing = np.subtract(view.depth.shape, pixels.shape)
+    return np.pad(pixels, [(0, missing[0]), (0, missing[1])], mode="edge")
 
 
 def _nearest_surfaces(depth: Float32) -> Float32:

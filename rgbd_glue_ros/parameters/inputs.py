@@ -62,7 +62,8 @@ class InputConfig:
         HEADER,
         "Which stamps pair images: those in their headers, or the time of receipt (by the node, or "
         "by the recorder of a bag), for streams with different clocks. Images without a stamp "
-        "always use the time of receipt. The mapping node accepts only header.",
+        "always use the time of receipt. The IMU goes by the same as the images. The mapping node "
+        "accepts only header.",
         choices=(HEADER, RECEIPT),
     )
     approx_sync: bool = read_once(

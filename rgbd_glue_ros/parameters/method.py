@@ -24,7 +24,8 @@ VISUAL_FEATURES = ("none", "orb", "sift", "brisk", *LEARNED_VISUAL_FEATURES)
 _K_LEARNED, _K_HAND_CRAFTED = 3.0, 5.0
 DEVICES = ("auto", "cpu", "cuda")
 FIT_METHODS = ("randomised", "procrustes", "ransac")
-FALLBACK_METHODS = ("none", "sc2_pcr")
+SC2_PCR = "sc2_pcr"
+FALLBACK_METHODS = ("none", SC2_PCR)
 GEOMETRIC_FEATURES = ("none", "fpfh", "fpfh_grid", "fcgf", "minispinnet")
 
 

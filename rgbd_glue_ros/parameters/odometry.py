@@ -124,8 +124,9 @@ class OdometryConfig:
     )
     brightness_correlation: float = parameter(
         0.6,
-        "A pose is accepted if the brightness of model and image correlates at least this much and "
-        "no plane contradicts.",
+        "A pose is also accepted if the brightness of model and image correlates at least this "
+        "much, unless fewer of the visible planes agree with it than half of plane_agreement; "
+        "after a frame without a pose, or a gap in time, it has to be half-way from this to 1.",
         minimum=-1.0,
         maximum=1.0,
     )

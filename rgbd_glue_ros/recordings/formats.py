@@ -18,6 +18,7 @@ from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, stray_scan
 from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
 from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.depth_encoding import TUM_UNITS_PER_METRE
 from rgbd_glue_ros.recordings.folder import recording as image_folder
 from rgbd_glue_ros.recordings.image_sequence import ImageSequence
 from rgbd_glue_ros.recordings.nearest import explain_unknown
@@ -120,7 +121,7 @@ def _open_folder(path: Path, given: Given) -> Recording:
             path,
             f"lacks {tum.COLOR_LIST} and {tum.DEPTH_LIST} of a TUM data set, so the unit of its "
             "depth is unknown",
-            f"restore them, or give it: --set depth_scale={1 / tum.UNITS_PER_METRE:g} as in TUM, "
+            f"restore them, or give it: --set depth_scale={1 / TUM_UNITS_PER_METRE:g} as in TUM, "
             "--set depth_scale=0.001 for millimetres",
         )
     recording = image_folder.open_folder(

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from rgbd_glue_ros.recordings import depth_encoding
 from rgbd_glue_ros.recordings.folder.lists import read_association
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
-from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
+from rgbd_glue_ros.recordings.image_sequence import ImageSequence
 from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float64, Trajectory
 
@@ -21,7 +22,6 @@ ASSOCIATIONS, TRUTH = "associations.txt", "*.gt.freiburg"
 CAMERA = CameraIntrinsics(640, 480, 481.2, 480.0, 319.5, 239.5)
 """With a positive fy: the published -480 belongs to the rows of other files, counted upward."""
 
-_DEPTH = DepthEncoding(units_per_metre=5000.0, invalid=(0,))
 _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
 
@@ -43,7 +43,7 @@ def open_icl_nuim(folder: Path, calibration: CameraIntrinsics | None = None) -> 
     return ImageSequence(
         folder.resolve().name,
         found.pairs,
-        _DEPTH,
+        depth_encoding.TUM,
         calibration or CAMERA,
         truth,
         left_out=found.left_out,

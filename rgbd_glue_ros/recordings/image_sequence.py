@@ -21,6 +21,7 @@ from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size, pinhole
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.left_out import FrameGaps, LeftOut, warn_of_left_out
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
@@ -48,53 +49,6 @@ _NPY_HEADERS = {
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """Conversion to RGB by number of channels; grey stays grey."""
-
-
-@dataclass(frozen=True)
-class DepthEncoding:
-    """How a depth image encodes metres.
-
-    Attributes:
-        units_per_metre: units per metre in an image of whole numbers.
-        invalid: values that mean unknown.
-        float_units_per_metre: units per metre in an image of other numbers.
-        rotation: bits by which a number was rotated to the left before storage.
-    """
-
-    units_per_metre: float
-    invalid: tuple[int, ...]
-    float_units_per_metre: float = 1.0
-    rotation: int = 0
-
-    def with_scale(self, metres_per_unit: float | None) -> DepthEncoding:
-        """This encoding in other units; None leaves them unchanged."""
-        if metres_per_unit is None:
-            return self
-        units = 1 / metres_per_unit
-        return replace(self, units_per_metre=units, float_units_per_metre=units)
-
-    def with_calibration_depth_scale(self, metres_per_unit: float | None) -> DepthEncoding:
-        """This encoding in the units of a calibration file; None leaves them unchanged.
-
-        A unit of one metre, as in ORB-SLAM's ``DepthMapFactor: 1.0``, is for floats: depth in whole
-        metres is unusable.
-        """
-        if metres_per_unit == 1:
-            return replace(self, float_units_per_metre=1.0)
-        return self.with_scale(metres_per_unit)
-
-    def metres(self, image: NDArray[Any]) -> Float32:
-        """float32 [H, W] metres with NaN for unknown, from uint16 or floats [H, W]."""
-        is_float = image.dtype.kind == "f"
-        units = self.float_units_per_metre if is_float else self.units_per_metre
-        if self.rotation and not is_float:
-            image = (image >> self.rotation) | (image << (16 - self.rotation))
-        depth: Float32 = np.asarray(image, np.float32) / np.float32(units)
-        if is_float:
-            depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
-        for value in self.invalid:
-            depth[image == value] = np.nan
-        return depth
 
 
 @dataclass(frozen=True)
@@ -230,7 +184,7 @@ class ImageSequence(Closing):
         shape = size if any(size) else color.shape[:2]
         told = f"the calibration of {self.name}"
         camera = of_image_size(self.intrinsics, shape, told, str(pair.color))
-        color = reduced(color, camera)
+        color = resized_to_camera(color, camera)
         depth_size = camera if self.depth_camera is None else self.depth_camera.intrinsics
         depth = self._depth(pair.depth, (depth_size.width, depth_size.height))
         if self.depth_camera is not None:
@@ -346,7 +300,7 @@ def to_rgb(image: NDArray[Any], where: str) -> UInt8:
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
 
 
-def reduced(color: UInt8, camera: CameraIntrinsics) -> UInt8:
+def resized_to_camera(color: UInt8, camera: CameraIntrinsics) -> UInt8:
     """A larger colour image of the same view, averaged to the size of ``camera``."""
     size = camera.width, camera.height
     if color.shape[1::-1] == size:

@@ -7,9 +7,9 @@ from pathlib import Path
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes
 from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
-    DepthEncoding,
     ImagePair,
     ImageSequence,
     camera_of_matrix,
@@ -19,7 +19,6 @@ from rgbd_glue_ros.recordings.image_sequence import (
 from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens
 from rgbd_glue_ros.types import CameraIntrinsics
 
-_DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0,))
 _INTRINSICS = Path("intrinsic/intrinsic_depth.txt")
 _COLOR_TYPES = (".jpg", ".png")
 
@@ -76,7 +75,9 @@ def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageS
     truth = ground_truth(poses)
     camera = calibration or _camera(folder, pairs[0].depth)
     color_size = _size(pairs[0].color)
-    return ImageSequence(folder.resolve().name, tuple(pairs), _DEPTH, camera, truth, color_size)
+    return ImageSequence(
+        folder.resolve().name, tuple(pairs), MILLIMETRES, camera, truth, color_size
+    )
 
 
 def _number(path: Path) -> int:

@@ -18,8 +18,9 @@ from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
+from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
-from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, reduced, to_rgb
+from rgbd_glue_ros.recordings.image_sequence import resized_to_camera, to_rgb
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -189,7 +190,7 @@ class SensSequence(Closing):
             color_size=(cw, ch),
             camera=CameraIntrinsics(dw, dh, K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
             compression=depth,
-            encoding=DepthEncoding(units_per_metre=units, invalid=(0,)),
+            encoding=DepthEncoding(units_per_metre=units),
             frame_count=frames,
             size=begin + _CALIBRATION.size,
         )
@@ -242,7 +243,7 @@ class SensSequence(Closing):
             raise InputError(
                 where, f"its colour is {width}x{height}, unlike the header's", "download it again"
             )
-        return reduced(to_rgb(image, where), self._header.camera)
+        return resized_to_camera(to_rgb(image, where), self._header.camera)
 
     def _depth(self, data: bytes, where: str) -> Float32:
         camera = self._header.camera

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
-    DepthEncoding,
     ImagePair,
     ImageSequence,
     camera_of_matrix,
@@ -16,7 +16,6 @@ from rgbd_glue_ros.recordings.image_sequence import (
 )
 from rgbd_glue_ros.types import CameraIntrinsics
 
-_DEPTH = DepthEncoding(units_per_metre=1000.0, invalid=(0, 65535))
 _INTRINSICS = "camera-intrinsics.txt"
 _WIDTH, _HEIGHT = 640, 480
 # 7-Scenes comes without a file of intrinsics; its page gives these for every scene
@@ -53,7 +52,7 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
         poses.append((stamp, pose))
     truth = ground_truth(poses)
     camera = calibration or _camera(folder)
-    return ImageSequence(_name(folder.resolve()), tuple(pairs), _DEPTH, camera, truth)
+    return ImageSequence(_name(folder.resolve()), tuple(pairs), MILLIMETRES, camera, truth)
 
 
 def _name(folder: Path) -> str:

@@ -6,6 +6,7 @@ same view, and is reduced to its size.
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,25 +18,27 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.messages.camera_info import of_image_size
+from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
-    DepthEncoding,
     ImagePair,
     ImageSequence,
     read_image,
     to_rgb,
 )
+from rgbd_glue_ros.recordings.left_out import FrameGaps, warn_of_left_out
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import CameraIntrinsics, RgbdFrame, Trajectory, UInt8
 
+logger = logging.getLogger(__name__)
+
 VIDEOS = ("rgb.mp4", "rgb.mov", "color.mp4", "video.mp4")
 ODOMETRY = "odometry.csv"
 
-_MILLIMETRES = DepthEncoding(1000.0, (0,))
 _MP4 = b"ftyp"
 
 
@@ -77,7 +80,7 @@ def open_images(folder: Path, calibration: CameraIntrinsics | None = None) -> Im
     shape = read_image(pairs[0].depth).shape[:2]
     camera = of_image_size(camera, (shape[0], shape[1]), str(video), str(pairs[0].depth))
     return ImageSequence(
-        folder.resolve().name, pairs, _MILLIMETRES, camera, truth, (color[1], color[0])
+        folder.resolve().name, pairs, MILLIMETRES, camera, truth, (color[1], color[0])
     )
 
 
@@ -97,9 +100,11 @@ class VideoSequence(WrappedRecording):
         Raises:
             InputError: the video cannot be read, or no depth image can.
         """
-        faults, is_empty = Faults(), True
+        faults, gaps, length = Faults(), FrameGaps(), 0
+        video = self.recording.pairs[0].color
         pairs = {_number(pair.depth): pair for pair in self.recording.pairs}
-        for number, color in enumerate(_frames(self.recording.pairs[0].color)):
+        for number, color in enumerate(_frames(video)):
+            length = number + 1
             if number not in pairs:
                 continue
             try:
@@ -107,12 +112,21 @@ class VideoSequence(WrappedRecording):
             except InputError as error:
                 faults.add(error)
                 continue
-            is_empty = False
             faults.are_skipped()
+            gaps.add(frame.stamp_ns)
             yield frame
-        if is_empty:
+        if gaps.is_empty:
             raise faults.first or InputError(
-                self.recording.pairs[0].color, "has no frame for any depth image", "record again"
+                video, "has no frame for any depth image", "record again"
+            )
+        warn_of_left_out(self.name, self.left_out, gaps)
+        if faults.count:
+            logger.warning("%s: %d frames skipped of %d", self.name, faults.count, len(pairs))
+        without = sum(number >= length for number in pairs)
+        if without:
+            logger.warning(
+                "%s: has %d frames, so %d of %d depth images have none",
+                *(video, length, without, len(pairs)),
             )
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
@@ -136,7 +150,14 @@ def _number(path: Path) -> int:
 
 
 def _odometry(folder: Path) -> Trajectory | None:
-    return read_tum(folder / ODOMETRY) if (folder / ODOMETRY).is_file() else None
+    """The phone's own poses; None, which is logged, if they cannot be read."""
+    if not (folder / ODOMETRY).is_file():
+        return None
+    try:
+        return read_tum(folder / ODOMETRY)
+    except InputError as error:
+        logger.warning("%s; continuing without ground truth", error)
+        return None
 
 
 def _frames(video: Path) -> Iterator[UInt8]:

@@ -15,7 +15,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, finite_numbers, read_lines
 from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
-from rgbd_glue_ros.recordings import icl_nuim
+from rgbd_glue_ros.recordings import depth_encoding, icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.folder.lists import (
@@ -25,7 +25,7 @@ from rgbd_glue_ros.recordings.folder.lists import (
     scale_in_comments,
 )
 from rgbd_glue_ros.recordings.folder.truth import truth_of
-from rgbd_glue_ros.recordings.image_sequence import DepthEncoding, ImageSequence
+from rgbd_glue_ros.recordings.image_sequence import ImageSequence
 from rgbd_glue_ros.types import CameraIntrinsics, ImuSamples
 
 logger = logging.getLogger(__name__)
@@ -41,12 +41,8 @@ R_OPTICAL_ACCELEROMETER = np.diag([-1.0, -1.0, 1.0])
 CALIBRATION = "camera_info.yaml"
 """Not part of the published layout; used if present."""
 
-UNITS_PER_METRE = 5000
-
 # Names of depth images in its sequences: the time, in seconds since 1970
 _STAMPED = re.compile(r"\d{10}\.\d{6}\.png")
-
-_DEPTH = DepthEncoding(units_per_metre=UNITS_PER_METRE, invalid=(0,))
 
 _RECORDED_BY = "openni_rgb_optical_frame"
 """The frame in TUM's own bags of its sequences, which were taken with Kinects and Xtions."""
@@ -109,7 +105,7 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
     sequence = ImageSequence(
         folder.resolve().name,
         found.pairs,
-        _DEPTH,
+        depth_encoding.TUM,
         told.intrinsics,
         truth_of(folder, found.pairs),
         frame_id=_RECORDED_BY if "freiburg" in folder.resolve().name.lower() else "",

@@ -15,6 +15,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.messages.fields import distortion_model
 from rgbd_glue_ros.messages.image_codecs import encode_png, quantised
+from rgbd_glue_ros.recordings.depth_encoding import TUM_UNITS_PER_METRE
 from rgbd_glue_ros.recordings.tum import (
     ACCELEROMETER,
     CALIBRATION,
@@ -22,7 +23,6 @@ from rgbd_glue_ros.recordings.tum import (
     DEPTH_LIST,
     GROUND_TRUTH,
     R_OPTICAL_ACCELEROMETER,
-    UNITS_PER_METRE,
 )
 from rgbd_glue_ros.trajectories.tum import write_tum
 from rgbd_glue_ros.types import CameraIntrinsics, ImuSamples, RgbdFrame, Trajectory
@@ -33,7 +33,7 @@ _COLOR_FOLDER, _DEPTH_FOLDER = "rgb", "depth"
 
 
 @dataclass(frozen=True)
-class EncodedFrame:
+class FrameFiles:
     """The files of a frame: PNG."""
 
     stamp_ns: int
@@ -82,7 +82,7 @@ class TumFolderWriter(Closing):
         self._colors = (folder / COLOR_LIST).open("w", encoding="ascii", buffering=1)
         self._depths = (folder / DEPTH_LIST).open("w", encoding="ascii", buffering=1)
 
-    def encode(self, frame: RgbdFrame) -> EncodedFrame:
+    def encode(self, frame: RgbdFrame) -> FrameFiles:
         """Does the slow part of writing a frame; any thread may call it.
 
         Depth is rounded to a fifth of a millimetre, and unknown beyond 13 m.
@@ -90,14 +90,14 @@ class TumFolderWriter(Closing):
         color = frame.color
         if color.ndim == 3:
             color = np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2BGR), np.uint8)
-        return EncodedFrame(
+        return FrameFiles(
             frame.stamp_ns,
             encode_png(color),
             frame.stamp_ns + frame.depth_delay_ns,
-            encode_png(quantised(frame.depth, UNITS_PER_METRE)),
+            encode_png(quantised(frame.depth, TUM_UNITS_PER_METRE)),
         )
 
-    def write(self, frame: EncodedFrame) -> None:
+    def write(self, frame: FrameFiles) -> None:
         """Adds a frame."""
         for folder, stamp_ns, data, names in (
             (_COLOR_FOLDER, frame.stamp_ns, frame.color, self._colors),

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from rgbd_glue_ros.features.lifting import KeypointPoints
 from rgbd_glue_ros.geometry.motion_compensation import keypoints_to_points
-from rgbd_glue_ros.types import Float32, Float64, Mask, View
+from rgbd_glue_ros.types import Float32, Float64, Mask, View, stages
 
 
 class Described(Protocol):
@@ -40,6 +40,12 @@ class FrameFeatures:
     visual: Any
     geometric: Any
     stages_ms: dict[str, float]
+
+    @staticmethod
+    def timed(view: View, visual: tuple[Any, float], geometric: tuple[Any, float]) -> FrameFeatures:
+        """Features of a view, each with the milliseconds that its extraction took."""
+        times = {stages.VISUAL_FEATURES: visual[1], stages.GEOMETRIC_FEATURES: geometric[1]}
+        return FrameFeatures(view, visual[0], geometric[0], times)
 
     def points_at(self, uv: Float32) -> tuple[Float64, Mask]:
         """Points [M, 3] at pixels uv [N, 2], metres, and which pixels [N] have one."""

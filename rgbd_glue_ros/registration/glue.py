@@ -5,10 +5,8 @@ One function per equation; ``Glue.register`` follows section 3 of the paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,10 +19,10 @@ from rgbd_glue_ros.geometry.fitting import (
     fit_covariance,
     ransac,
 )
-from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.parameters import SC2_PCR, Config
 from rgbd_glue_ros.registration.fits import FITS
 from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures, KeypointFeatures
-from rgbd_glue_ros.registration.sc2_pcr import sc2_pcr
+from rgbd_glue_ros.registration.sc2_pcr import INLIER_M, sc2_pcr
 from rgbd_glue_ros.stopwatch import Stopwatch, timed
 from rgbd_glue_ros.types import (
     Correspondences,
@@ -37,9 +35,6 @@ from rgbd_glue_ros.types import (
 )
 
 R = TypeVar("R")
-
-# The publication of SC2-PCR uses 10 cm indoors.
-_GEOMETRIC_INLIER_M = 0.1
 
 
 def assumed_inliers(
@@ -81,19 +76,13 @@ def surviving(
 
 
 def geometric_rough(matches: Correspondences, config: Config) -> TransformPrior | None:
-    """A rough transform from geometric matches alone, with the epsilon of equations 4 to 7."""
+    """A rough transform by SC2-PCR of geometric matches alone, with epsilon as in 4 to 7."""
     T, agreeing = sc2_pcr(matches)
     if T is None or agreeing < config.glue.min_credible:
         return None
     glue = config.glue
-    inliers = matches.select(distances(T, matches) <= _GEOMETRIC_INLIER_M)
+    inliers = matches.select(distances(T, matches) <= INLIER_M)
     return TransformPrior(T, adaptive_threshold(error_variance(inliers, T), glue.confidence))
-
-
-FALLBACKS: dict[str, Callable[[Correspondences, Config], TransformPrior | None]] = {
-    "sc2_pcr": geometric_rough
-}
-"""The choices of ``glue.fallback`` other than none."""
 
 
 @dataclass(frozen=True)
@@ -125,12 +114,17 @@ class _GeometricMatches:
 
 
 class Glue:
-    """Registers RGB-D frames with the features and parameters of a configuration."""
+    """Registers RGB-D frames with the features and parameters of a configuration.
+
+    Attributes:
+        visual: the configured visual features.
+        geometric: the configured geometric features.
+    """
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._visual = VISUAL[config.features.visual](config.features)
-        self._geometric = GEOMETRIC[config.features.geometric](config.features)
+        self.visual = VISUAL[config.features.visual](config.features)
+        self.geometric = GEOMETRIC[config.features.geometric](config.features)
 
     @property
     def inlier_threshold(self) -> float:
@@ -143,26 +137,21 @@ class Glue:
 
     def extract(self, view: View) -> FrameFeatures:
         """Section 3.1: visual and geometric features."""
-        visual = timed(self._visual.extract, view)
-        return _features(view, visual, timed(self._geometric.extract, view))
-
-    def extract_on_two_threads(self, view: View, executor: Executor) -> FrameFeatures:
-        """Like ``extract``, with geometric features extracted by an executor's thread."""
-        geometric = executor.submit(timed, self._geometric.extract, view)
-        return _features(view, timed(self._visual.extract, view), geometric.result())
+        visual = timed(self.visual.extract, view)
+        return FrameFeatures.timed(view, visual, timed(self.geometric.extract, view))
 
     def with_other_depth(self, features: FrameFeatures, view: View) -> FrameFeatures:
         """The features of a view with the same colours but other depth."""
-        return replace(features, view=view, geometric=self._geometric.extract(view))
+        return replace(features, view=view, geometric=self.geometric.extract(view))
 
     def without_images(self, features: FrameFeatures) -> Described:
         """What registration needs of a frame, with depth at its keypoints alone.
 
         Visual features that may match any pixel need the images too: theirs are unchanged.
         """
-        if not isinstance(self._visual, KeypointFeature):
+        if not isinstance(self.visual, KeypointFeature):
             return features
-        points = KeypointPoints.of(self._visual.keypoints(features.visual), features.view)
+        points = KeypointPoints.of(self.visual.keypoints(features.visual), features.view)
         return KeypointFeatures(features.visual, features.geometric, points)
 
     def register(
@@ -182,7 +171,7 @@ class Glue:
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
 
-        matches = self._visual.match(source.visual, target.visual)
+        matches = self.visual.match(source.visual, target.visual)
         C_vis = lift(matches, source.points_at, target.points_at)
         clock.lap(stages.VISUAL_MATCHING)
         rough = self._rough_transform(C_vis, prior, rng)
@@ -221,7 +210,7 @@ class Glue:
 
     @property
     def _has_fallback(self) -> bool:
-        return self._config.glue.filter and self._config.glue.fallback in FALLBACKS
+        return self._config.glue.filter and self._config.glue.fallback == SC2_PCR
 
     def _rough_transform(
         self, C_vis: Correspondences, prior: TransformPrior | None, rng: np.random.Generator
@@ -247,7 +236,7 @@ class Glue:
     ) -> _GeometricMatches:
         """C_geo, and what equation 8 leaves of it if the filter is on and has a transform."""
         guide = prior if self._config.glue.filter else None
-        C_geo = self._geometric.match(source.geometric, target.geometric, guide)
+        C_geo = self.geometric.match(source.geometric, target.geometric, guide)
         credible = None if guide is None else surviving(C_geo, guide, self._config)
         return _GeometricMatches(C_geo, credible)
 
@@ -262,8 +251,8 @@ class Glue:
         """Filters by a transform from geometric matches alone; unchanged if there is none."""
         unguided = geometric.matches
         if rough.prior is not None:
-            unguided = self._geometric.match(source.geometric, target.geometric, None)
-        prior = FALLBACKS[self._config.glue.fallback](unguided, self._config)
+            unguided = self.geometric.match(source.geometric, target.geometric, None)
+        prior = geometric_rough(unguided, self._config)
         if prior is None:
             return rough, geometric
         C_vis_in = self._assumed_inliers(C_vis, prior.T_target_source)
@@ -271,9 +260,3 @@ class Glue:
             _RoughTransform(C_vis_in, float("nan"), prior),
             self._filtered(source, target, prior),
         )
-
-
-def _features(view: View, visual: tuple[Any, float], geometric: tuple[Any, float]) -> FrameFeatures:
-    """Features, and the milliseconds that each took."""
-    times = {stages.VISUAL_FEATURES: visual[1], stages.GEOMETRIC_FEATURES: geometric[1]}
-    return FrameFeatures(view, visual[0], geometric[0], times)

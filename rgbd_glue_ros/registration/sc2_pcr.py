@@ -17,15 +17,19 @@ _FIRST_SET, _SECOND_SET = 30, 20
 _POWER_ITERATIONS = 10
 
 
+INLIER_M = 0.1
+"""Maximum error of an inlier, metres: the publication's indoors."""
+
+
 def sc2_pcr(
-    matches: Correspondences, threshold: float = 0.1, most: int = 3000
+    matches: Correspondences, threshold: float = INLIER_M, most: int = 3000
 ) -> tuple[Float64 | None, int]:
     """The transform that most matches agree with, out of one for each seed.
 
     Args:
         matches: geometric matches, most of them wrong.
         threshold: maximum difference of lengths between compatible matches, and maximum error of
-            an inlier, metres; the publication uses 10 cm indoors.
+            an inlier, metres.
         most: maximum number of matches considered, those with the largest weights.
 
     Returns:

@@ -35,7 +35,7 @@ class RgbdFrame:
         """Checks the images.
 
         Raises:
-            InputError: an image has another type, shape or unit.
+            InputError: an image has another type or shape; another unit is not noticed here.
         """
         camera = self.intrinsics
         check_camera(camera, CameraIntrinsics)

@@ -49,12 +49,14 @@ class ImuSamples:
         ends = np.searchsorted(self.stamps_ns, [first_ns, last_ns + 1])
         return ImuSamples(*(values[slice(*ends)] for values in vars(self).values()))
 
-    def with_later(self, later: ImuSamples) -> ImuSamples:
-        """These samples, followed by those of ``later`` that come after all of them."""
-        if len(self) and len(later):
-            later = later.between(int(self.stamps_ns[-1]) + 1, int(later.stamps_ns[-1]))
-        both = zip(vars(self).values(), vars(later).values(), strict=True)
-        return ImuSamples(*map(np.concatenate, both))
+    def merged_with(self, others: ImuSamples) -> ImuSamples:
+        """These samples and others, in order of time; of two with one stamp, that of these."""
+        before = np.searchsorted(self.stamps_ns, others.stamps_ns)
+        is_new = before == np.searchsorted(self.stamps_ns, others.stamps_ns, side="right")
+        both = zip(vars(self).values(), vars(others).values(), strict=True)
+        return ImuSamples(
+            *(np.insert(own, before[is_new], other[is_new], axis=0) for own, other in both)
+        )
 
     @staticmethod
     def empty() -> ImuSamples:

@@ -40,7 +40,8 @@ class OdometryEstimate:
     Attributes:
         stamp_ns: stamp of the frame.
         state: tracking state after the frame.
-        T_odom_camera: float64 [4, 4]; None when LOST or INITIALIZING: no pose is invented.
+        T_odom_camera: float64 [4, 4]; None when LOST or INITIALIZING: no pose is invented. Here
+            odom is the first optical frame; the node's frame odom is ``fixed`` in ``Extrinsics``.
         covariance: float64 [6, 6] as in nav_msgs/Odometry: of the position, and of the rotation
             about the odom frame's axes through it (x y z rx ry rz; m, rad); None if there is no
             pose.

@@ -28,6 +28,15 @@ def test_one_frame_of_another_camera_is_refused_and_a_second_one_in_a_row_accept
     assert camera.changes_to("right") is None
 
 
+def test_the_first_camera_name_after_images_without_one_is_no_other_camera() -> None:
+    camera = CameraFrame()
+    assert camera.changes_to("") is None
+    assert camera.changes_to("left") is None
+    with pytest.raises(InputError, match="the images before 'left'"):
+        camera.changes_to("right")
+    assert camera.changes_to("right") == "left"
+
+
 def test_of_two_alternating_cameras_one_is_refused() -> None:
     camera = CameraFrame()
     assert camera.changes_to("left") is None

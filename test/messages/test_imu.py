@@ -75,8 +75,15 @@ def test_samples_are_rotated_to_other_axes_and_selected_by_time() -> None:
 
 
 def test_of_repeated_samples_the_first_are_kept() -> None:
-    joined = SAMPLES.between(0, 20).with_later(SAMPLES)
+    joined = SAMPLES.between(0, 20).merged_with(SAMPLES)
     np.testing.assert_array_equal(joined.stamps_ns, SAMPLES.stamps_ns)
+
+
+def test_samples_that_arrive_out_of_order_are_put_in_order() -> None:
+    first_and_last = SAMPLES.between(10, 10).merged_with(SAMPLES.between(30, 30))
+    joined = first_and_last.merged_with(SAMPLES.between(20, 20))
+    for name in ("stamps_ns", "angular_velocity", "linear_acceleration"):
+        np.testing.assert_array_equal(getattr(joined, name), getattr(SAMPLES, name))
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from rigs.bag_frames import recorded_frames
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import MATCHES
 from rgbd_glue_ros.messages.poses import pose_from_message
+from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 
@@ -70,6 +71,19 @@ def test_a_bag_that_begins_anew_has_a_first_pose_again(ros_domain: int) -> None:
             for i in range(3):
                 rig.publish(corner_frame(begin_s * NANOSECONDS + i * PERIOD_NS))
             node.wait_for_line(f"Tracking: first pose at {begin_s}.", PATIENCE_S)
+
+
+@pytest.mark.slow
+def test_a_frame_whose_stamp_is_two_seconds_ahead_restarts_nothing(ros_domain: int) -> None:
+    stamps = [START_NS + i * PERIOD_NS for i in range(15)]
+    with node_in(ros_domain), Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        for stamp in stamps[:12]:
+            rig.pose_of(corner_frame(stamp))
+        rig.publish(corner_frame(stamps[11] + 2 * NANOSECONDS))
+        for stamp in stamps[12:]:
+            rig.pose_of(corner_frame(stamp))
+        assert [stamp_ns(pose.header.stamp) for pose in rig.poses] == stamps
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from rgbd_glue_ros.geometry.camera import back_project
 from rgbd_glue_ros.geometry.depth import depth_sigma
 from rgbd_glue_ros.messages.images import COLOR_SUFFIX, DEPTH_SUFFIX
 from rgbd_glue_ros.recordings import open_recording
-from rgbd_glue_ros.recordings.bag.writer import AS_REALSENSE, EncodedFrame
+from rgbd_glue_ros.recordings.bag.writer import AS_REALSENSE, FrameMessages
 from rgbd_glue_ros.types import Float64, RgbdFrame
 
 SAMPLE = (0, 23, 104)
@@ -154,7 +154,7 @@ def test_messages_of_the_bundled_bag_written_again_give_the_same_files(
         for index in range(make_bag.FRAME_COUNT):
             stamp_ns = make_bag.stamp_ns(index)
             messages = [memoryview(kept[name, stamp_ns]) for name in names]
-            writer.write(EncodedFrame(stamp_ns, *messages))
+            writer.write(FrameMessages(stamp_ns, *messages))
             writer.write_pose(stamp_ns, make_bag.true_pose(index))
     files = {path.name: path.read_bytes() for path in make_bag.FOLDER.iterdir()}
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == files

@@ -29,7 +29,7 @@ def constant(angular_velocity: Float64, stamps_ms: range) -> ImuSamples:
 def without(samples: ImuSamples, first_ms: int, last_ms: int) -> ImuSamples:
     """The samples with a gap."""
     ends = first_ms * MILLISECOND, last_ms * MILLISECOND
-    return samples.between(0, ends[0]).with_later(samples.between(ends[1], 10 * NANOSECONDS))
+    return samples.between(0, ends[0]).merged_with(samples.between(ends[1], 10 * NANOSECONDS))
 
 
 def true_turn(first_s: float, last_s: float) -> Float64:

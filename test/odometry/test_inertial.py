@@ -80,6 +80,15 @@ def test_samples_that_no_frame_needs_are_discarded() -> None:
     assert later.samples.stamps_ns[-1] == stamps[-1]
 
 
+def test_a_stamp_in_the_future_does_not_keep_later_samples_from_being_used() -> None:
+    velocity, hour_ns = [-1.0, 2.0, 0.5], 3600 * NANOSECONDS
+    wrong = replace(turning(velocity).between(0, 0), stamps_ns=np.array([hour_ns], np.int64))
+    good = turning(velocity)
+    inertial = Inertial(good.between(0, 0)).with_samples(wrong).with_samples(good)
+    without = Inertial(good).predicted(MOVING, PERIOD_NS, CONFIG)
+    assert_same_bits(inertial.predicted(MOVING, PERIOD_NS, CONFIG), without)
+
+
 def test_the_accelerometer_gives_the_upward_direction_while_the_camera_turns() -> None:
     samples = simulated_imu(true_pose, -1.0, 1.0, ImuErrors())
     up = Inertial(samples).up(NANOSECONDS // 2)

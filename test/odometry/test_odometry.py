@@ -116,6 +116,8 @@ def test_a_closed_odometry_raises_an_error() -> None:
     odometry.reset()
     with pytest.raises(InputError, match="the odometry: was closed; create another one"):
         track(recorded_frames()[1:3], odometry=odometry)
+    with pytest.raises(InputError, match="the odometry: was closed; create another one"):
+        odometry.update_map()
 
 
 def test_parameters_that_are_fixed_while_frames_are_tracked_cannot_be_changed() -> None:

@@ -15,12 +15,13 @@ from rigs.scenes import SCENES
 
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.experiments.bench.robot_part import pixels_of_part, with_robot_part
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.own_parts import OwnParts
 from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
-from rgbd_glue_ros.odometry.surfaces import BLOCK_PX
+from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, pixels_of
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.types import Float64, RgbdFrame, View
 
@@ -106,6 +107,34 @@ def test_images_smaller_than_a_block_are_skipped() -> None:
     tiny = View(np.zeros((6, 6), np.uint8), np.ones((6, 6), np.float32), CAMERA)
     assert not OwnParts().needs(tiny, np.eye(4))
     assert OwnParts().left_out(tiny) is tiny
+
+
+@pytest.mark.parametrize("shape", [(270, 480), (64, 70), (8, 15)])
+def test_blocks_are_placed_every_eight_pixels_whatever_the_size_of_the_image(
+    shape: tuple[int, int],
+) -> None:
+    rows, columns = (size // BLOCK_PX for size in shape)
+    view = View(np.zeros(shape, np.uint8), np.ones(shape, np.float32), CAMERA)
+    for row, column in ((0, 0), (rows // 2, columns // 2), (rows - 1, columns - 1)):
+        blocks = np.zeros((rows, columns), np.uint8)
+        blocks[row, column] = 1
+        pixels = pixels_of(blocks, view)
+        expected = np.zeros(shape, np.bool_)
+        # pixels beyond the last block are in none, and taken for its own
+        last_row, last_column = row == rows - 1, column == columns - 1
+        expected[
+            row * BLOCK_PX : None if last_row else (row + 1) * BLOCK_PX,
+            column * BLOCK_PX : None if last_column else (column + 1) * BLOCK_PX,
+        ] = True
+        np.testing.assert_array_equal(pixels, expected)
+
+
+def test_a_view_at_the_pose_of_the_last_one_is_not_needed_however_late_its_depth_is() -> None:
+    twist = np.array([0.0, 0.0, 0.0, 0.0, 2.5, 0.0])
+    late = replace(view_of(empty_room([0.0])[0], CONFIG.camera), twist=twist, depth_delay=0.02)
+    seen = OwnParts().after_view(late, np.eye(4))
+    assert not seen.needs(late, np.eye(4))
+    assert seen.needs(late, se3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
 
 
 def test_another_image_size_restarts_the_detection(known: OwnParts) -> None:

@@ -219,6 +219,17 @@ def test_malformed_messages_are_skipped_counted_and_logged_once_per_cause(
     assert f"{COLOR}: data are truncated: 9116 bytes instead of 9216" in caplog.text
 
 
+def test_what_was_skipped_is_counted_though_the_iteration_ends_early(tmp_path: Path) -> None:
+    messages = recorded(FRAMES)
+    cut = replace(messages[0].message, data=messages[0].message.data[:-100])
+    messages[0] = replace(messages[0], message=cut)
+    with BagRecording(write_rosbag2(tmp_path / "bag", messages)) as sequence:
+        assert next(iter(sequence)).stamp_ns == FRAMES[1].stamp_ns
+        assert sequence.skipped == 1
+        assert next(sequence.select([len(FRAMES) - 2])).stamp_ns == FRAMES[-1].stamp_ns
+        assert sequence.skipped == 1
+
+
 def test_bytes_that_are_not_of_their_type_are_skipped(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -21,7 +21,7 @@ from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.parameters import InputConfig, load_preset
 from rgbd_glue_ros.recordings import Topics, imu_of, open_recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
-from rgbd_glue_ros.types import Float64, ImuSamples, ImuUse
+from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples, ImuUse
 
 TYPES = get_typestore(Stores.ROS2_JAZZY).types
 CAMERA_FRAME, IMU_FRAME = "camera_optical", "imu_link"
@@ -116,6 +116,22 @@ def test_of_several_imus_one_has_to_be_given(
 def test_an_imu_topic_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no topic /imu of an IMU"):
         BagRecording(bag(tmp_path, *imu_messages(SAMPLES)), Topics(imu="/imu"))
+
+
+def unstamped(recorded_message: Recorded) -> Recorded:
+    message: Any = recorded_message.message
+    head = fields.header(0, message.header.frame_id)
+    return replace(recorded_message, message=replace(message, header=head))
+
+
+@pytest.mark.parametrize("stamps", ["header", "receipt"])
+def test_samples_are_of_the_clock_of_images_that_have_no_stamp(tmp_path: Path, stamps: str) -> None:
+    images = [unstamped(message) for message in recorded(make_frames(3))]
+    later = [replace(m, stamp_ns=m.stamp_ns + NANOSECONDS) for m in imu_messages(SAMPLES)]
+    path = write_rosbag2(tmp_path / "bag", [*images, *later])
+    with BagRecording(path, inputs=InputConfig(stamps=stamps, imu_pose="0 0 0 0 0 0")) as recording:
+        assert recording.imu is not None
+        np.testing.assert_array_equal(recording.imu.stamps_ns, SAMPLES.stamps_ns + NANOSECONDS)
 
 
 def test_a_bag_without_an_imu_has_none(tmp_path: Path) -> None:

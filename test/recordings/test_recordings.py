@@ -74,7 +74,7 @@ def test_a_tum_folder_gives_rgb_metres_and_the_stamps_of_its_colour_images(tmp_p
     assert (frames[0].color == RED).all()
     assert [frame.depth[1, 1] for frame in frames] == [1.0, 2.0, 3.0]
     assert np.isnan(frames[0].depth[0, 0])
-    assert frames[0].depth[0, 1] == np.float32(13.107)
+    assert np.isnan(frames[0].depth[0, 1])
     assert frames[0].intrinsics == CAMERA
 
 

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.peers import PEERS, NoTransformError
 from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
@@ -90,8 +91,14 @@ class GlueMethod:
 
     def describe(self, view: View) -> Described:
         """Visual and geometric features."""
-        features, milliseconds = timed(self._glue.extract_on_two_threads, view, self._second_thread)
+        features, milliseconds = timed(self._extract, view)
         return Described(features, milliseconds / 1e3, features.stages_ms)
+
+    def _extract(self, view: View) -> FrameFeatures:
+        """Like ``Glue.extract``, with geometric features extracted by the second thread."""
+        geometric = self._second_thread.submit(timed, self._glue.geometric.extract, view)
+        visual = timed(self._glue.visual.extract, view)
+        return FrameFeatures.timed(view, visual, geometric.result())
 
     def register(self, source: Described, target: Described) -> RegistrationResult:
         """Sections 3.1 to 3.3 of the paper."""

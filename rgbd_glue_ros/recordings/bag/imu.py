@@ -11,7 +11,6 @@ from rgbd_glue_ros.messages.imu import imu_reading, imu_samples
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
 from rgbd_glue_ros.parameters import InputConfig
-from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.transforms import recorded_transform
 from rgbd_glue_ros.recordings.faults import Faults
@@ -20,14 +19,17 @@ from rgbd_glue_ros.types import Float64, ImuSamples
 logger = logging.getLogger(__name__)
 
 
-def recorded_imu(bag: BagFile, topic: str, color: str, inputs: InputConfig) -> ImuSamples | None:
+def recorded_imu(
+    bag: BagFile, topic: str, color: str, inputs: InputConfig, *, by_receipt: bool
+) -> ImuSamples | None:
     """All samples of a topic, in the axes of the camera's optical frame.
 
     Args:
         bag: the bag.
         topic: of the IMU.
         color: topic of the colour images, whose frame is the camera's.
-        inputs: may give the IMU's orientation in the camera, and which stamps are used.
+        inputs: may give the IMU's orientation in the camera.
+        by_receipt: whether images go by the time of recording: both must be of one clock.
 
     Returns:
         None, which is logged, if no message can be read or its orientation is not known.
@@ -38,7 +40,7 @@ def recorded_imu(bag: BagFile, topic: str, color: str, inputs: InputConfig) -> I
         try:
             message = bag.deserialize(recorded)
             stamp = stamp_ns(message.header.stamp)
-            if inputs.stamps == RECEIPT or stamp == 0:
+            if by_receipt or stamp == 0:
                 stamp = recorded.stamp_ns
             readings.append(imu_reading(message, stamp, topic))
         except InputError as error:

@@ -63,9 +63,6 @@ class BagRecording(Closing):
     """The frames of a bag, paired and decoded as in the node.
 
     Unusable messages are skipped, counted and logged once per cause.
-
-    Attributes:
-        skipped: number of messages and frames that the last iteration could not use.
     """
 
     def __init__(
@@ -96,7 +93,7 @@ class BagRecording(Closing):
         self._inputs = inputs or InputConfig()
         self._calibration = calibration
         self._calibration_depth_scale = calibration_depth_scale
-        self.skipped = 0
+        self._faults = Faults()
         self._sync: Synchronizer[Any] = self._new_synchronizer()
         try:
             self._find_topics(topics or Topics(), depth_calibration)
@@ -171,7 +168,10 @@ class BagRecording(Closing):
         """The samples of its IMU; None if it has none or its orientation is not known."""
         if self._imu is None:
             return None
-        return recorded_imu(self._bag, self._imu, self._topics.color, self._inputs)
+        return recorded_imu(
+            *(self._bag, self._imu, self._topics.color, self._inputs),
+            by_receipt=self._stamp_source == RECEIPT,
+        )
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         """The frames in order of time; a stamp goes back only if the bag's do.
@@ -181,6 +181,7 @@ class BagRecording(Closing):
         """
         faults, gaps = Faults(), FrameGaps()
         sync = self._sync = self._new_synchronizer()
+        self._faults = faults
         for result in mapped_ahead(self._frame, self._watched(self._matches(sync, faults))):
             if isinstance(result, InputError):
                 faults.add(result)
@@ -188,7 +189,6 @@ class BagRecording(Closing):
                 faults.are_skipped()
                 gaps.add(result.stamp_ns)
                 yield result
-        self.skipped = faults.count
         if self._bag.damage is not None:
             faults.are_skipped()
             raise InputError(
@@ -201,6 +201,11 @@ class BagRecording(Closing):
         if faults.count:
             logger.warning("%s: %d messages or frames skipped", self._bag.path, faults.count)
         warn_of_left_out(self._bag.path, self.left_out, gaps)
+
+    @property
+    def skipped(self) -> int:
+        """Number of messages and frames that the last iteration could not use, so far."""
+        return self._faults.count
 
     @property
     def left_out(self) -> LeftOut:
@@ -232,7 +237,7 @@ class BagRecording(Closing):
             channels[self._topics.info] = Channel.INFO
         else:
             sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
-        stamps = StampSource[Any](self._stamp_source())
+        stamps = StampSource[Any](self._stamp_source)
         for recorded in self._bag.messages(channels):
             try:
                 message = self._bag.deserialize(recorded)
@@ -247,6 +252,7 @@ class BagRecording(Closing):
             yield from sync.add(channel, stamp, item)
         yield from sync.flush()
 
+    @cached_property
     def _stamp_source(self) -> str:
         """The requested source; if the first images have no stamp, their time of recording."""
         first = islice(self._bag.messages([self._topics.color]), 2)
@@ -266,12 +272,14 @@ class BagRecording(Closing):
     ) -> Iterator[tuple[Match[Any], DepthCamera | None]]:
         """The matches with the camera that took their depth; anomalies are logged."""
         taken_by: DepthCamera | None = None
-        for number, match in enumerate(matches):
-            if number == 0:
+        last_ns: int | None = None
+        for match in matches:
+            if last_ns is None:
                 taken_by = self._depth_camera.of(match)
                 self._say_of_unit(match)
-            if match.restarted:
+            elif match.stamp_ns < last_ns:
                 logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
+            last_ns = match.stamp_ns
             yield match, taken_by
 
     def _say_of_unit(self, match: Match[Any]) -> None:

@@ -134,7 +134,7 @@ _IMU_QOS = _qos(depth=100)
 
 
 @dataclass(frozen=True)
-class EncodedFrame:
+class FrameMessages:
     """The serialised messages of a frame."""
 
     stamp_ns: int
@@ -143,7 +143,7 @@ class EncodedFrame:
     info: memoryview
 
 
-def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
+def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> FrameMessages:
     """Serialises a frame's messages; any thread may call it.
 
     Args:
@@ -158,7 +158,7 @@ def encode_frame(frame: RgbdFrame, codec: ImageCodec) -> EncodedFrame:
     head = header(frame.stamp_ns, frame.frame_id or CAMERA_FRAME)
     depth_head = header(frame.stamp_ns + frame.depth_delay_ns, head.frame_id)
     serialize = _TYPES.serialize_cdr
-    return EncodedFrame(
+    return FrameMessages(
         frame.stamp_ns,
         serialize(codec.color(frame.color, head), codec.type),
         serialize(codec.depth(frame.depth, depth_head), codec.type),
@@ -206,11 +206,11 @@ class BagWriter(Closing):
         self._depth = self._topic(topics.depth + codec.depth_suffix, codec.type, _IMAGE_QOS)
         self._info = self._topic(topics.info, INFO_TYPE, _IMAGE_QOS)
 
-    def encode(self, frame: RgbdFrame) -> EncodedFrame:
+    def encode(self, frame: RgbdFrame) -> FrameMessages:
         """Does the slow part of writing a frame; any thread may call it."""
         return encode_frame(frame, self._codec)
 
-    def write(self, frame: EncodedFrame) -> None:
+    def write(self, frame: FrameMessages) -> None:
         """Adds colour, depth and camera info; frames and poses come in order of time."""
         self._writer.write(self._info, frame.stamp_ns, frame.info)
         self._writer.write(self._color, frame.stamp_ns, frame.color)

@@ -18,11 +18,11 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES, TUM, DepthEncoding
 from rgbd_glue_ros.recordings.folder import lists, streams
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.folder.truth import truth_of
 from rgbd_glue_ros.recordings.image_sequence import (
-    DepthEncoding,
     ImagePair,
     ImagePairs,
     ImageSequence,
@@ -32,11 +32,8 @@ from rgbd_glue_ros.types import CameraIntrinsics
 
 logger = logging.getLogger(__name__)
 
-_MILLIMETRES = DepthEncoding(1000.0, (0, 65535))
-# The layout of lists is TUM's, and so is their unit
-_TUM = DepthEncoding(5000.0, (0,))
 # SUN3D rotates the bits of its millimetres
-_SUN3D = replace(_MILLIMETRES, rotation=3)
+_SUN3D = replace(MILLIMETRES, rotation=3)
 # The disparity that a Kinect sends where it sees nothing
 _NO_DISPARITY = 2047
 _SUN3D_EXTRINSICS = re.compile(r"\d{10,}\.txt")
@@ -99,13 +96,14 @@ def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePa
         both = lists.lists_in(folder)
         if both is not None:
             is_tum = both[0].name == "rgb.txt" and both[1].name == "depth.txt"
-            encoding = _TUM if is_tum else _MILLIMETRES
+            # the layout of lists is TUM's, and so is their unit
+            encoding = TUM if is_tum else MILLIMETRES
             return lists.paired(*both), encoding.with_calibration_depth_scale(
                 lists.scale_in_comments(both[1])
             )
         association = lists.association_in(folder)
         if association is not None:
-            return lists.read_association(association), _TUM
+            return lists.read_association(association), TUM
     found = streams.color_and_depth(folder, color, depth)
     if found is None:
         names = ", ".join(f"{s.name} ({len(s.files)})" for s in streams.streams_in(folder))
@@ -117,7 +115,7 @@ def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePa
     is_sun3d = any(
         _SUN3D_EXTRINSICS.fullmatch(p.name) for p in (folder / "extrinsics").glob("*.txt")
     )
-    return streams.paired(folder, *found), _SUN3D if is_sun3d else _MILLIMETRES
+    return streams.paired(folder, *found), _SUN3D if is_sun3d else MILLIMETRES
 
 
 def _calibration(folder: Path) -> Calibration:
