@@ -23,6 +23,12 @@ _STEEPEST, _BLACK_TO_WHITE = 0.01, 255 / 2
 # Edges have gradients of at least this many times the noise. With noise alone, the steepest are
 # 1.8 times as steep; on an unevenly lit wall, 2 to 4 times.
 _LEAST_OVER_NOISE = 4.0
+# The steepest are up to 2.5 times as steep as the least steep of the edges, in light and in the
+# dark. If they are more than this many times as steep, few pixels are of edges, and the others may
+# be of a bare wall, whose noise limits must not shrink to.
+_STEEPEST_OVER_EDGES = 3.0
+# Grey levels: the noise that limits for well-lit images stand out from.
+_NOISE_IN_GOOD_LIGHT = 1.75
 # With every further multiple, limits may shrink by this further factor, down to the least contrast.
 _GAIN_PER_MULTIPLE, _LEAST_CONTRAST = 2.0, 1 / 16
 # Grey levels of lamps and windows, whose edges say nothing about the light elsewhere.
@@ -66,6 +72,9 @@ def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
     steepest = _quantile(gradients, 1 - _STEEPEST)
     gain = _GAIN_PER_MULTIPLE * (edges / _noise(small) - _LEAST_OVER_NOISE)
     least = max(1 / max(gain, 1.0), steepest / _BLACK_TO_WHITE, _LEAST_CONTRAST)
+    if steepest > _STEEPEST_OVER_EDGES * edges:
+        of_steepest = steepest / (_STEEPEST_OVER_EDGES * well_lit_gradient)
+        least = max(least, min(of_steepest, _noise(image) / _NOISE_IN_GOOD_LIGHT))
     return min(1.0, max(edges / well_lit_gradient, least))
 
 
@@ -93,10 +102,17 @@ def _shrunk(image: UInt8) -> Float32:
     return np.asarray(resized, np.float32)
 
 
-def _noise(image: Float32) -> float:
+def _noise(image: UInt8 | Float32) -> float:
     """The standard deviation of an image's noise, grey levels."""
-    curvature = cv2.filter2D(image, -1, _CURVATURE)[1:-1, 1:-1]
-    return max(_quantile(np.abs(curvature), 0.5) / _NORMAL_MEDIAN / 6, _LEAST_NOISE)
+    curvature = cv2.filter2D(image, cv2.CV_32F, _CURVATURE)[1:-1, 1:-1]
+    some = np.abs(_thinned(curvature))
+    return max(_quantile(some, 0.5) / _NORMAL_MEDIAN / 6, _LEAST_NOISE)
+
+
+def _thinned(image: Any) -> Any:
+    """Every n-th row and column: a median needs no more than some ten thousand pixels."""
+    step = -(-max(image.shape) // (2 * _LENGTH_PX))
+    return image[::step, ::step]
 
 
 def _quantile(values: Any, q: float) -> float:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rigs.room import room_frame
+from rigs.scenes import SCENES
 
 from rgbd_glue_ros.features import VISUAL
 from rgbd_glue_ros.geometry.camera import grey, view_of
@@ -65,6 +66,23 @@ def test_a_bare_wall_is_not_taken_for_a_dark_room(noise: float) -> None:
     wall = 120 + 10 * np.sin(across) + 5 * np.cos(np.linspace(0, 2, 480))[:, np.newaxis]
     assert contrast_of(seen(wall, noise), GRADIENT) == 1.0
     assert contrast_of(seen(np.full((480, 640), 7.0), noise), GRADIENT) == 1.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_few_steep_edges_do_not_make_texture_of_the_noise_of_a_bare_wall(seed: int) -> None:
+    """Notices cover so little of it that most of the steepest pixels are hardly more than noise."""
+    corridor = SCENES["a bare corridor at 30 Hz"]
+    after_a_second = replace(corridor, pose=lambda s: corridor.pose(s + 29 / 30), frame_count=4)
+    for frame in after_a_second.noisy_frames(seed):
+        assert contrast_of(grey(frame.color), GRADIENT) > 0.7
+
+
+def test_few_edges_that_stand_out_from_little_noise_are_texture() -> None:
+    """A poster of faint blots, and a frame around it."""
+    faint = np.kron(np.random.default_rng(0).random((24, 32)) > 0.5, np.ones((20, 20)))
+    room = np.asarray(200 + 14.0 * faint, np.float64)
+    room[100:300, 100:104] = room[100:300, 300:304] = 130.0
+    assert contrast_of(seen(room, 0.3), GRADIENT) < 0.5
 
 
 def test_noise_keeps_limits_from_shrinking_to_it() -> None:
