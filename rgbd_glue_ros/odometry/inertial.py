@@ -10,7 +10,8 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.gravity import up_direction
 from rgbd_glue_ros.odometry.gyroscope import Gyroscope
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
-from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, camera_covariance
+from rgbd_glue_ros.odometry.pose_covariance import covariance_of
+from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate
 from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuCalibration, ImuSamples, ImuUse
 
@@ -104,7 +105,9 @@ class Inertial:
         """
         if not len(self.samples):
             return self
-        covariance = camera_covariance(pose, residuals_per_independent_one)[3:, 3:]
+        T, information = pose.T_track_camera, pose.refinement.information
+        tracked = covariance_of(information, residuals_per_independent_one)
+        covariance = se3.transported_covariance(se3.inverse(T), tracked)[3:, 3:]
         now = _TrackedRotation(stamp_ns, pose.T_track_camera, covariance)
         last = self._last
         turn = None
@@ -112,8 +115,8 @@ class Inertial:
             turn = self.gyroscope.turn(self.samples, last.stamp_ns, stamp_ns)
         if last is None or turn is None:
             return replace(self, _last=now)
-        tracked = se3.inverse(last.T_track_camera) @ now.T_track_camera
-        gyroscope = self.gyroscope.compared(turn, tracked, last.covariance + now.covariance)
+        moved = se3.inverse(last.T_track_camera) @ now.T_track_camera
+        gyroscope = self.gyroscope.compared(turn, moved, last.covariance + now.covariance)
         return replace(self, gyroscope=gyroscope, _last=now)
 
 

@@ -46,6 +46,14 @@ def lost_spread(seconds: float) -> Float64:
     return spread
 
 
+def _measurement_ratio(P: Float64, information: Float64) -> Float64:
+    """(P + R)^-1 R, float64 [6, 6], of a measurement with the covariance R.
+
+    Computed from the information R^-1: a direction in which nothing was measured has no R.
+    """
+    return np.asarray(np.linalg.inv(information @ P + np.eye(6)), np.float64)
+
+
 @dataclass(frozen=True)
 class Motion:
     """Pose and velocity at a time.
@@ -69,6 +77,11 @@ class Motion:
         covariance = np.diag(np.concatenate([np.zeros(6), _START_SPEED**2]))
         covariance[_POSE, _POSE] = pose_covariance
         return Motion(stamp_ns, T_track_camera, np.zeros(6), covariance)
+
+    @property
+    def pose_covariance(self) -> Float64:
+        """The covariance of the pose, float64 [6, 6]."""
+        return self.covariance[_POSE, _POSE]
 
     def predicted(self, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
         """The motion at a later stamp, at constant velocity plus random accelerations."""
@@ -117,7 +130,7 @@ class Motion:
         """The same motion elsewhere: poses multiplied by T_shift [4, 4] on the left."""
         return replace(self, T_track_camera=T_shift @ self.T_track_camera)
 
-    def corrected(self, T_measured: Float64, covariance: Float64) -> Motion:
+    def corrected(self, T_measured: Float64, information: Float64) -> Motion:
         """The motion after a measured pose.
 
         A measurement that is almost impossible according to the prediction is accepted: the camera
@@ -125,16 +138,17 @@ class Motion:
 
         Args:
             T_measured: T_track_camera, float64 [4, 4].
-            covariance: float64 [6, 6] of the pose, perturbation on the right.
+            information: float64 [6, 6], the inverse of the covariance of the pose, perturbation on
+                the right; 0 in a direction in which nothing was measured.
         """
         innovation = se3.log(se3.inverse(self.T_track_camera) @ T_measured)
-        distance = mahalanobis_squared(innovation, self.covariance[_POSE, _POSE] + covariance)
+        weight = _measurement_ratio(self.pose_covariance, information) @ information
+        distance = float(innovation @ weight @ innovation)
         P = self.covariance * max(1.0, (distance / POSE_GATE) ** 2)
-        corrected = self._updated(P, _POSE, innovation, covariance)
+        corrected = self._updated(P, _POSE, innovation, information)
         if (np.abs(corrected.twist) < _FASTEST).all():
             return corrected
-        pose_covariance = corrected.covariance[_POSE, _POSE]
-        return Motion.start(self.stamp_ns, corrected.T_track_camera, pose_covariance)
+        return Motion.start(self.stamp_ns, corrected.T_track_camera, corrected.pose_covariance)
 
     def corrected_by_twist(self, twist: Float64, covariance: Float64) -> Motion:
         """The motion after a measured velocity; unchanged if the two disagree completely.
@@ -148,10 +162,11 @@ class Motion:
         # a comparison with NaN is false, too
         if not mahalanobis_squared(innovation, expected) <= POSE_GATE:
             return self
-        return self._updated(self.covariance, _TWIST, innovation, covariance)
+        information = np.asarray(np.linalg.inv(covariance), np.float64)
+        return self._updated(self.covariance, _TWIST, innovation, information)
 
     def _updated(
-        self, P: Float64, measured: slice, innovation: Float64, covariance: Float64
+        self, P: Float64, measured: slice, innovation: Float64, information: Float64
     ) -> Motion:
         """The update of a Kalman filter.
 
@@ -159,9 +174,11 @@ class Motion:
             P: float64 [12, 12], covariance of the motion before the update.
             measured: which of pose and velocity was measured.
             innovation: float64 [6], difference of the measurement from the prediction.
-            covariance: float64 [6, 6] of the measurement.
+            information: float64 [6, 6] of the measurement.
         """
-        gain = P[:, measured] @ np.linalg.inv(P[measured, measured] + covariance)
+        ratio = _measurement_ratio(P[measured, measured], information)
+        gain = P[:, measured] @ ratio @ information
+        noise = ratio @ information @ ratio.T
         change = gain @ innovation
         # Joseph's form: the difference P - gain P has no digits left after a minute without a pose
         kept = np.eye(12)
@@ -170,7 +187,7 @@ class Motion:
             self.stamp_ns,
             self.T_track_camera @ se3.exp(change[_POSE]),
             self.twist + change[_TWIST],
-            kept @ P @ kept.T + gain @ covariance @ gain.T,
+            kept @ P @ kept.T + P[:, measured] @ noise @ P[measured],
         )
 
 
@@ -187,7 +204,7 @@ class PredictedMotion(Motion):
     def expects(self, T_track_camera: Float64) -> bool:
         """Whether a pose is possible according to the filter."""
         displacement = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(displacement, self.covariance[_POSE, _POSE]) < POSE_GATE
+        return mahalanobis_squared(displacement, self.pose_covariance) < POSE_GATE
 
     def reaches(self, T_track_camera: Float64) -> bool:
         """Whether the camera can have got to a pose."""
@@ -211,7 +228,7 @@ class PredictedMotion(Motion):
         The filter's covariance and a change of speed as sudden as a hand can make it; perturbation
         on the right of the predicted pose.
         """
-        covariance: Float64 = self.covariance[_POSE, _POSE] + np.diag(
+        covariance: Float64 = self.pose_covariance + np.diag(
             (_CHANGE_OF_SPEED * self.elapsed_s) ** 2
         )
         return covariance

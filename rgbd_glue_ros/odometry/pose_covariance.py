@@ -92,7 +92,7 @@ def tracked_covariance(motion: Motion, reference: Keyframe, errors: PoseErrors) 
     T = motion.T_track_camera
     distance = float(np.linalg.norm(T[:3, 3] - reference.T_track_camera[:3, 3]))
     unseen = _unseen_covariance(motion.twist, distance, errors)
-    from_keyframe = motion.covariance[:6, :6] + unseen
+    from_keyframe = motion.pose_covariance + unseen
     return reference.covariance + se3.transported_covariance(T, from_keyframe)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
-from rgbd_glue_ros.odometry.pose_covariance import covariance_of
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import (
     COARSE_TO_FINE,
@@ -125,20 +124,14 @@ class PoseProblem(RefinementProblem):
         return replace(self, view=replace(self.view, twist=twist))
 
 
-def camera_covariance(estimate: PoseEstimate, residuals_per_independent_one: float) -> Float64:
-    """Covariance [6, 6] of a refined pose, perturbation on the right, in the camera's frame."""
-    covariance = covariance_of(estimate.refinement.information, residuals_per_independent_one)
-    to_camera = se3.adjoint(se3.inverse(estimate.T_track_camera))
-    in_camera: Float64 = to_camera @ covariance @ to_camera.T
-    return in_camera
-
-
 def corrected_motion(
     predicted: Motion, estimate: PoseEstimate, residuals_per_independent_one: float
 ) -> Motion:
     """The predicted motion, corrected by a pose and, if it was measured, by the twist."""
-    covariance = camera_covariance(estimate, residuals_per_independent_one)
-    motion = predicted.corrected(estimate.T_track_camera, covariance)
+    in_camera = se3.adjoint(estimate.T_track_camera)
+    counted = estimate.refinement.information / residuals_per_independent_one
+    information = in_camera.T @ counted @ in_camera
+    motion = predicted.corrected(estimate.T_track_camera, information)
     if estimate.twist is None:
         return motion
     return motion.corrected_by_twist(estimate.twist.twist, estimate.twist.covariance)

@@ -113,7 +113,8 @@ def track(
     if not candidates:
         return Attempt(features, result)
     result = result.with_stage(stages.REFINEMENT, sum(c.milliseconds for c in candidates))
-    chosen = choose(candidates, registration.matches, registration.inlier_threshold, acceptance)
+    choice = registration.matches, registration.inlier_threshold, acceptance
+    chosen = choose(candidates, *choice) or choose(_where_expected(candidates, problem), *choice)
     if chosen is None:
         return Attempt(features, result.refused(RegistrationStatus.INCONSISTENT))
     settled = settle_contradiction(chosen, problem, last, acceptance)
@@ -201,6 +202,20 @@ def _candidates(
     if candidates and not any(is_clear(c, matches, threshold, acceptance) for c in candidates):
         candidates += turned_candidates(problem, last, acceptance)
     return candidates
+
+
+def _where_expected(candidates: Sequence[Candidate], problem: PoseProblem) -> list[Candidate]:
+    """Candidates out of the camera's reach, put back where that is for want of a measurement.
+
+    Without texture a corridor's walls carry a pose along it by half a metre, which is farther than
+    a camera gets between two frames.
+    """
+    put_back = []
+    for candidate in candidates:
+        estimate = expected_where_unmeasured(candidate.estimate, problem)
+        distance_squared = problem.predicted.distance_squared(estimate.T_track_camera)
+        put_back.append(replace(candidate, estimate=estimate, distance_squared=distance_squared))
+    return put_back
 
 
 def _registered_candidates(

@@ -10,7 +10,8 @@ from rgbd_glue_ros.odometry.pose_choice import CLEARLY_BETTER
 from rgbd_glue_ros.odometry.pose_refinement import FINAL_LEVEL, PoseEstimate, PoseProblem
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 from rgbd_glue_ros.refinement.reliability import (
-    expected_in_weakest_direction,
+    ExpectedPose,
+    expected_where_weakest,
     without_spurious_information,
 )
 
@@ -26,13 +27,14 @@ def expected_where_unmeasured(estimate: PoseEstimate, problem: PoseProblem) -> P
         problem: the inputs of its refinement.
     """
     refined, as_refined = estimate.refinement, problem.as_refined(estimate)
-    expected, reach = problem.predicted.T_track_camera, problem.basin.translation
+    predicted, reach = problem.predicted, problem.basin.translation
+    expected = ExpectedPose(predicted.T_track_camera, predicted.pose_covariance)
     found = without_spurious_information(refined, expected, as_refined, reach)
     if np.array_equal(found.T_model_source, refined.T_model_source):
         return replace(estimate, refinement=found)
     # The direction is known to a few degrees only: the way along it also led across it.
     again = problem.refined(found.T_model_source, [FINAL_LEVEL])
-    found = expected_in_weakest_direction(again, expected)
+    found = expected_where_weakest(again, expected, reach)
     there = evaluate_pose(found.T_model_source, problem)
     if refined.plane_agreement > there.plane_agreement + CLEARLY_BETTER:
         return estimate

@@ -23,10 +23,28 @@ from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import Rows, pixel_rows, plane_rows
 from rgbd_glue_ros.types import Float64
 
+# The cosine between two directions that noise alone may separate: 26 degrees.
+_SAME_DIRECTION = 0.9
+# Information in a direction that is less than this part of all is rounding.
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True)
+class ExpectedPose:
+    """The pose that is expected before refinement.
+
+    Attributes:
+        T_model_source: float64 [4, 4].
+        covariance: float64 [6, 6], perturbation on the right.
+    """
+
+    T_model_source: Float64
+    covariance: Float64
+
 
 def without_spurious_information(
     refinement: Refinement,
-    T_expected: Float64,
+    expected: ExpectedPose,
     problem: RefinementProblem,
     reach: float,
 ) -> Refinement:
@@ -38,18 +56,19 @@ def without_spurious_information(
 
     Args:
         refinement: the refined pose.
-        T_expected: the pose that was expected before refinement, float64 [4, 4].
+        expected: the pose that was expected before refinement.
         problem: the problem that it was refined with.
         reach: distance, metres and radians, over which residuals must change. A pose that is
             known more accurately than this is returned unchanged, and so is any if it is 0.
     """
     if reach == 0:
         return refinement
-    T, directions = refinement.T_model_source, _InformationInCamera.of(refinement)
-    strength, weakest = directions.eigenvalues[0], directions.weakest
+    T, information = refinement.T_model_source, _InformationInCamera.of(refinement)
+    strength, direction = information.weakest
     as_one = problem.config.residuals_per_independent_one
     if strength * reach**2 > as_one or not strength > 0:
         return refinement
+    weakest = se3.adjoint(T) @ direction
     finest, brightness = problem.at_level(0), refinement.affine_brightness
     spurious = _spurious_information(
         lambda moved: plane_rows(moved, finest), T, weakest, reach
@@ -57,69 +76,88 @@ def without_spurious_information(
         lambda moved: pixel_rows(moved, finest, brightness), T, weakest, reach
     )
     share = min(spurious / strength, 1.0)
-    expected = expected_in_weakest_direction(refinement, T_expected)
-    if share >= 1 / 2 and se3.difference(T, expected.T_model_source) > reach:
-        return expected
-    return replace(refinement, information=directions.with_weakest_times(1 - share))
+    there = expected_where_weakest(refinement, expected, reach)
+    if share >= 1 / 2 and se3.difference(T, there.T_model_source) > reach:
+        return there
+    direction = information.direction_least_known(expected, reach)
+    return replace(refinement, information=information.without(share, direction))
 
 
-def expected_in_weakest_direction(refinement: Refinement, T_expected: Float64) -> Refinement:
+def expected_where_weakest(
+    refinement: Refinement, expected: ExpectedPose, reach: float
+) -> Refinement:
     """A pose moved to where it was expected in its weakest direction, without information there.
 
     Args:
         refinement: the refined pose.
-        T_expected: the pose that was expected before refinement, float64 [4, 4].
+        expected: the pose that was expected before refinement.
+        reach: as in ``without_spurious_information``.
     """
-    T, directions = refinement.T_model_source, _InformationInCamera.of(refinement)
-    off = float(directions.along_weakest(se3.log(T @ se3.inverse(T_expected))))
+    T, information = refinement.T_model_source, _InformationInCamera.of(refinement)
+    direction = information.direction_least_known(expected, reach)
+    off = float(direction @ se3.log(se3.inverse(expected.T_model_source) @ T))
     return replace(
         refinement,
-        T_model_source=se3.exp(-off * directions.weakest) @ T,
-        information=directions.with_weakest_times(0.0),
+        T_model_source=T @ se3.exp(-off * direction),
+        information=information.without(1.0, direction),
     )
 
 
 @dataclass(frozen=True)
 class _InformationInCamera:
-    """The information of a pose by directions, weakest first.
+    """The information of a pose about perturbations on its right.
 
-    Directions are orthogonal in the camera's frame, where a metre and a radian move the image by
-    about as much.
+    In the camera's frame a metre and a radian move the image by about as much, so that directions
+    can be compared.
 
     Attributes:
-        eigenvalues: float64 [6].
-        directions: float64 [6, 6], one a column, perturbations on the right of the pose.
+        matrix: float64 [6, 6].
         T: the pose, float64 [4, 4].
     """
 
-    eigenvalues: Float64
-    directions: Float64
+    matrix: Float64
     T: Float64
 
     @staticmethod
     def of(refinement: Refinement) -> _InformationInCamera:
         T = refinement.T_model_source
         A = se3.adjoint(T)
-        return _InformationInCamera(*np.linalg.eigh(A.T @ refinement.information @ A), T)
+        return _InformationInCamera(A.T @ refinement.information @ A, T)
 
     @property
-    def weakest(self) -> Float64:
-        """The weakest direction, float64 [6], a perturbation on the left of the pose."""
-        direction: Float64 = se3.adjoint(self.T) @ self.directions[:, 0]
-        return direction
+    def weakest(self) -> tuple[float, Float64]:
+        """The least information, and its direction, float64 [6]."""
+        strengths, directions = np.linalg.eigh(self.matrix)
+        return float(strengths[0]), directions[:, 0]
 
-    def along_weakest(self, twist: Float64) -> Float64:
-        """The component of a twist [6], a perturbation on the left, in the weakest direction."""
-        component: Float64 = self.directions[:, 0] @ se3.adjoint(se3.inverse(self.T)) @ twist
-        return component
+    def direction_least_known(self, expected: ExpectedPose, reach: float) -> Float64:
+        """The weakest direction, float64 [6], or the one in which the expected pose is uncertain.
 
-    def with_weakest_times(self, factor: float) -> Float64:
-        """The information [6, 6], perturbation on the left, with less in the weakest direction."""
-        eigenvalues, to_camera = self.eigenvalues.copy(), se3.adjoint(se3.inverse(self.T))
-        eigenvalues[0] *= factor
-        information: Float64 = (
-            to_camera.T @ (self.directions * eigenvalues) @ self.directions.T @ to_camera
-        )
+        Noise tilts the weakest direction by a few degrees in every frame. If information is removed
+        in another direction each time, what is left of it adds up to a measurement that nobody
+        made, as in filters that linearise at a new estimate each time (Huang, Mourikis and
+        Roumeliotis, Observability-based rules for designing consistent EKF SLAM estimators, 2010).
+        So if the expected pose is already uncertain by more than ``reach`` in about the same
+        direction, that one is taken.
+        """
+        weakest = self.weakest[1]
+        variances, directions = np.linalg.eigh(expected.covariance)
+        uncertain: Float64 = directions[:, -1]
+        is_same = variances[-1] > reach**2 and abs(uncertain @ weakest) > _SAME_DIRECTION
+        return uncertain if is_same else weakest
+
+    def without(self, share: float, direction: Float64) -> Float64:
+        """The information [6, 6], perturbation on the left, less a share of that in a direction.
+
+        All other directions keep what is known of them wherever the pose is along this one.
+        """
+        along = self.matrix @ direction
+        known = float(direction @ along)
+        left = self.matrix
+        if known > _NOTHING * np.trace(self.matrix):
+            left = left - share * np.outer(along, along) / known
+        to_camera = se3.adjoint(se3.inverse(self.T))
+        information: Float64 = to_camera.T @ left @ to_camera
         return information
 
 

@@ -13,12 +13,13 @@ from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.reliability import without_spurious_information
+from rgbd_glue_ros.refinement.reliability import ExpectedPose, without_spurious_information
 from rgbd_glue_ros.types import Float64, View
 
 CONFIG = Config().refine
 REACH = 0.03
 CORRIDOR = SCENES["an empty corridor at 10 Hz"]
+WHERE_IT_WAS = ExpectedPose(np.eye(4), 1e-8 * np.eye(6))
 
 
 def corridor_views(seed: int) -> tuple[View, View]:
@@ -28,12 +29,16 @@ def corridor_views(seed: int) -> tuple[View, View]:
 
 
 def evaluated(
-    model: Model, now: View, T: Float64, reach: float = REACH
+    model: Model,
+    now: View,
+    T: Float64,
+    reach: float = REACH,
+    expected: ExpectedPose = WHERE_IT_WAS,
 ) -> tuple[Refinement, Refinement]:
-    """A pose with spurious information and without it, where the start was expected."""
+    """A pose with spurious information and without it."""
     problem = RefinementProblem(model, now, CONFIG)
     pose = evaluate_pose(T, problem)
-    return pose, without_spurious_information(pose, np.eye(4), problem, reach)
+    return pose, without_spurious_information(pose, expected, problem, reach)
 
 
 def test_a_pose_that_the_images_determine_is_left_unchanged() -> None:
@@ -62,6 +67,21 @@ def test_in_an_empty_corridor_no_information_is_left_along_it_and_all_of_it_acro
     assert (left_of_it[[0, 1, 3, 4, 5]] > 0.9 * information[[0, 1, 3, 4, 5]]).all()
     # nor does the pose know of the way along it: it is back where it was expected
     assert abs(left.T_model_source[2, 3]) < 0.02
+
+
+def test_information_is_removed_in_the_direction_in_which_the_pose_is_uncertain_already() -> None:
+    """Noise tilts the weakest direction in every frame, which would add up to a measurement."""
+    before, now = corridor_views(seed=0)
+    wrong = CORRIDOR.true_poses()[1] @ se3.exp(np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0]))
+    uncertain = np.array([0.03, 0.0, 1.0, 0.0, 0.02, 0.0])
+    uncertain /= np.linalg.norm(uncertain)
+    for metres, is_taken in ((0.2, True), (0.01, False)):
+        covariance = 1e-8 * np.eye(6) + metres**2 * np.outer(uncertain, uncertain)
+        expected = ExpectedPose(np.eye(4), covariance)
+        pose, left = evaluated(model_of(before, CONFIG.grid_step), now, wrong, expected=expected)
+        in_camera = se3.adjoint(left.T_model_source) @ uncertain
+        known, known_before = (in_camera @ p.information @ in_camera for p in (left, pose))
+        assert (known < 1e-6 * known_before) == is_taken
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
