@@ -17,6 +17,8 @@ from rgbd_glue_ros.printable import PrintableFormatter, printable
 
 logger = logging.getLogger(__name__)
 
+_PACKAGE = __name__.partition(".")[0]
+
 OK, FAILED = 0, 1
 # exit codes of a program ended by SIGINT or SIGPIPE
 INTERRUPTED, BROKEN_PIPE = 128 + 2, 128 + 13
@@ -44,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     logging.basicConfig(handlers=[_log()])
+    # what this package takes for granted is told, but not what libraries do
+    logging.getLogger(_PACKAGE).setLevel(logging.INFO)
     # a kill is handled as cleanly as Ctrl-C (results written, the demonstration's node ended)
     InterruptOnce()
     try:

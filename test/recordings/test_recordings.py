@@ -154,6 +154,28 @@ def test_a_tum_folders_name_tells_its_camera(tmp_path: Path, name: str, fx: floa
     assert next(iter(sequence)).intrinsics.fx == fx
 
 
+@pytest.mark.parametrize("name", ["fr1_desk", "my-freiburg1.bag", "FREIBURG1", "Living Room kt2"])
+def test_a_camera_taken_by_name_is_logged_with_the_words_that_named_it(
+    tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    open_recording(write_tum_folder(tmp_path / name)).close()
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert "no file describes its camera; taking that of" in said
+    assert ("living_room_kt" if "kt2" in name else "freiburg1") in said
+    assert "--calibration" in said
+
+
+@pytest.mark.parametrize(
+    "name", ["vehicle_run", "bicycle", "article", "fr12_desk", "xfreiburg1", "living_room", "aicl"]
+)
+def test_the_letters_of_a_data_set_inside_of_another_word_are_no_camera(
+    tmp_path: Path, name: str
+) -> None:
+    with pytest.raises(InputError, match="no file there describes its camera"):
+        open_recording(write_tum_folder(tmp_path / name))
+
+
 def test_a_kinects_accelerometer_tells_which_way_is_up(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
