@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
 
@@ -46,12 +47,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     logging.basicConfig(handlers=[_log()])
-    # what this package takes for granted is told, but not what libraries do
-    logging.getLogger(_PACKAGE).setLevel(logging.INFO)
     # a kill is handled as cleanly as Ctrl-C (results written, the demonstration's node ended)
     InterruptOnce()
     try:
-        _print(args.command.module.run(args))
+        with _informative():
+            _print(args.command.module.run(args))
     except (InputError, MissingExtraError) as error:
         return _fail(error, str(error), BAD_INPUT, debug=args.debug)
     except KeyboardInterrupt:
@@ -66,6 +66,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
         return _failed(error, debug=args.debug)
     return OK
+
+
+@contextmanager
+def _informative() -> Iterator[None]:
+    """Logs what this package takes for granted, and not only warnings; libraries stay quiet."""
+    package = logging.getLogger(_PACKAGE)
+    before = package.level
+    package.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        package.setLevel(before)
 
 
 def _open_closed_streams() -> None:

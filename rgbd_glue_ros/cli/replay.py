@@ -78,9 +78,10 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.cli.progress import tracking_bar
     from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, replay
+    from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 
     config = given_parameters.config(args)
-    with arguments.opened(args, source) as recording:
+    with heard_warnings() as heard, arguments.opened(args, source) as recording:
         exports.check(args, folder, RESULTS)
         try:
             with tracking_bar(recording.frame_count) as show:
@@ -90,13 +91,22 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     folder,
                     on_frame=show,
                     outputs=exports.further_outputs(args, recording),
-                    provenance=arguments.provenance(args),
+                    provenance=arguments.provenance(args, heard),
                 )
         except KeyboardInterrupt:
-            logger.warning("interrupted; the results so far are in %s", folder)
+            logger.warning("%s", interrupted(folder))
             raise
     figures = json.loads((folder / METRICS).read_text(encoding="utf-8"))
     return f"{summary(figures)}report   {folder / REPORT}\n"
+
+
+def interrupted(folder: Path) -> str:
+    """What an interrupted run has left in its folder."""
+    from rgbd_glue_ros.experiments.replay.replay import METRICS
+
+    if not (folder / METRICS).is_file():
+        return "interrupted before the first frame was done; there are no results"
+    return f"interrupted; the results so far are in {folder}"
 
 
 def _input(figures: dict[str, Any]) -> str:

@@ -47,6 +47,14 @@ def test_the_report_is_one_well_formed_page_that_fetches_nothing() -> None:
     assert "url(" not in source
 
 
+def test_warnings_are_in_a_box_above_everything_else() -> None:
+    run = Run("x", Config(), frames=[record(0)], wall_s=1.0, warnings=["depth <in> mm", "late"])
+    source = page_of(run)
+    assert source.index("<li>depth &lt;in&gt; mm</li><li>late</li>") < source.index("of recording")
+    run.warnings.clear()
+    assert 'class="notes"' not in page_of(run)
+
+
 def test_the_report_names_the_parameters_that_differ_from_the_defaults() -> None:
     config = with_values(Config(), {"glue.k": 3.0})
     text = " ".join(Page(page_of(Run("x", config, frames=[record(0)], wall_s=1.0))).text)

@@ -19,6 +19,7 @@ from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run, metrics
+from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
 from rgbd_glue_ros.files.reading import read_text
@@ -44,6 +45,7 @@ logger = logging.getLogger(__name__)
 TRAJECTORY, METRICS, PARAMETERS = "trajectory.txt", "metrics.json", "params.yaml"
 REPORT = "report.html"
 KEYFRAMES, KEYFRAMES_GTSAM = "keyframes.g2o", "keyframes_gtsam.g2o"
+INTERRUPTED = "The run was interrupted: these are the frames until then."
 RESULTS = (TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES, KEYFRAMES_GTSAM)
 
 
@@ -81,7 +83,7 @@ def replay(
             config,
             on_frame=on_frame,
             outputs=outputs,
-            command=provenance.command,
+            provenance=provenance,
         )
 
 
@@ -93,7 +95,8 @@ def replay_into(
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     outputs: FurtherOutputs = FurtherOutputs(),
     odometry: Odometry | None = None,
-    command: str = "",
+    provenance: Provenance = Provenance(),
+    trajectory: str = TRAJECTORY,
 ) -> Run:
     """Like ``replay``, into a folder that the caller continues to write to.
 
@@ -105,39 +108,46 @@ def replay_into(
         outputs: what is written besides the folder.
         odometry: a new one of ``config``, for access by the caller; None creates one. It is finally
             closed.
-        command: the command line, for quoting in the report.
+        provenance: how the run came about, for the report.
+        trajectory: name of the file for the poses, as soon as they are known.
     """
     folder = results.path
     warm_up(config)
-    run = Run(sequence.name, config, sequence.ground_truth, command=command)
+    run = Run(sequence.name, config, sequence.ground_truth, command=provenance.command)
+    run.warnings.extend(provenance.warnings)
     pictures, clouds = Thumbnails(), KeyframeClouds()
     takers = (pictures, *(() if outputs.cloud is None else (clouds,)), *outputs.sinks)
     odometry = odometry or Odometry(config)
     imu = imu_of(sequence) or ImuSamples.empty()
     last: OdometryEstimate | None = None
-    try:
-        with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
-            frames = FrameLoop(run, odometry, imu, trajectory, takers, on_frame)
-            for frame in sequence:
-                frames.take(frame)
-            last = frames.last
-    except InputError as error:
-        raise _after_frames(error, len(run.frames)) from error
-    finally:
-        with uninterrupted(), ExitStack() as left:
-            left_out = left_out_of(sequence)
-            run.duplicates += left_out.duplicates
-            run.unpaired = left_out.unpaired
-            for sink in outputs.sinks:
-                left.callback(sink.close)
-            if run.frames:
-                run.thumbnails = pictures.jpegs
-                left.callback(write_results, run, folder)
-                _leave_cloud(left, outputs.cloud, clouds, run)
+    with heard_warnings(run.warnings):
+        try:
+            with TumWriter(folder / trajectory) as poses, odometry:
+                frames = FrameLoop(run, odometry, imu, poses, takers, on_frame)
+                for frame in sequence:
+                    frames.take(frame)
+                last = frames.last
+            _warn_of_imu(odometry)
+            _warn_of_restarts(run)
+        except InputError as error:
+            run.warnings.append(f"The run ended early: {error.where}: {error.cause}")
+            raise _after_frames(error, len(run.frames)) from error
+        except KeyboardInterrupt:
+            run.warnings.append(INTERRUPTED)
+            raise
+        finally:
+            with uninterrupted(), ExitStack() as left:
+                left_out = left_out_of(sequence)
+                run.duplicates += left_out.duplicates
+                run.unpaired = left_out.unpaired
+                for sink in outputs.sinks:
+                    left.callback(sink.close)
+                if run.frames:
+                    run.thumbnails = pictures.jpegs
+                    left.callback(write_results, run, folder)
+                    _leave_cloud(left, outputs.cloud, clouds, run)
     if not run.frames:
         raise InputError(sequence.name, "holds no frames", "give a recording with RGB-D frames")
-    _warn_of_imu(odometry)
-    _warn_of_restarts(run)
     if last is not None and len(run.trajectory) == 0:
         why = explain_no_pose(last, config.camera)
         raise InputError(

@@ -19,7 +19,13 @@ from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.axes import linear, rising
 from rgbd_glue_ros.experiments.report.charts import Line
 from rgbd_glue_ros.experiments.report.colophon import Colophon
-from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_parameters, page, tiles
+from rgbd_glue_ros.experiments.report.page import (
+    SIDE_BY_SIDE,
+    changed_parameters,
+    notes,
+    page,
+    tiles,
+)
 from rgbd_glue_ros.experiments.report.plans import plans
 from rgbd_glue_ros.experiments.report.timeline import Span, band
 from rgbd_glue_ros.geometry import se3
@@ -56,6 +62,7 @@ def render(
     stamps_ns = np.array([frame.stamp_ns for frame in run.frames], np.int64)
     seconds = since_start(run, stamps_ns)
     parts = [
+        notes(run.warnings),
         _summary(run, figures, seconds),
         _tiles(figures),
         _trajectory(run, evaluation),
