@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> str:
                     folder,
                     before=before,
                     on_frame=show,
-                    outputs=MapOutputs(args.save_map, shown),
+                    outputs=MapOutputs(args.save_map, shown, exports.files(args)),
                     provenance=arguments.provenance(args, heard),
                 )
         except KeyboardInterrupt:

@@ -137,10 +137,17 @@ class MapOutputs:
     Attributes:
         save_map: file to write the map to, for other sessions; None writes none.
         shown: receives everything for the Rerun viewer, and stays open; None for none.
+        files: what that writes.
     """
 
     save_map: Path | None = None
     shown: RerunRecording | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """All files that are written."""
+        return self.files if self.save_map is None else (*self.files, self.save_map)
 
 
 def map_recording(
@@ -179,8 +186,10 @@ def map_recording(
     glue = Glue(config)
     odometry = Odometry(config, glue)
     sink, shown = MappingSink(odometry, partial(_new_mapper, config, glue, before)), outputs.shown
+    names = (ODOMETRY, CLOUD)
+    beside = outputs.places
     with (
-        results_of(sequence.name, config, folder, provenance.inputs, (ODOMETRY, CLOUD)) as results,
+        results_of(sequence.name, config, folder, provenance.inputs, names, beside) as results,
         ExitStack() as end,
     ):
         run = replay_into(

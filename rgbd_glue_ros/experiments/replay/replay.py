@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +12,11 @@ from typing import Any
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
+from rgbd_glue_ros.experiments.replay.earlier_results import (
+    recording_of,
+    say_what_is_replaced,
+    stale_files,
+)
 from rgbd_glue_ros.experiments.replay.frame_loop import FrameLoop
 from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
@@ -22,7 +26,6 @@ from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run, metrics
 from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
-from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
 from rgbd_glue_ros.odometry.inertial import explain_distrust
@@ -76,7 +79,8 @@ def replay(
             frame cannot be read, or none was tracked.
     """
     check_places(folder, RESULTS, {"cloud": outputs.cloud})
-    with results_of(sequence.name, config, folder, provenance.inputs) as results:
+    beside = outputs.places
+    with results_of(sequence.name, config, folder, provenance.inputs, (), beside) as results:
         return replay_into(
             results,
             sequence,
@@ -188,16 +192,13 @@ def _warn_of_imu(odometry: Odometry) -> None:
         logger.warning("imu: %s", distrust)
 
 
-def _recording_of(folder: Path) -> str | None:
-    """The recording of the results in a folder; None if it has none."""
-    try:
-        return str(json.loads(read_text(folder / METRICS))["sequence"])
-    except (ValueError, KeyError, TypeError):
-        return None
-
-
 def results_of(
-    name: str, config: Config, folder: Path, inputs: InputConfig, further: Sequence[str] = ()
+    name: str,
+    config: Config,
+    folder: Path,
+    inputs: InputConfig,
+    further: Sequence[str] = (),
+    beside: Collection[Path] = (),
 ) -> ResultFolder:
     """The folder for the results of a recording, with what is known before the first frame.
 
@@ -207,15 +208,16 @@ def results_of(
         folder: created if it does not exist; results in it are removed.
         inputs: how the recording was opened.
         further: names of further files besides the results of a replay.
+        beside: files and folders that the run writes beside these, maybe into the folder.
 
     Raises:
         InputError: the folder cannot be written, is a recording, or another run is writing to it.
     """
     refuse_recording(folder)
-    before = _recording_of(folder)
-    results = ResultFolder(folder, (*RESULTS, *further))
-    if before not in (None, name):
-        logger.warning("%s: replacing the results of %s", folder, before)
+    before = recording_of(folder / METRICS)
+    names = (*RESULTS, *further)
+    results = ResultFolder(folder, names)
+    say_what_is_replaced(folder, before, name, stale_files(folder, names, beside))
     write_whole(folder / PARAMETERS, to_yaml(inputs, config))
     return results
 
