@@ -42,6 +42,16 @@ class InputError(ValueError):
         return type(self), (self.where, self.cause, self.remedy)
 
 
+class IncompleteError(InputError):
+    """Input of which a part could not be used; there are results of the rest.
+
+    Attributes:
+        output: what there is to print about these.
+    """
+
+    output = ""
+
+
 def without_numbers(text: str) -> str:
     """The text with # for each number: faults that differ only in numbers are of one kind."""
     return re.sub(r"\d[\d.]*(e[+-]\d+)?", "#", text)

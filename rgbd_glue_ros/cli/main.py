@@ -11,7 +11,7 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from rgbd_glue_ros.cli.parser import PROGRAM, complete, parse
-from rgbd_glue_ros.errors import BAD_INPUT, InputError, MissingExtraError
+from rgbd_glue_ros.errors import BAD_INPUT, IncompleteError, InputError, MissingExtraError
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.live.end_signals import InterruptOnce
 from rgbd_glue_ros.printable import PrintableFormatter, printable
@@ -53,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with _informative():
             _print(args.command.module.run(args))
     except (InputError, MissingExtraError) as error:
+        if isinstance(error, IncompleteError):
+            _print(error.output)
         return _fail(error, str(error), BAD_INPUT, debug=args.debug)
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rgbd_glue_ros.cli import arguments, exports, given_parameters
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import IncompleteError, InputError
 
 logger = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             shown.set_postfix_str(name, refresh=False)
             shown.update()
 
-        run_replays(
+        figures = run_replays(
             sources,
             arguments.opener(args),
             config,
@@ -72,7 +72,17 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             on_replayed=step,
         )
     table = folder / TABLE
-    return f"{table.read_text(encoding='utf-8')}table    {table}\n"
+    text = f"{table.read_text(encoding='utf-8')}table    {table}\n"
+    failed = len(figures["problems"])
+    if failed:
+        error = IncompleteError(
+            f"{failed} of {counted(len(sources), 'recording')}",
+            "could not be replayed",
+            "why is said above",
+        )
+        error.output = text
+        raise error
+    return text
 
 
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:

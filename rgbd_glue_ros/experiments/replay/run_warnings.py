@@ -1,4 +1,4 @@
-"""What was warned of during a run: its report says it too, as nobody keeps a terminal."""
+"""What was warned of during a run, for its report: nobody keeps a terminal."""
 
 from __future__ import annotations
 
@@ -20,6 +20,32 @@ class _Listener(logging.Handler):
         text = record.getMessage()
         if text not in self._heard and len(self._heard) < _MOST:
             self._heard.append(text)
+
+
+class _Naming(logging.Filter):
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._name = name
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        text = record.getMessage()
+        if record.name.startswith(_PACKAGE) and self._name not in text:
+            record.msg, record.args = f"{self._name}: {text}", ()
+        return True
+
+
+@contextmanager
+def named_warnings(name: str) -> Iterator[None]:
+    """Puts a name before what this package logs meanwhile: of many recordings, which is meant."""
+    naming = _Naming(name)
+    handlers = [*logging.getLogger().handlers]
+    for handler in handlers:
+        handler.addFilter(naming)
+    try:
+        yield
+    finally:
+        for handler in handlers:
+            handler.removeFilter(naming)
 
 
 @contextmanager
