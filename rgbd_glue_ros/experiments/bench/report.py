@@ -14,6 +14,8 @@ from rgbd_glue_ros.printable import printable
 
 _Figures = Mapping[str, Any]
 
+PIP = "pip install"
+
 _CONTEST = """\
 All methods process each frame before any gets the next, starting with a different one each time.
 Peers are run as plain frame-to-frame odometry: no keyframe, no motion model, no prior, at the
@@ -102,8 +104,16 @@ def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
             _contestant(f"**{who}**" if who == OURS else who, result, frames)
             for who, result in content["contest"].items()
         ]
-        rows += [[who, f"not installed: {how}", *[""] * 7] for who, how in not_installed.items()]
+        # a whole command in a cell would push all columns out of view
+        rows += [
+            [who, f"not installed: {f'{PIP} (below)' if how.startswith(PIP) else how}", *[""] * 7]
+            for who, how in not_installed.items()
+        ]
         parts += [f"### {markdown(name)}", table(head, rows)]
+    commands = sorted({how for how in not_installed.values() if how.startswith(PIP)})
+    if parts and commands:
+        lines = "\n".join(commands)
+        parts.append(f"What is not installed comes, in a clone, by\n\n```\n{lines}\n```")
     if parts:
         parts.append(f"![Error against time]({PICTURE})")
     return "\n\n".join(parts)
