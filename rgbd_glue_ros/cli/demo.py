@@ -97,7 +97,9 @@ def _play(
             shown.close()
             logger.warning("%s", interrupted(args.output))
             raise
-    said = f"node     {result.summary}\n" if result.summary else ""
+    said = ""
+    if result.summary:
+        said = f"node     {result.summary}; its latency: from receiving images to their pose\n"
     played = result.figures["played"]
     if result.figures["frames"] < _FEW * played:
         said += (

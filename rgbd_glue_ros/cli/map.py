@@ -88,6 +88,10 @@ def run(args: argparse.Namespace) -> str:
     if figures["odometry"]:
         text += f"before   {figures['odometry']['ape']['rmse_m']:.4f} m rmse (APE of odometry)\n"
     text += f"loops    {loops}\n"
+    if args.save_map:
+        text += f"saved    {args.save_map}\n"
+    if args.rerun:
+        text += f"rerun    {args.rerun}\n"
     return (
         f"{text}map      {folder / CLOUD}, {figures['map_points']} points\n"
         f"path     {folder / TRAJECTORY}\nreport   {folder / REPORT}\n"

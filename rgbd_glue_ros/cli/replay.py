@@ -87,7 +87,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, replay
+    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, TRAJECTORY, replay
     from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 
     config = given_parameters.config(args)
@@ -107,7 +107,10 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
             logger.warning("%s", interrupted(folder))
             raise
     figures = json.loads((folder / METRICS).read_text(encoding="utf-8"))
-    return f"{summary(figures)}report   {folder / REPORT}\n"
+    asked = {"bag": args.mcap, "cloud": args.cloud, "rerun": args.rerun}
+    lines = [f"{name:<8} {place}\n" for name, place in asked.items() if place]
+    text = f"{summary(figures)}poses    {folder / TRAJECTORY}\n{''.join(lines)}"
+    return f"{text}report   {folder / REPORT}\n"
 
 
 def interrupted(folder: Path) -> str:
@@ -148,12 +151,14 @@ def summary(figures: dict[str, Any]) -> str:
     frames = "{frames}" if is_whole else "{frames} of {played} processed"
     frames += ", of which {tracked} tracked and {lost} lost; "
     speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
+    if "node_latency_ms" in figures:
+        speed += ", from publishing images until their pose is back"
     keyframes = counted(figures["keyframes"], "keyframe")
     text = f"frames   {frames.format(**figures)}{keyframes}\n{_input(figures)}"
     text += f"path     {figures['path_m']:.2f} m\n"
     text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
     if "ape" not in figures:
-        return f"{text}APE      none: there is no ground truth of these poses\n"
+        return f"{text}APE      none: {figures.get('no_ape', 'there is no ground truth')}\n"
     text += f"APE      {figures['ape']['rmse_m']:.4f} m rmse, SE(3) aligned\n"
     if not figures["rpe"]:
         text += f"RPE      none: {NO_RPE}\n"

@@ -95,7 +95,8 @@ def evaluate(
     if len(rows) < _MIN_POSES:
         raise InputError(
             "estimate and reference",
-            f"only {len(rows)} poses are within {max_difference_s:g} s of each other "
+            f"only {len(rows)} poses are within {max_difference_s:g} s of each other, and "
+            f"{_MIN_POSES} are needed "
             f"(estimate {_span(estimate)}, reference {_span(reference)})",
             "give trajectories of the same recording",
         )

@@ -95,6 +95,8 @@ def read_calibration(path: Path) -> Calibration:
     """
     try:
         content = _content(read_text(path))
+    except InputError:
+        raise  # it says by itself what is wrong
     except (yaml.YAMLError, RecursionError, ValueError, KeyError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(path, f"cannot be read ({reason})", "give a YAML or JSON file") from error

@@ -85,7 +85,10 @@ def test_truth_of_another_time_is_said_and_the_rest_is_written(
     elsewhen = Trajectory(np.array([10**18]), np.eye(4)[None])
     replay(with_ground_truth(Pan(3), elsewhen), Config(), tmp_path)
     assert f"{Pan(3).name}: no error against ground truth: only 0 poses" in caplog.text
-    assert "ape" not in json.loads((tmp_path / METRICS).read_text())
+    figures = json.loads((tmp_path / METRICS).read_text())
+    assert "ape" not in figures
+    assert figures["no_ape"].startswith("only 0 poses are within")
+    assert "and 3 are needed" in figures["no_ape"]
 
 
 def test_results_of_another_recording_are_not_replaced_in_silence(

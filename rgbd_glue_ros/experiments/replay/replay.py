@@ -240,8 +240,10 @@ def write_results(
     """
     # of one time, and in one odom frame
     part = run.longest_part
-    evaluation = _evaluation(part)
+    evaluation, why_none = _evaluation(part)
     figures = {**metrics(run, evaluation), **measured}
+    if why_none:
+        figures["no_ape"] = why_none
     graph = part.pose_graph
     write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
     write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
@@ -251,12 +253,13 @@ def write_results(
     return figures
 
 
-def _evaluation(run: Run) -> Evaluation | None:
+def _evaluation(run: Run) -> tuple[Evaluation | None, str]:
+    """The errors; None, and why, if there is ground truth that does not give them."""
     # without any pose, why there is none is said elsewhere
     if run.ground_truth is None or not len(run.trajectory):
-        return None
+        return None, ""
     try:
-        return evaluate(run.trajectory, run.ground_truth)
+        return evaluate(run.trajectory, run.ground_truth), ""
     except InputError as error:
         logger.warning("%s: no error against ground truth: %s", run.sequence, error.cause)
-        return None
+        return None, error.cause
