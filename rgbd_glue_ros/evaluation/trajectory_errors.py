@@ -74,6 +74,9 @@ class Evaluation:
     errors_m: Float64
     T_reference_estimate: Float64
 
+    def __repr__(self) -> str:
+        return f"Evaluation({len(self.stamps_ns)} poses, {self.ape}, {self.rpe})"
+
 
 def evaluate(
     estimate: Trajectory,

@@ -78,6 +78,17 @@ def test_the_demonstration_takes_and_leaves_files_in_the_folder_that_it_is_calle
     assert done.stdout.splitlines() == [str(clone), f"{elsewhere} demo my recording"]
 
 
+def test_the_times_of_features_are_asked_for_with_a_recording() -> None:
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "feature_times.py")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr == "usage: python scripts/feature_times.py RECORDING [NAME...]\n"
+
+
 @pytest.mark.parametrize(
     ("step", "head"),
     [(1, "Every frame"), (2, "Every 2nd frame"), (3, "Every 3rd frame"), (5, "Every 5th frame")],
