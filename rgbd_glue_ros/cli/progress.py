@@ -14,7 +14,9 @@ from tqdm import tqdm
 if TYPE_CHECKING:
     from rgbd_glue_ros.types import OdometryEstimate
 
-from rgbd_glue_ros.printable import printable
+from rgbd_glue_ros.printable import counted, printable
+
+__all__ = ["bar", "counted", "tracking_bar"]
 
 _COLUMNS, _ROWS = 80, 24
 
@@ -72,8 +74,3 @@ def tracking_bar(frames: int) -> Iterator[Callable[[OdometryEstimate], None]]:
             yield show
         finally:
             compiling.cancel()
-
-
-def counted(count: int, noun: str) -> str:
-    """As ``1 frame``, ``2 frames``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rgbd_glue_ros.printable import counted
+
 
 @dataclass(frozen=True)
 class SavedState:
@@ -30,17 +32,13 @@ def describe_end(
         service: full name of the service that saves it.
         is_changed: whether anything was added to it at all.
     """
-    said = f"Map: {_counted(keyframes, 'keyframe')}, {_counted(loops, 'loop')} closed"
+    said = f"Map: {counted(keyframes, 'keyframe')}, {counted(loops, 'loop')} closed"
     how = f"call {service} while the node runs (ros2 service call {service} std_srvs/srv/Trigger)"
     if not is_changed or not keyframes:
         return f"{said}; there was nothing to save"
     if saved is None:
         return f"{said}; it was not saved and is gone: to keep one, {how}"
     if saved.keyframes < keyframes:
-        later = _counted(keyframes - saved.keyframes, "later keyframe")
+        later = counted(keyframes - saved.keyframes, "later keyframe")
         return f"{said}; saved in {saved.path} without {later}: to keep all, {how}"
     return f"{said}; saved in {saved.path}"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -15,6 +15,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, finite_numbers, read_lines
 from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
+from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.recordings import icl_nuim
 from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
@@ -143,7 +144,8 @@ def _accelerations(path: Path) -> ImuSamples | None:
     readings = [reading for reading in map(_reading, lines) if reading is not None]
     if len(readings) < len(lines):
         skipped = len(lines) - len(readings)
-        logger.warning("%s: %d lines hold no acceleration and were skipped", path, skipped)
+        lines_without = counted(skipped, "line holds", "lines hold")
+        logger.warning("%s: %s no acceleration, skipped", path, lines_without)
     return imu_samples(readings).rotated(R_OPTICAL_ACCELEROMETER) if readings else None
 
 

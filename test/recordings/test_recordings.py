@@ -190,7 +190,7 @@ def test_a_kinects_accelerometer_tells_which_way_is_up(
     np.testing.assert_array_equal(imu.stamps_ns, [1305031449564825000])
     np.testing.assert_allclose(imu.linear_acceleration, [[0.083818, -7.244229, -6.657506]])
     assert np.isnan(imu.angular_velocity).all()
-    assert "1 lines hold no acceleration" in caplog.text
+    assert "1 line holds no acceleration" in caplog.text
 
 
 def test_a_tum_folder_of_an_unknown_camera_wants_a_calibration(tmp_path: Path) -> None:
