@@ -10,6 +10,8 @@ known names.
 from __future__ import annotations
 
 import json
+import logging
+import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -28,6 +30,8 @@ from rgbd_glue_ros.messages.fields import CameraInfo, header
 from rgbd_glue_ros.parameters import metres_per_unit
 from rgbd_glue_ros.recordings.calibration_texts import colmap_cameras, ost_camera
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
+
+logger = logging.getLogger(__name__)
 
 _MATRIX = (
     "camera_matrix",
@@ -84,6 +88,23 @@ class Calibration:
     intrinsics: CameraIntrinsics
     depth_scale: float | None = None
     source: str = "the calibration given"
+
+
+def say_unit(name: str, calibration: Calibration, usual: float) -> None:
+    """Logs that a file's unit of depth counts, where it is not that of the recording's layout.
+
+    Args:
+        name: of the recording.
+        calibration: the file's content.
+        usual: units per metre of the layout.
+    """
+    scale = calibration.depth_scale
+    # 1 is for floats, as in ORB-SLAM's
+    if scale is not None and scale != 1 and not math.isclose(scale * usual, 1.0):
+        logger.info(
+            "%s: depth is in units of 1/%g m by the factor in %s, and not of 1/%g m as usual",
+            *(name, 1 / scale, calibration.source, usual),
+        )
 
 
 def read_calibration(path: Path) -> Calibration:

@@ -17,7 +17,7 @@ from rgbd_glue_ros.files.text_lines import Line, finite_numbers, read_lines
 from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
 from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.recordings import icl_nuim
-from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.calibration import Calibration, say_unit
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.folder.lists import (
     association_in,
@@ -131,6 +131,7 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
         imu=_accelerations(folder / ACCELEROMETER),
         left_out=found.left_out,
     )
+    say_unit(sequence.name, told, UNITS_PER_METRE)
     return sequence.with_calibration_depth_scale(
         told.depth_scale or scale_in_comments(folder / DEPTH_LIST)
     )

@@ -340,6 +340,21 @@ def test_chosen_frames_are_those_of_their_numbers_and_no_other_file_is_opened(
     assert [frame.depth[1, 1] for frame in frames] == [2.0, 5.0, 8.0]
 
 
+@pytest.mark.parametrize(("factor", "is_said"), [(1000.0, True), (5000.0, False), (1.0, False)])
+def test_a_factor_of_depth_in_a_file_that_is_not_the_layouts_is_logged_with_the_file(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, factor: float, is_said: bool
+) -> None:
+    caplog.set_level("INFO")
+    folder = write_tum_folder(tmp_path / "desk")
+    text = f"Camera.fx: 60\nCamera.fy: 60\nCamera.cx: 32\nCamera.cy: 24\nDepthMapFactor: {factor}"
+    (folder / "mine.yaml").write_text(f"%YAML:1.0\n{text}\nCamera.width: 64\nCamera.height: 48\n")
+    for calibration in (None, read_calibration(folder / "mine.yaml")):
+        caplog.clear()
+        with open_recording(folder, calibration=calibration):
+            said = f"units of 1/1000 m by the factor in {folder / 'mine.yaml'}, and not of 1/5000 m"
+            assert (said in caplog.text) is is_said
+
+
 def test_a_path_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         open_recording(tmp_path / "none")
