@@ -54,6 +54,10 @@ def test_a_recording_that_comes_back_is_mapped_with_its_loops(tmp_path: Path) ->
     report = (out / "report.html").read_text(encoding="utf-8")
     assert "<h2>Map</h2>" in report
     assert report.count('class="map"') == 1
+    for key in ("before loops", "loops", "estimate"):
+        assert f"</i>{key}</span>" in report
+    before = 100 * figures["odometry"]["ape"]["rmse_m"]
+    assert f"position error, rmse (APE); of the odometry {before:.2f} cm" in report
 
     graph = read_graph(out / "keyframes.g2o")
     loops = sum(edge.origin is EdgeOrigin.LOOP for edge in graph.edges)

@@ -79,7 +79,7 @@ def _header(figures: _Figures) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
     busy = max(figures["load"]) > machine["cores"] + 1
     load = " to ".join(f"{value:.1f}" for value in figures["load"])
-    written = f"{figures['begun']}, in {figures['minutes']:.0f} min"
+    written = f"{figures['begun']}, in {_duration(figures['minutes'])}"
     return f"""\
 Written {written}, by
 
@@ -93,6 +93,10 @@ Runnable processes on the whole machine, over a minute: {load}; niceness of thes
 {machine["niceness"]}.{_BUSY if busy else ""}
 
 The peers are those of the extra `bench`; `scripts/bench` installs them and runs everything."""
+
+
+def _duration(minutes: float) -> str:
+    return f"{minutes:.0f} min" if minutes >= 1 else f"{60 * minutes:.0f} s"
 
 
 def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:

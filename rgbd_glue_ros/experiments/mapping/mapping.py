@@ -281,7 +281,7 @@ def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
         if edge.parent >= start
     )
     frames[-1] = replace(frames[-1], edges=(*frames[-1].edges, *loops))
-    return replace(run, frames=frames)
+    return replace(run, frames=frames, uncorrected=run.trajectory)
 
 
 def believed_loops(optimum: Optimum) -> tuple[PoseGraphEdge, ...]:

@@ -111,6 +111,7 @@ class Run:
         duplicates: frames skipped because their stamp repeats an earlier one.
         unpaired: images without a partner, which are in no frame, by kind; empty if the recording
             does not count them.
+        uncorrected: the poses before loops were closed; None if none were looked for.
         warnings: what a reader of the report has to know: what was warned of, and how the run ended
             if it did not come to its end.
     """
@@ -129,6 +130,7 @@ class Run:
     restarts: tuple[int, ...] = ()
     duplicates: int = 0
     unpaired: Mapping[str, int] = field(default_factory=dict)
+    uncorrected: Trajectory | None = None
     warnings: list[str] = field(default_factory=list)
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
