@@ -34,4 +34,6 @@ def main(source: Path, folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("usage: python examples/bag_to_trajectory.py RECORDING FOLDER")
     main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -31,6 +31,8 @@ class Akaze:
 
 glue.add_visual_feature("akaze", Akaze)
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python examples/own_visual_feature.py RECORDING")
     config = glue.with_values(glue.load_preset("live"), {"features.visual": "akaze"})
     with glue.open_recording(Path(sys.argv[1])) as recording, glue.Odometry(config) as odometry:
         print([odometry.process(frame).state.value for frame in recording])

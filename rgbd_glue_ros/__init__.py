@@ -134,11 +134,22 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Loads a public name from its module."""
+    """Loads a public name from its module; ``__version__`` is the installed one, "" for none."""
+    if name == "__version__":
+        return _version()
     for module, names in _PLACES.items():
         if name in names:
             return getattr(import_module(f"{__name__}.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _version() -> str:
+    from importlib import metadata  # noqa: PLC0415 - takes longer to load than all else here
+
+    try:
+        return metadata.version(__name__)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 def __dir__() -> list[str]:

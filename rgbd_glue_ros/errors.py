@@ -42,6 +42,16 @@ class InputError(ValueError):
         return type(self), (self.where, self.cause, self.remedy)
 
 
+class IncompleteError(InputError):
+    """Input of which a part could not be used; there are results of the rest.
+
+    Attributes:
+        output: what there is to print about these.
+    """
+
+    output = ""
+
+
 def without_numbers(text: str) -> str:
     """The text with # for each number: faults that differ only in numbers are of one kind."""
     return re.sub(r"\d[\d.]*(e[+-]\d+)?", "#", text)
@@ -70,12 +80,20 @@ def _requirements() -> list[str]:
         return []
 
 
+_HINTS = {
+    "learned": "; several GB with CUDA, under 1 GB without: "
+    "--extra-index-url https://download.pytorch.org/whl/cpu"
+}
+"""What else to know before an extra is installed."""
+
+
 class MissingExtraError(ImportError):
     """An optional library is not installed; names the extra that installs it."""
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
         super().__init__(
-            f"{library} is not installed, but {purpose} needs it; run: {install_command(extra)}"
+            f"{library} is not installed, but {purpose} needs it; run: {install_command(extra)} "
+            f"(the extra {extra}: in a clone pip install -e '.[{extra}]'){_HINTS.get(extra, '')}"
         )
         self.library = library
         self.extra = extra

@@ -28,6 +28,11 @@ def printable(text: str, kept: str = "") -> str:
     )
 
 
+def counted(count: int, noun: str, several: str = "") -> str:
+    """As ``1 frame``, ``2 frames``, and with a plural ``1 line holds``, ``2 lines hold``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {several or f'{noun}s'}"
+
+
 class PrintableFormatter(logging.Formatter):
     """Formats a log message as one printable line; a traceback follows on its own lines."""
 

@@ -5,6 +5,9 @@
 #   VENV         folder to make; without it .venv, or .venv-3.12 for PYTHON=python3.12
 #   CONSTRAINTS  versions to install; without it scripts/constraints.txt
 
+# Where the caller's relative paths begin; what is made here is made in the clone.
+# shellcheck disable=SC2034
+caller=$PWD
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 
 # What a sourced ROS installation leaves behind would be mixed with the ROS of the environment.

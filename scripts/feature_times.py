@@ -33,6 +33,8 @@ APART = 20
 
 def main() -> None:
     """Prints the table."""
+    if len(sys.argv) < 2:
+        sys.exit("usage: python scripts/feature_times.py RECORDING [NAME...]")
     source, *names = sys.argv[1:]
     cv2.setNumThreads(1)
     frames = islice(open_recording(source), 0, APART + 1, APART)
@@ -45,9 +47,9 @@ def main() -> None:
         except InputError as missing:
             print(missing, file=sys.stderr)
             continue
-        rows.append([f"`{name}`", *times(name, views)])
+        rows.append([name, *times(name, views)])
     counts = (f"match of {count}" for count in KEYPOINTS)
-    print(markdown.table(["`features.visual`", "frame", *counts], rows))
+    print(markdown.table(["features.visual", "frame", *counts], rows))
 
 
 def times(name: str, views: list[View]) -> list[str]:

@@ -98,6 +98,8 @@ def draw_way(source: Path) -> None:
         cv2.circle(image, pixels(end[np.newaxis])[0].tolist(), 18, rgb, cv2.FILLED)
     left, right, level = MARGIN, MARGIN + round(BAR_M * scale), height - MARGIN // 2
     cv2.line(image, (left, level), (right, level), color=BAR_RGB, thickness=6)
+    label, beside = f"{100 * BAR_M:g} cm", (right + 30, level + 20)
+    cv2.putText(image, label, beside, cv2.FONT_HERSHEY_SIMPLEX, 2.0, BAR_RGB, 5, cv2.LINE_AA)
     size = LARGE * WIDTH, round(height / SMOOTHING)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(IMAGES / "fr1_desk.png"), small[:, :, ::-1])

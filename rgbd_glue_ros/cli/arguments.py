@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -273,11 +273,11 @@ def opened(args: argparse.Namespace, source: Path) -> Recording:
     return first_frames(with_ground_truth(opener(args)(source), truth), args.limit)
 
 
-def provenance(args: argparse.Namespace) -> Provenance:
-    """How the run of a command came about."""
+def provenance(args: argparse.Namespace, warnings: Sequence[str] = ()) -> Provenance:
+    """How the run of a command came about, with what was warned of as its recording was opened."""
     from rgbd_glue_ros.experiments.replay.run_record import Provenance
 
-    return Provenance(given_parameters.inputs_of(args), command(args))
+    return Provenance(given_parameters.inputs_of(args), command(args), tuple(warnings))
 
 
 def played(args: argparse.Namespace, recording: Recording) -> PlayedRecording:

@@ -13,6 +13,9 @@ from rgbd_glue_ros.errors import InputError
 if TYPE_CHECKING:
     from rgbd_glue_ros.recordings.bag.writer import WrittenTopics
 
+TOPICS_LIKE = "realsense_d400"
+_FILES = (".mcap", ".db3", ".bag")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """A recording and a new folder."""
@@ -28,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--topics-like",
         metavar="PRESET",
         help="name a bag's topics as a camera's driver does: a name in config/cameras, such as "
-        "oak_d (default: realsense_d400)",
+        f"oak_d (default: {TOPICS_LIKE})",
     ).completer = arguments.camera_presets  # type: ignore[attr-defined]
 
 
@@ -37,6 +40,12 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.recordings.convert import convert, is_bag
 
     topics = _topics(args)
+    if args.target.suffix in _FILES:
+        raise InputError(
+            args.target,
+            "is the name of a file, but what is written is a folder, as every rosbag2 is",
+            f"give it a name without {args.target.suffix}",
+        )
     with arguments.opener(args)(args.recording) as recording:
         is_from_bag = is_bag(recording)
         if is_from_bag and args.topics_like:
@@ -63,8 +72,6 @@ def _topics(args: argparse.Namespace) -> WrittenTopics:
     from rgbd_glue_ros.live.camera_presets import load_camera
     from rgbd_glue_ros.recordings.bag.writer import AS_REALSENSE, WrittenTopics
 
-    if not args.topics_like:
-        return AS_REALSENSE
-    named = load_camera(args.topics_like).topics
+    named = load_camera(args.topics_like or TOPICS_LIKE).topics
     imu = named.get("imu", AS_REALSENSE.imu)
     return WrittenTopics(named["color"], named["depth"], named["camera_info"], imu)

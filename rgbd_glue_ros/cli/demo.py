@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.played import Played
     from rgbd_glue_ros.parameters import InputConfig
 
+logger = logging.getLogger(__name__)
 
 # A node that keeps up processes at least this fraction of the frames.
 _FEW = 0.9
@@ -72,7 +74,7 @@ def _play(
     inputs: InputConfig,
 ) -> str:
     from rgbd_glue_ros.cli.progress import bar
-    from rgbd_glue_ros.cli.replay import summary
+    from rgbd_glue_ros.cli.replay import interrupted, summary
     from rgbd_glue_ros.experiments.demo.demo import Progress, demo
     from rgbd_glue_ros.experiments.replay.replay import REPORT
 
@@ -89,8 +91,15 @@ def _play(
             shown.update(progress.played - shown.n)
 
         command = arguments.command(args)
-        result = demo(recording, args.output, args.rate, show, command, parameters, inputs)
-    said = f"node     {result.summary}\n" if result.summary else ""
+        try:
+            result = demo(recording, args.output, args.rate, show, command, parameters, inputs)
+        except KeyboardInterrupt:
+            shown.close()
+            logger.warning("%s", interrupted(args.output))
+            raise
+    said = ""
+    if result.summary:
+        said = f"node     {result.summary}; its latency: from receiving images to their pose\n"
     played = result.figures["played"]
     if result.figures["frames"] < _FEW * played:
         said += (

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli.arguments import path
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import json_text
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
+
+
+ESTIMATES = ("trajectory.txt", "odometry.txt", "groundtruth.txt")
+REFERENCES = ("groundtruth.txt", "trajectory.txt")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,10 +26,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="EST",
         type=path,
         help="trajectory: lines of a stamp and a pose, as in TUM (x y z qx qy qz qw), EuRoC (CSV, "
-        "nanoseconds, qw first), in any order with a line of names, or a stamp and a matrix",
+        "nanoseconds, qw first), in any order with a line of names, or a stamp and a matrix; or a "
+        f"folder with {ESTIMATES[0]}, as of a replay",
     )
     parser.add_argument(
-        "reference", metavar="REF", type=path, help="ground-truth trajectory, in the same formats"
+        "reference",
+        metavar="REF",
+        type=path,
+        help=f"ground-truth trajectory, in the same formats, or a folder with {REFERENCES[0]}",
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -32,8 +43,20 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.evaluation.trajectory_errors import evaluate
     from rgbd_glue_ros.trajectories.tum import read_tum
 
-    evaluation = evaluate(read_tum(args.estimate), read_tum(args.reference))
+    estimate = _file(args.estimate, ESTIMATES, "trajectory")
+    reference = _file(args.reference, REFERENCES, "ground truth")
+    evaluation = evaluate(read_tum(estimate), read_tum(reference))
     return _json(evaluation) if args.json else _table(evaluation)
+
+
+def _file(path: Path, names: Sequence[str], what: str) -> Path:
+    """A file, or the first of some names in a folder."""
+    if not path.is_dir():
+        return path
+    found = next((path / name for name in names if (path / name).is_file()), None)
+    if found is None:
+        raise InputError(path, f"holds no {what} ({', '.join(names)})", "give the file")
+    return found
 
 
 def _json(evaluation: Evaluation) -> str:

@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.user_paths import expanded
 
 if TYPE_CHECKING:
@@ -82,6 +83,13 @@ def check(args: argparse.Namespace, folder: Path, results: Collection[str]) -> N
             "--rerun": expanded(args.rerun, "--rerun") if is_file else None,
         },
     )
+    cloud = given.get("cloud")
+    if cloud is not None and cloud.suffix.lower() not in ("", ".ply"):
+        raise InputError(
+            "--cloud",
+            f"{cloud} is written as PLY, whatever its name",
+            "give a name that ends in .ply",
+        )
 
 
 def further_outputs(args: argparse.Namespace, recording: Recording) -> FurtherOutputs:
@@ -104,4 +112,14 @@ def further_outputs(args: argparse.Namespace, recording: Recording) -> FurtherOu
     shown = rerun_recording(args, recording)
     if shown is not None:
         asked.append(shown)
-    return FurtherOutputs(asked, args.cloud)
+    return FurtherOutputs(asked, args.cloud, files(args))
+
+
+def files(args: argparse.Namespace) -> tuple[Path, ...]:
+    """What is written from the first frame on: the bag, and the file for Rerun."""
+    from rgbd_glue_ros.viz.rerun_recording import ADDRESS
+
+    bag = vars(args).get("mcap")
+    is_file = args.rerun and not args.rerun.startswith(ADDRESS)
+    rerun = expanded(args.rerun, "--rerun") if is_file else None
+    return tuple(path for path in (bag, rerun) if path is not None)

@@ -5,17 +5,20 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
 
 from rgbd_glue_ros.cli.parser import PROGRAM, complete, parse
-from rgbd_glue_ros.errors import BAD_INPUT, InputError, MissingExtraError
+from rgbd_glue_ros.errors import BAD_INPUT, IncompleteError, InputError, MissingExtraError
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.live.end_signals import InterruptOnce
 from rgbd_glue_ros.printable import PrintableFormatter, printable
 
 logger = logging.getLogger(__name__)
+
+_PACKAGE = __name__.partition(".")[0]
 
 OK, FAILED = 0, 1
 # exit codes of a program ended by SIGINT or SIGPIPE
@@ -47,8 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # a kill is handled as cleanly as Ctrl-C (results written, the demonstration's node ended)
     InterruptOnce()
     try:
-        _print(args.command.module.run(args))
+        with _informative():
+            _print(args.command.module.run(args))
     except (InputError, MissingExtraError) as error:
+        if isinstance(error, IncompleteError):
+            _print(error.output)
         return _fail(error, str(error), BAD_INPUT, debug=args.debug)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -62,6 +68,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # noqa: BLE001 - the user gets one line, not a traceback
         return _failed(error, debug=args.debug)
     return OK
+
+
+@contextmanager
+def _informative() -> Iterator[None]:
+    """Logs what this package takes for granted, and not only warnings; libraries stay quiet."""
+    package = logging.getLogger(_PACKAGE)
+    before = package.level
+    package.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        package.setLevel(before)
 
 
 def _open_closed_streams() -> None:

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from rgbd_glue_ros.cli import arguments, exports, given_parameters
-from rgbd_glue_ros.cli.replay import summary
+from rgbd_glue_ros.cli.replay import interrupted, summary
 
 logger = logging.getLogger(__name__)
 
@@ -43,36 +43,55 @@ def run(args: argparse.Namespace) -> str:
     from rgbd_glue_ros.experiments.mapping.mapping import (
         CLOUD,
         MAP_RESULTS,
+        ODOMETRY,
         MapOutputs,
         map_recording,
     )
     from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
+    from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
     from rgbd_glue_ros.slam.map_file import read_map
 
     config = given_parameters.config(args)
     before = read_map(args.map) if args.map else None
     folder = args.output or OUTPUT / args.recording.resolve().stem
-    with ExitStack() as left, arguments.opened(args, args.recording) as recording:
+    with (
+        ExitStack() as left,
+        heard_warnings() as heard,
+        arguments.opened(args, args.recording) as recording,
+    ):
         exports.check(args, folder, MAP_RESULTS)
         shown = exports.rerun_recording(args, recording)
         if shown is not None:
             left.enter_context(shown)
-        with tracking_bar(recording.frame_count) as show:
-            mapped = map_recording(
-                recording,
-                config,
-                folder,
-                before=before,
-                on_frame=show,
-                outputs=MapOutputs(args.save_map, shown),
-                provenance=arguments.provenance(args),
-            )
+        try:
+            with tracking_bar(recording.frame_count) as show:
+                mapped = map_recording(
+                    recording,
+                    config,
+                    folder,
+                    before=before,
+                    on_frame=show,
+                    outputs=MapOutputs(args.save_map, shown, exports.files(args)),
+                    provenance=arguments.provenance(args, heard),
+                )
+        except KeyboardInterrupt:
+            said = interrupted(folder)
+            if (folder / TRAJECTORY).is_file():
+                said = f"interrupted after the map was finished; it is in {folder}"
+            elif (folder / ODOMETRY).is_file():
+                said += f", of the odometry alone: no loop is closed in {ODOMETRY}"
+            logger.warning("%s", said)
+            raise
     figures = mapped.figures
     loops = "{found} found, {refused} of them refused by the optimiser".format(**figures["loops"])
     text = summary(figures)
     if figures["odometry"]:
         text += f"before   {figures['odometry']['ape']['rmse_m']:.4f} m rmse (APE of odometry)\n"
     text += f"loops    {loops}\n"
+    if args.save_map:
+        text += f"saved    {args.save_map}\n"
+    if args.rerun:
+        text += f"rerun    {args.rerun}\n"
     return (
         f"{text}map      {folder / CLOUD}, {figures['map_points']} points\n"
         f"path     {folder / TRAJECTORY}\nreport   {folder / REPORT}\n"

@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import sys
+from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -18,23 +19,39 @@ if TYPE_CHECKING:
 
 _EPILOG = """\
 ROS arguments, as for every node, follow --ros-args:
-  -r rgb/image:=/camera/color    take a topic (rgb/image, depth/image, rgb/camera_info)
-  -p frame_id:=base_link         set a parameter (`rgbd-glue params`, `rgbd-glue params --node`)
+  -r rgb/image:=/camera/color    take a topic ({topics})
+  -p NAME:=VALUE                 set a parameter (`rgbd-glue params`, `rgbd-glue params --node`)
   --params-file FILE             set those in a file
 
+Parameters of this node that are often set:
+{parameters}
+
+For example:
+  {example}
 """
 
 
-def add_node_arguments(parser: argparse.ArgumentParser, example: str) -> None:
+def add_node_arguments(
+    parser: argparse.ArgumentParser, topics: str, parameters: Mapping[str, str], example: str
+) -> None:
     """A camera; ROS arguments are handled elsewhere.
 
     Args:
         parser: of the command.
-        example: of a command line, for the help.
+        topics: that the node takes, for the help.
+        parameters: those that are often set, with their meaning.
+        example: of a command line.
     """
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.usage = "%(prog)s [-h] [--debug] [--camera PRESET] [--ros-args ...]"
-    parser.epilog = f"{_EPILOG}  {example}\n"
+    words = "[-h] [--debug] [--camera PRESET] [--ros-args ...]"
+    executable = parser.prog.rpartition(" ")[2]
+    parser.usage = (
+        f"%(prog)s {words}\n"
+        f"       {executable} {words}\n"
+        f"       ros2 run rgbd_glue_ros {executable} {words}"
+    )
+    lines = "\n".join(f"  {name:<20} {meaning}" for name, meaning in parameters.items())
+    parser.epilog = _EPILOG.format(topics=topics, parameters=lines, example=example)
     arguments.add_camera(parser, "topics and parameters of a camera, which ROS arguments override")
 
 

@@ -7,12 +7,21 @@ import sys
 
 from rgbd_glue_ros.cli.node_command import add_node_arguments, run_node
 
+_TOPICS = "rgb/image, depth/image, rgb/camera_info, imu"
+_PARAMETERS = {
+    "frame_id": "frame of the robot, whose pose is published, such as base_link",
+    "max_width": "width that wider images are reduced to, pixels",
+    "image_transport": "raw or compressed; depth_transport: raw or compressedDepth",
+    "depth_scale": "metres per unit of depth, where that is not as REP-118 says",
+    "publish_tf": "whether odom -> frame_id is on TF",
+    "preset": "live, paper, or a file of parameters",
+}
 _EXAMPLE = "odometry --camera realsense_d400 --ros-args -p frame_id:=base_link -r __ns:=/robot"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of a node."""
-    add_node_arguments(parser, _EXAMPLE)
+    add_node_arguments(parser, _TOPICS, _PARAMETERS, _EXAMPLE)
 
 
 def run(args: argparse.Namespace) -> str:

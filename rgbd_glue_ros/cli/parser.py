@@ -6,6 +6,7 @@ import argparse
 import difflib
 import os
 import re
+import shlex
 import sys
 from collections.abc import Iterable, Sequence
 from importlib import metadata
@@ -16,6 +17,7 @@ from rgbd_glue_ros.errors import BAD_INPUT
 from rgbd_glue_ros.printable import printable
 
 PROGRAM = "rgbd-glue"
+_ROS_OPTIONS = ("-p", "--param", "-r", "--remap", "--params-file", "--log-level", "--enclave")
 _ROS_PARAMETER = re.compile(r"\w[\w.]*:=")
 
 
@@ -34,7 +36,7 @@ class Parser(argparse.ArgumentParser):
         """
         parsed, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            self.refuse(unknown[0])
+            self.refuse(*unknown[:2])
         return parsed, unknown
 
     @property
@@ -42,8 +44,11 @@ class Parser(argparse.ArgumentParser):
         """The known options."""
         return [*self._option_string_actions]
 
-    def refuse(self, word: str) -> NoReturn:
-        """Ends the process with an explanation of an unknown word."""
+    def refuse(self, word: str, following: str = "") -> NoReturn:
+        """Ends the process with an explanation of an unknown word, maybe by the one after it."""
+        if word in _ROS_OPTIONS and "--camera" in self.options:
+            given = shlex.join(filter(None, ("--ros-args", word, following)))
+            self.error(f"{word}: is an argument of ROS, which follows --ros-args: {given}")
         if _ROS_PARAMETER.match(word):
             self.error(
                 f"{word}: give a parameter to the node with --ros-args -p {word}, to other "
@@ -69,7 +74,10 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser = _program()
     known = {command.name: command for command in COMMANDS}
     name = next((word for word in words if not word.startswith("-")), None)
-    if name is None and words and words[0] not in parser.options:
+    if not words:
+        names = ", ".join(known)
+        parser.error(f"give a COMMAND ({names}), such as `{PROGRAM} demo`")
+    if name is None and words[0] not in parser.options:
         parser.refuse(words[0])
     if name is not None and name not in known:
         parser.error(f"{name}: no such command{did_you_mean(name, known)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -13,9 +14,16 @@ from tqdm import tqdm
 if TYPE_CHECKING:
     from rgbd_glue_ros.types import OdometryEstimate
 
-from rgbd_glue_ros.printable import printable
+from rgbd_glue_ros.printable import counted, printable
+
+__all__ = ["bar", "counted", "tracking_bar"]
 
 _COLUMNS, _ROWS = 80, 24
+
+_WARMING_UP = "warming up"
+_COMPILING = "warming up: compiling, once after installation (about a minute)"
+# With compiled code on the disk, warming up takes less.
+_WARM_S = 4.0
 
 
 def bar(unit: str, total: int | None = None, **options: Any) -> tqdm[Any]:
@@ -49,16 +57,20 @@ class _Bar(tqdm):  # type: ignore[type-arg]
 def tracking_bar(frames: int) -> Iterator[Callable[[OdometryEstimate], None]]:
     """A bar for a number of frames; its result is called with the estimate of each."""
     with bar(" frames", frames) as shown:
-        # if nothing is compiled yet, this takes a minute or two
-        shown.set_postfix_str("warming up")
+        shown.set_postfix_str(_WARMING_UP)
+        compiling = threading.Timer(_WARM_S, lambda: shown.set_postfix_str(_COMPILING))
+        compiling.daemon = True
+        compiling.start()
 
         def show(estimate: OdometryEstimate) -> None:
+            if shown.n == 0:
+                compiling.cancel()
+                # rate and remaining time are those of frames
+                shown.reset()
             shown.set_postfix_str(estimate.state.value, refresh=False)
             shown.update()
 
-        yield show
-
-
-def counted(count: int, noun: str) -> str:
-    """As ``1 frame``, ``2 frames``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+        try:
+            yield show
+        finally:
+            compiling.cancel()

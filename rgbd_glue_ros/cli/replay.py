@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rgbd_glue_ros.cli import arguments, exports, given_parameters
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import IncompleteError, InputError
 
 logger = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             shown.set_postfix_str(name, refresh=False)
             shown.update()
 
-        run_replays(
+        figures = run_replays(
             sources,
             arguments.opener(args),
             config,
@@ -72,15 +72,26 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
             on_replayed=step,
         )
     table = folder / TABLE
-    return f"{table.read_text(encoding='utf-8')}table    {table}\n"
+    text = f"{table.read_text(encoding='utf-8')}table    {table}\n"
+    failed = len(figures["problems"])
+    if failed:
+        error = IncompleteError(
+            f"{failed} of {counted(len(sources), 'recording')}",
+            "could not be replayed",
+            "why is said above",
+        )
+        error.output = text
+        raise error
+    return text
 
 
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, replay
+    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, TRAJECTORY, replay
+    from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 
     config = given_parameters.config(args)
-    with arguments.opened(args, source) as recording:
+    with heard_warnings() as heard, arguments.opened(args, source) as recording:
         exports.check(args, folder, RESULTS)
         try:
             with tracking_bar(recording.frame_count) as show:
@@ -90,13 +101,25 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
                     folder,
                     on_frame=show,
                     outputs=exports.further_outputs(args, recording),
-                    provenance=arguments.provenance(args),
+                    provenance=arguments.provenance(args, heard),
                 )
         except KeyboardInterrupt:
-            logger.warning("interrupted; the results so far are in %s", folder)
+            logger.warning("%s", interrupted(folder))
             raise
     figures = json.loads((folder / METRICS).read_text(encoding="utf-8"))
-    return f"{summary(figures)}report   {folder / REPORT}\n"
+    asked = {"bag": args.mcap, "cloud": args.cloud, "rerun": args.rerun}
+    lines = [f"{name:<8} {place}\n" for name, place in asked.items() if place]
+    text = f"{summary(figures)}poses    {folder / TRAJECTORY}\n{''.join(lines)}"
+    return f"{text}report   {folder / REPORT}\n"
+
+
+def interrupted(folder: Path) -> str:
+    """What an interrupted run has left in its folder."""
+    from rgbd_glue_ros.experiments.replay.replay import METRICS
+
+    if not (folder / METRICS).is_file():
+        return "interrupted before the first frame was done; there are no results"
+    return f"interrupted; the results so far are in {folder}"
 
 
 def _input(figures: dict[str, Any]) -> str:
@@ -128,12 +151,14 @@ def summary(figures: dict[str, Any]) -> str:
     frames = "{frames}" if is_whole else "{frames} of {played} processed"
     frames += ", of which {tracked} tracked and {lost} lost; "
     speed = "{fps:.1f} frames/s; latency {p50:.1f} ms, p95 {p95:.1f} ms"
+    if "node_latency_ms" in figures:
+        speed += ", from publishing images until their pose is back"
     keyframes = counted(figures["keyframes"], "keyframe")
     text = f"frames   {frames.format(**figures)}{keyframes}\n{_input(figures)}"
     text += f"path     {figures['path_m']:.2f} m\n"
     text += f"speed    {speed.format(fps=figures['fps'], **figures['latency_ms'])}\n"
     if "ape" not in figures:
-        return f"{text}APE      none: there is no ground truth of these poses\n"
+        return f"{text}APE      none: {figures.get('no_ape', 'there is no ground truth')}\n"
     text += f"APE      {figures['ape']['rmse_m']:.4f} m rmse, SE(3) aligned\n"
     if not figures["rpe"]:
         text += f"RPE      none: {NO_RPE}\n"

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from difflib import get_close_matches
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -71,8 +72,10 @@ def _chosen(names: list[str]) -> list[WeightsFile]:
     known = {*FILES, *(name for entry in FILES.values() for name in entry.features)}
     for name in names:
         if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]}? Otherwise " if near else ""
             raise InputError(
-                name, "has no learned weights", f"use one of {', '.join(sorted(known))}"
+                name, "has no learned weights", f"{hint}use one of {', '.join(sorted(known))}"
             )
     return [e for e in FILES.values() if not names or {e.file, *e.features} & {*names}]
 

@@ -74,6 +74,9 @@ class Evaluation:
     errors_m: Float64
     T_reference_estimate: Float64
 
+    def __repr__(self) -> str:
+        return f"Evaluation({len(self.stamps_ns)} poses, {self.ape}, {self.rpe})"
+
 
 def evaluate(
     estimate: Trajectory,
@@ -95,7 +98,8 @@ def evaluate(
     if len(rows) < _MIN_POSES:
         raise InputError(
             "estimate and reference",
-            f"only {len(rows)} poses are within {max_difference_s:g} s of each other "
+            f"only {len(rows)} poses are within {max_difference_s:g} s of each other, and "
+            f"{_MIN_POSES} are needed "
             f"(estimate {_span(estimate)}, reference {_span(reference)})",
             "give trajectories of the same recording",
         )

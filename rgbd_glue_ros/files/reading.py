@@ -38,7 +38,9 @@ def open_file(path: Path) -> BinaryIO:
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(path, f"cannot be read ({reason})", "restore the file") from error
+        is_absent = isinstance(error, (FileNotFoundError, NotADirectoryError))
+        remedy = "check the path" if is_absent else "restore the file"
+        raise InputError(path, f"cannot be read ({reason})", remedy) from error
 
 
 def read_bytes(path: Path, most: int) -> bytes:

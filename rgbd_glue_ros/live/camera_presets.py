@@ -26,6 +26,8 @@ TOPIC_ARGUMENTS = {
 }
 """Names of the topics in presets and the launch file -> their names in the node."""
 
+_PARTS = frozenset({"topics", "parameters"})
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -53,7 +55,7 @@ def load_camera(name: str) -> Camera:
         InputError: there is no such preset, or the file is not a valid one.
     """
     path = Path(name)
-    if path.suffix != ".yaml":
+    if path.suffix not in (".yaml", ".yml"):
         names = camera_names()
         if name not in names:
             raise InputError(
@@ -84,7 +86,15 @@ def _suggestion(name: str, names: list[str]) -> str:
 def _content(path: Path) -> dict[str, Any]:
     try:
         content = document(read_text(path))
-        return {part: {**content.get(part, {})} for part in ("topics", "parameters")}
+        if not content.keys() & _PARTS or content.keys() - _PARTS:
+            holds = ", ".join(map(str, content)) or "nothing"
+            raise InputError(
+                path,
+                f"is not a camera preset, which has topics and parameters: it holds {holds}",
+                "give a file like those in config/cameras; parameters alone are given by "
+                "--ros-args --params-file",
+            )
+        return {part: {**content.get(part, {})} for part in _PARTS}
     except (yaml.YAMLError, AttributeError, TypeError) as error:
         raise InputError(
             path,

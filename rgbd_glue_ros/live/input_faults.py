@@ -150,7 +150,8 @@ def explain_losses(
     Camera infos are small and arrive even when images are lost. So what one channel has received
     was sent on all channels, and what is missing from the stamps of all channels was never sent.
     Jitter of stamps leaves small gaps without any loss. Missing infos do no harm: some are sent
-    only once.
+    only once. A channel that delivers nothing at all has lost nothing: its topic or its QoS is
+    another, as ``explain_silence`` says.
 
     Args:
         received: received messages of each channel since the last check.
@@ -162,7 +163,7 @@ def explain_losses(
     words = [
         f"{lost[c]} of {lost[c] + received[c]} {c.value}"
         for c in (Channel.COLOR, Channel.DEPTH)
-        if lost[c] > 1 and lost[c] >= WORTH_A_WARNING * (lost[c] + received[c])
+        if received[c] and lost[c] > 1 and lost[c] >= WORTH_A_WARNING * (lost[c] + received[c])
     ]
     if not words:
         return None

@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from rgbd_glue_ros.live.first_publishers import FirstPublishers, Silence
 from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_gaps,
@@ -110,6 +111,7 @@ class NodeWatch:
         self._before = self._counts()
         self._warned: set[str] = set()
         self._silences = FaultNews()
+        self._first = FirstPublishers()
 
     def start(self, inputs: Sequence[NodeInput]) -> None:
         """Starts to check subscriptions."""
@@ -135,12 +137,16 @@ class NodeWatch:
         self._before = now
         since, synchronizer = now.minus(before), self._synchronizer
         self._look_for_losses(since)
+        verdict = self._first.judge(
+            has_publishers=any(i.publishers for i in inputs),
+            has_messages=any(since.received.values()),
+        )
         self._warn_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
         self._warn_if_new("name", explain_namesakes(self._node))
         if not since.matches:
-            self._explain_no_frame(inputs, since)
+            self._explain_no_frame(inputs, since, verdict)
             return
         # without matches it is part of the reason for silence
         queue_needed = synchronizer.queue_needed
@@ -177,12 +183,19 @@ class NodeWatch:
             processed, left_out, period_ns, since.waited_ns, monitor.waited_for
         ) or explain_slowness(processed, left_out, period_ns, monitor.width, self._learned)
 
-    def _explain_no_frame(self, inputs: Sequence[NodeInput], since: _Counts) -> None:
+    def _explain_no_frame(
+        self, inputs: Sequence[NodeInput], since: _Counts, verdict: Silence
+    ) -> None:
         backward = [c for c in Channel if 2 * since.backward[c] > since.received[c]]
         self.silence = self._explain_silence(inputs, since.received, backward)
+        line = f"No frame for {LOOK_S:.0f} s: {self.silence}"
         # a line that differs only in its counts is not news
-        if self._silences.is_news("silence", self.silence):
-            self._node.get_logger().warning(f"No frame for {LOOK_S:.0f} s: {self.silence}")
+        if verdict is Silence.TOO_EARLY or not self._silences.is_news(verdict.name, self.silence):
+            return
+        if verdict is Silence.WAITING:
+            self._node.get_logger().info(f"Waiting for publishers. {line}")
+        else:
+            self._node.get_logger().warning(line)
 
     def _explain_silence(
         self,

@@ -25,6 +25,7 @@ from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
+from rgbd_glue_ros.live.map_summary import SavedState, describe_end
 from rgbd_glue_ros.live.recent_images import RecentImages
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -86,6 +87,7 @@ class MappingNode(BaseNode):
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
         self._map_lock = threading.Lock()
+        self._saved: SavedState | None = None
         self._stream = KeyframeStream()
         self._matches: RecentImages[Match[Any]] = RecentImages(lambda: self._stream.awaited_ns)
         self._input = RgbdInput(
@@ -104,7 +106,13 @@ class MappingNode(BaseNode):
         """Subscribes and publishes."""
         self._map = live_map
         self._path = MapPath(self, self._config.map_frame_id)
-        self._odometry = OdometryInput(self, self._take_pose, self._take_keyframe, self._take_edge)
+        self._odometry = OdometryInput(
+            self,
+            self._take_pose,
+            self._take_keyframe,
+            self._take_edge,
+            lambda: self._input.has_received,
+        )
         self._diagnostics = MappingDiagnostics(
             self, self._map, self._input.watch, lambda: len(self._waiting) + len(self._worker)
         )
@@ -117,7 +125,15 @@ class MappingNode(BaseNode):
         has_ended = self._worker.close(CLOSE_S) and self._loading.is_over
         if has_ended:
             self._input.close()
+            if self._loading.is_passed_on:
+                self._say_what_is_left()
         return has_ended
+
+    def _say_what_is_left(self) -> None:
+        service = self.resolve_service_name(topics.SAVE_MAP_SERVICE)
+        changed = not self._config.localize_only
+        said = describe_end(len(self._map.poses), self._map.loops, self._saved, service, changed)
+        self.get_logger().info(said)
 
     def _take_parameters(self, config: cfg.NodeConfig, _: cfg.Config) -> None:
         self._config = config
@@ -129,6 +145,7 @@ class MappingNode(BaseNode):
         if not len(saved):
             raise InputError(path, "there is no keyframe yet", "move the camera")
         write_map(path, saved)
+        self._saved = SavedState(str(path), len(saved))
         return f"{path}: {len(saved)} keyframes"
 
     # Input
@@ -204,6 +221,7 @@ class MappingNode(BaseNode):
                 self._extrinsics.forget()
                 with self._map_lock:
                     self._map.clear()
+                    self._saved = None
         except InputError as fault:
             self.report(fault)
         except Exception as error:

@@ -45,7 +45,7 @@ from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.node.viewer import NodeViewer
-from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale, explain_no_pose
+from rgbd_glue_ros.odometry.depth_diagnosis import doubt_at_start, explain_no_pose
 from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
@@ -241,7 +241,7 @@ class OdometryNode(BaseNode):
         state_before = self._odometry.state
         is_start = state_before is TrackingState.INITIALIZING
         if is_start:
-            self.warn_once("depth", doubt_of_scale(frame.depth))
+            self.warn_once(self._input.topics[1], doubt_at_start(frame.depth))
         extrinsics = self._extrinsics.of(frame.frame_id)
         if extrinsics is None:
             return None
@@ -258,7 +258,7 @@ class OdometryNode(BaseNode):
     def _finish_frame(self, tracked: _Tracked, arrival: _Arrival) -> None:
         """Does all that can wait until the pose is published."""
         frame, estimate, extrinsics = tracked.frame, tracked.estimate, tracked.extrinsics
-        why = explain_no_pose(estimate, self._config.camera)
+        why = explain_no_pose(estimate, self._config.camera, self._input.topics[1])
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
         try:
             self.monitor.learnt(self._odometry.imu_calibration)

@@ -12,6 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.first_publishers import FirstPublishers, Silence
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
 from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.node.input_watch import LOOK_S
@@ -40,6 +41,7 @@ class OdometryInput:
         take_pose: Callable[[PoseStamped], None],
         take_keyframe: Callable[[PoseStamped], None],
         take_edge: Callable[[OdometryMessage], None],
+        has_images: Callable[[], bool],
     ) -> None:
         """Subscribes.
 
@@ -48,9 +50,13 @@ class OdometryInput:
             take_pose: called with the pose of each frame.
             take_keyframe: called with the pose of each keyframe.
             take_edge: called with each edge between keyframes.
+            has_images: whether images have arrived; until then it is no fault that the odometry
+                has nothing to say.
         """
         self._node = node
         self._news = FaultNews()
+        self._first = FirstPublishers()
+        self._has_images = has_images
         self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
         self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
         self._edge = self._subscribe(OdometryMessage, topics.KEYFRAME_EDGES, take_edge)
@@ -74,11 +80,20 @@ class OdometryInput:
 
     def _look(self) -> None:
         """Logs why there are no keyframes, once for each cause."""
-        line = explain_no_keyframes(*map(self._seen, (self._pose, self._keyframe, self._edge)))
+        subscribed = (self._pose, self._keyframe, self._edge)
+        line = explain_no_keyframes(*map(self._seen, subscribed))
         self._pose.received_before = self._pose.received
+        verdict = self._first.judge(
+            has_publishers=self._has_images(),
+            has_messages=any(each.received for each in subscribed),
+        )
         if line is None:
             self._news.forget()
-        elif self._news.is_news("keyframes", line):
+        elif verdict is Silence.TOO_EARLY or not self._news.is_news(verdict.name, line):
+            return
+        elif verdict is Silence.WAITING:
+            self._node.get_logger().info(f"Waiting for images. {line}")
+        else:
             self._node.get_logger().warning(line)
 
     def _seen(self, subscribed: _Subscribed) -> OdometryTopic:

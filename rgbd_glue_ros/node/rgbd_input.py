@@ -80,6 +80,12 @@ class RgbdInput(Closing):
         return tuple(i.topic for i in self._inputs)
 
     @property
+    def has_received(self) -> bool:
+        """Whether any image or camera info has arrived."""
+        counts = self.synchronizer.counts
+        return any(counts[channel].received for channel in Channel)
+
+    @property
     def depth_info_topic(self) -> str:
         """Full name of the topic of the depth camera's info, which need not be published."""
         return self._depth_camera.topic

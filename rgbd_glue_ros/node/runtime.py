@@ -88,7 +88,16 @@ def _init_fault(error: Exception) -> InputError:
     """Why ROS did not start, as an error that says what to correct."""
     # cut off the places in rcl's source that follow
     cause = str(error).partition(", at /")[0]
-    return InputError("ROS arguments", cause, "give --ros-args -p name:=value")
+    cause = cause.removeprefix("failed to initialize rcl: ")
+    if "remap rule" in cause:
+        remedy = "give -r FROM:=TO, with names of letters, digits, _ and /, as in -r __ns:=/robot"
+    elif "opening YAML file" in cause:
+        remedy = "check the path"
+    elif "params file" in cause:
+        remedy = "give a file as `rgbd-glue params` prints it"
+    else:
+        remedy = "give --ros-args -p name:=value"
+    return InputError("ROS arguments", cause, remedy)
 
 
 def _warn_of_shared_memory(name: str) -> None:

@@ -71,7 +71,11 @@ def _listen(node: Node, config: NodeConfig) -> Transforms | None:
     try:
         from tf2_msgs.msg import TFMessage  # noqa: PLC0415 - not part of ROS from PyPI
     except ImportError:
-        node.get_logger().info("TF: not available, since neither tf2_ros nor tf2_msgs is installed")
+        node.get_logger().info(
+            "TF: not available, since neither tf2_ros nor tf2_msgs is installed: in a clone "
+            "scripts/tf2-msgs builds tf2_msgs, and ROS's own packages are ros-jazzy-tf2-ros-py "
+            "and ros-jazzy-tf2-msgs"
+        )
         return None
     node.get_logger().info("TF: read by the node itself, since tf2_ros is not installed")
     tree = TransformTree()

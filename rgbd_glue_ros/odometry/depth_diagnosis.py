@@ -42,8 +42,14 @@ def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
     )
 
 
-def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
-    """Why a frame has no pose and, if known, what to do; "" if it has one."""
+def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, source: str = "depth") -> str:
+    """Why a frame has no pose and, if known, what to do; "" if it has one.
+
+    Args:
+        estimate: of the frame.
+        limits: the usable range of depth.
+        source: where depth comes from, such as a topic.
+    """
     depth = estimate.depth
     if depth is None:
         return ""
@@ -52,17 +58,29 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig) -> str:
         return "too little is visible to start" if result is None else result.status.value
     if depth.known < _USABLE_SHARE:
         return (
-            f"{depth.known:.0%} of the pixels have a depth: check that the topic is that of the "
-            "depth images, and that the camera views something within its range"
+            f"{source}: {depth.known:.0%} of the pixels have a depth: check that the topic is that "
+            "of the depth images, and that the camera views something within its range"
         )
     seen = (
-        f"{depth.known:.0%} of the pixels have a depth, but {depth.in_range:.0%} one from "
-        f"{limits.depth_min:g} to {limits.depth_max:g} m (camera.depth_min, camera.depth_max); "
-        f"the median is {depth.median_m:.3g} m"
+        f"{source}: {depth.known:.0%} of the pixels have a depth, but {depth.in_range:.0%} one "
+        f"from {limits.depth_min:g} to {limits.depth_max:g} m (camera.depth_min, "
+        f"camera.depth_max); the median is {depth.median_m:.3g} m"
     )
     if _MILLIMETRES[0] <= depth.median_m <= _MILLIMETRES[1]:
-        return f"{seen}, so these are millimetres: set depth_scale to 0.001"
+        return (
+            f"{seen}, so these are millimetres: set depth_scale to 0.001 (commands: --depth-scale "
+            "0.001, node: -p depth_scale:=0.001)"
+        )
     return f"{seen}: if the unit is another, set {_SET_SCALE}"
+
+
+def doubt_at_start(depth: Float32) -> str | None:
+    """As ``doubt_of_scale``; None for millimetres, which ``explain_no_pose`` will tell."""
+    values = depth[::_STEP, ::_STEP]
+    known = values[np.isfinite(values)]
+    if len(known) and _MILLIMETRES[0] <= np.median(known) <= _MILLIMETRES[1]:
+        return None
+    return doubt_of_scale(depth)
 
 
 def doubt_of_scale(depth: Float32) -> str | None:

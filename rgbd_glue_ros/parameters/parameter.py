@@ -81,7 +81,9 @@ class Parameter:
             if too_low or too_high:
                 raise InputError(self.name, f"{value} is out of range", f"give {self.allowed}")
         if self.choices and value not in self.choices:
-            raise InputError(self.name, f"{value!r} is not known", f"give {self.allowed}")
+            near = difflib.get_close_matches(str(value), map(str, self.choices), n=1)
+            hint = f"did you mean {near[0]}? Otherwise " if near else ""
+            raise InputError(self.name, f"{value!r} is not known", f"{hint}give {self.allowed}")
         fault = self.check.fault(str(value)) if self.check else None
         if fault:
             raise InputError(self.name, fault, f"give {self.allowed}")

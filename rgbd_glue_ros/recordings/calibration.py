@@ -10,6 +10,8 @@ known names.
 from __future__ import annotations
 
 import json
+import logging
+import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -28,6 +30,8 @@ from rgbd_glue_ros.messages.fields import CameraInfo, header
 from rgbd_glue_ros.parameters import metres_per_unit
 from rgbd_glue_ros.recordings.calibration_texts import colmap_cameras, ost_camera
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
+
+logger = logging.getLogger(__name__)
 
 _MATRIX = (
     "camera_matrix",
@@ -86,6 +90,23 @@ class Calibration:
     source: str = "the calibration given"
 
 
+def say_unit(name: str, calibration: Calibration, usual: float) -> None:
+    """Logs that a file's unit of depth counts, where it is not that of the recording's layout.
+
+    Args:
+        name: of the recording.
+        calibration: the file's content.
+        usual: units per metre of the layout.
+    """
+    scale = calibration.depth_scale
+    # 1 is for floats, as in ORB-SLAM's
+    if scale is not None and scale != 1 and not math.isclose(scale * usual, 1.0):
+        logger.info(
+            "%s: depth is in units of 1/%g m by the factor in %s, and not of 1/%g m as usual",
+            *(name, 1 / scale, calibration.source, usual),
+        )
+
+
 def read_calibration(path: Path) -> Calibration:
     """The content of a calibration file.
 
@@ -95,6 +116,8 @@ def read_calibration(path: Path) -> Calibration:
     """
     try:
         content = _content(read_text(path))
+    except InputError:
+        raise  # it says by itself what is wrong
     except (yaml.YAMLError, RecursionError, ValueError, KeyError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(path, f"cannot be read ({reason})", "give a YAML or JSON file") from error

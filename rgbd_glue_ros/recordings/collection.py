@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations
 from pathlib import Path
@@ -11,6 +13,8 @@ from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.recordings.bag.layout import storage_files
 from rgbd_glue_ros.recordings.formats import format_of
 from rgbd_glue_ros.recordings.sens import SUFFIX
+
+logger = logging.getLogger(__name__)
 
 # <data set>/<split>/scans/<scan>; whoever keeps them deeper names a folder further down
 _DEPTH = 4
@@ -65,7 +69,12 @@ def recordings(paths: Iterable[Path], only: frozenset[str] | None = None) -> lis
             f"names none of the {len(found)} recordings, such as {found[0].name}",
             "give the data set that the names belong to",
         )
-    return list(dict.fromkeys(chosen))
+    once = {path.absolute(): path for path in reversed(chosen)}
+    if len(once) < len(chosen):
+        counts = Counter(path.absolute() for path in chosen)
+        again = [str(once[path]) for path, count in counts.items() if count > 1]
+        logger.warning("%s: given more than once, taken once", ", ".join(again))
+    return [once[path] for path in dict.fromkeys(path.absolute() for path in chosen)]
 
 
 def split(name: str) -> frozenset[str]:

@@ -17,7 +17,7 @@ from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import icl_nuim, scannet, seven_scenes, stray_scanner, tum
 from rgbd_glue_ros.recordings.bag import layout
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
-from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.calibration import Calibration, say_unit
 from rgbd_glue_ros.recordings.depth_encoding import TUM_UNITS_PER_METRE
 from rgbd_glue_ros.recordings.folder import recording as image_folder
 from rgbd_glue_ros.recordings.image_sequence import ImageSequence
@@ -149,6 +149,8 @@ def _open_bag(path: Path, given: Given) -> Recording:
 def _understood(sequence: ImageSequence, given: Given) -> ImageSequence:
     """The sequence with the given information about its depth."""
     if given.inputs.metres_per_unit is None:
+        if given.calibration is not None:
+            say_unit(sequence.name, given.calibration, sequence.encoding.units_per_metre)
         sequence = sequence.with_calibration_depth_scale(given.calibration_depth_scale)
     sequence = sequence.with_depth_scale(given.inputs.metres_per_unit)
     return sequence.with_depth_camera(given.depth_camera)

@@ -15,8 +15,9 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, finite_numbers, read_lines
 from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
+from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.recordings import depth_encoding, icl_nuim
-from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.calibration import Calibration, say_unit
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.folder.lists import (
     association_in,
@@ -60,9 +61,23 @@ _CAMERAS = {
         distortion=(0.039903, -0.099343, -0.000730, -0.000144, 0.0),
     ),
     "icl": icl_nuim.CAMERA,
-    "living_room": icl_nuim.CAMERA,
+    "living_room_traj": icl_nuim.CAMERA,
+    "living_room_kt": icl_nuim.CAMERA,
     "office_kt": icl_nuim.CAMERA,
 }
+"""By the words that name a data set: the same letters inside of another word mean nothing, as in
+``vehicle``, and a living room may be anybody's."""
+
+
+def _words(name: str) -> re.Pattern[str]:
+    """Finds a name that stands by itself in another one, maybe with a number: ``office_kt0``."""
+    pattern = re.sub("[_ ]", "[-_. ]", name).replace("freiburg", "fr(?:eiburg)?")
+    number = "" if name[-1].isdigit() else r"(?:\d+n?)?"
+    return re.compile(rf"(?<![a-z0-9]){pattern}{number}(?![a-z0-9])", re.IGNORECASE)
+
+
+_NAMES = {name: _words(name) for name in _CAMERAS}
+_FREIBURG = re.compile(r"(?<![a-z0-9])fr(?:eiburg)?[123](?![a-z0-9])", re.IGNORECASE)
 
 
 def matches(folder: Path) -> bool:
@@ -86,7 +101,7 @@ def has_lost_its_lists(folder: Path) -> bool:
     if lists_in(folder) or association_in(folder):
         return False
     others = any((folder / name).is_file() for name in (GROUND_TRUTH, ACCELEROMETER))
-    return others or any(part in folder.resolve().name.lower() for part in _CAMERAS)
+    return others or _data_set_of(folder.resolve().name) is not None
 
 
 def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:
@@ -108,10 +123,11 @@ def open_tum(folder: Path, calibration: CameraIntrinsics | None = None) -> Image
         depth_encoding.TUM,
         told.intrinsics,
         truth_of(folder, found.pairs),
-        frame_id=_RECORDED_BY if "freiburg" in folder.resolve().name.lower() else "",
+        frame_id=_RECORDED_BY if _FREIBURG.search(folder.resolve().name) else "",
         imu=_accelerations(folder / ACCELEROMETER),
         left_out=found.left_out,
     )
+    say_unit(sequence.name, told, depth_encoding.TUM_UNITS_PER_METRE)
     return sequence.with_calibration_depth_scale(
         told.depth_scale or scale_in_comments(folder / DEPTH_LIST)
     )
@@ -125,7 +141,8 @@ def _accelerations(path: Path) -> ImuSamples | None:
     readings = [reading for reading in map(_reading, lines) if reading is not None]
     if len(readings) < len(lines):
         skipped = len(lines) - len(readings)
-        logger.warning("%s: %d lines hold no acceleration and were skipped", path, skipped)
+        lines_without = counted(skipped, "line holds", "lines hold")
+        logger.warning("%s: %s no acceleration, skipped", path, lines_without)
     return imu_samples(readings).rotated(R_OPTICAL_ACCELEROMETER) if readings else None
 
 
@@ -142,15 +159,27 @@ def _camera(folder: Path) -> Calibration:
     told = calibration_of(folder)
     if told is not None:
         return told
-    names = [folder.resolve().name, *_bags_named(folder / COLOR_LIST)]
-    for part, camera in _CAMERAS.items():
-        if any(part in name.lower() for name in names):
-            return Calibration(camera)
+    own = folder.resolve().name
+    for name in (own, *_bags_named(folder / COLOR_LIST)):
+        data_set = _data_set_of(name)
+        if data_set is not None:
+            what = "the folder's name" if name == own else f"{COLOR_LIST} ({name})"
+            logger.info(
+                "%s: no file describes its camera; taking that of %s, which %s contains "
+                "(--calibration gives another)",
+                *(folder, data_set, what),
+            )
+            return Calibration(_CAMERAS[data_set])
     raise InputError(
         folder,
         f"no file there describes its camera, and its name contains none of {', '.join(_CAMERAS)}",
         "give the calibration (--calibration camera_info.yaml)",
     )
+
+
+def _data_set_of(name: str) -> str | None:
+    """The key in ``_CAMERAS`` of the data set that a name contains as words; None without one."""
+    return next((key for key, words in _NAMES.items() if words.search(name)), None)
 
 
 def _bags_named(path: Path) -> list[str]:

@@ -16,6 +16,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, read_lines, split_words
+from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.trajectories.pose_text import MATRIX_SHAPES, parse_matrix, parse_pose
 from rgbd_glue_ros.types import Float64
 
@@ -68,8 +69,8 @@ def stamped_poses(path: Path) -> tuple[list[int], list[Float64]]:
         raise InputError(place, reason, f"write '{' '.join(TUM_COLUMNS)}' on each line")
     if skipped:
         logger.warning(
-            "%d lines contain no pose and were skipped; the first: %s: %s",
-            len(skipped),
+            "%s skipped; the first: %s: %s",
+            counted(len(skipped), "line is no pose and was", "lines are no poses and were"),
             *skipped[0],
         )
     return _without_duplicates(path, stamps_ns(stamps), poses)
@@ -90,7 +91,8 @@ def _without_duplicates(
             "write stamps with all their digits",
         )
     if count:
-        logger.warning("%s: %d lines repeat a stamp and were skipped", path, count)
+        said = counted(count, "line repeats a stamp and was", "lines repeat a stamp and were")
+        logger.warning("%s: %s skipped", path, said)
     return list(first), list(first.values())
 
 

@@ -65,6 +65,21 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
     ("arguments", "says"),
     [
         ([], "COMMAND"),
+        ([], "give a COMMAND (demo, odometry, mapping, play, replay, map,"),
+        (["odometry", "-p", "frame_id:=x"], "follows --ros-args: --ros-args -p frame_id:=x; see"),
+        (["mapping", "--params-file", "a b"], "--ros-args --params-file 'a b'; see"),
+        (["replay", "x", "-p", "y"], "-p: no such option"),
+        (["fetch", "tum/fr1_dsk"], "did you mean tum/fr1_desk or "),
+        (["fetch", "nonsense"], "not an available data set; give one listed by 'rgbd-glue fetch'"),
+        (["weights", "check", "xfaet"], "did you mean xfeat? Otherwise use one of"),
+        (["params", "--set", "features.visual=obr"], "did you mean orb? Otherwise give one of"),
+        (["params", "--set", "features.visual=nosuchthing"], "is not known; give one of"),
+        (["replay", "test", "-o", "out", "--ground-truth", "no.txt"], "directory); check the path"),
+        (
+            ["replay", "test", "-o", "out", "--calibration", "no.yaml"],
+            ": no.yaml: cannot be read (No such file or directory); check the path",
+        ),
+        (["evaluate", "docs", "docs"], "docs: holds no trajectory (trajectory.txt, odometry.txt,"),
         (["dance"], "dance: no such command; see rgbd-glue --help"),
         (["relpay", "x"], "relpay: no such command, did you mean replay?"),
         (["--versoin"], "--versoin: no such option, did you mean --version?"),
@@ -243,6 +258,11 @@ def test_evaluate_prints_a_table_or_json(tmp_path: Path) -> None:
     write_tum(tmp_path / "estimate.txt", Trajectory(stamps, poses))
     table = run("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt").stdout
     assert "translation  0.05000" in table
+    for name, file in (("out", "trajectory.txt"), ("data", "groundtruth.txt")):
+        (tmp_path / name).mkdir()
+        source = "estimate.txt" if name == "out" else "truth.txt"
+        (tmp_path / name / file).write_text((tmp_path / source).read_text())
+    assert run("evaluate", tmp_path / "out", tmp_path / "data").stdout == table
     done = run("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt", "--json")
     figures = json.loads(done.stdout)
     assert figures["poses"] == 40
@@ -263,6 +283,7 @@ def test_replay_prints_a_summary_and_where_the_report_is(tmp_path: Path) -> None
     assert done.stderr == ""
     assert "frames   10, of which 10 tracked" in done.stdout
     assert str(out / "report.html") in done.stdout
+    assert f"poses    {out / 'trajectory.txt'}\n" in done.stdout
     assert "keypoints: 300" in (out / "params.yaml").read_text()
     assert json.loads((out / "metrics.json").read_text())["ape"]["rmse_m"] < 0.02
 
@@ -304,6 +325,11 @@ def test_the_summary_of_a_replay_says_what_was_wrong_with_its_frames() -> None:
         "input    1 restart as time went back, 2 duplicates left out, 20 color images unpaired; "
         "longest gap 0.70 s"
     )
+    assert "APE      none: there is no ground truth\n" in summary(figures)
+    few = {**figures, "no_ape": "only 1 poses"}
+    assert "APE      none: only 1 poses\n" in summary(few)
+    live = {**figures, "node_latency_ms": {}}
+    assert "p95 30.0 ms, from publishing images until their pose is back\n" in summary(live)
     in_order = {**figures, "restarts": 0, "duplicates": 0, "unpaired": None}
     assert "input" not in summary(in_order)
 

@@ -31,6 +31,10 @@ def run(node: str, *words: str) -> subprocess.CompletedProcess[str]:
 def test_its_help_shows_how_ros_arguments_are_given(node: str, example: str) -> None:
     done = run(node, "--help")
     assert done.returncode == 0
+    for way in (f"rgbd-glue {node}", f"  {node}", f"ros2 run rgbd_glue_ros {node}"):
+        assert f"{way} [-h] [--debug] [--camera PRESET] [--ros-args ...]" in done.stdout
+    own = {"odometry": "publish_tf", "mapping": "localize_only"}
+    assert [name for name, word in own.items() if f"  {word} " in done.stdout] == [node]
     assert f"{node} --camera realsense_d400 --ros-args {example}" in done.stdout
 
 

@@ -78,6 +78,38 @@ def test_two_things_written_beside_results_are_not_the_same_file(
     assert line == "rgbd-glue: --mcap: x is that of --cloud, too; give another path"
 
 
+@pytest.mark.parametrize("name", ["cloud.pcd", "cloud.las"])
+def test_a_cloud_of_another_format_than_that_of_its_name_is_refused(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_data_set(tmp_path / "desk", 2)
+    line = refused(["replay", "desk", "-o", "out", "--cloud", name], capsys)
+    assert line.endswith(
+        f"--cloud: {name} is written as PLY, whatever its name; give a name that ends in .ply"
+    )
+    assert not Path("out").exists()
+
+
+@pytest.mark.slow
+def test_what_stays_of_an_earlier_run_beside_new_results_is_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    calibration = write_data_set(tmp_path / "desk", 3)
+    out = tmp_path / "out"
+    words = ["replay", str(tmp_path / "desk"), "-o", str(out), "--calibration", str(calibration)]
+    clouds = ["--cloud", str(out / "c.ply")]
+    assert main([*words, *clouds, "--mcap", str(out / "mcap")]) == 0
+    assert not caplog.messages
+    (out / "notes.txt").touch()
+    assert main([*words, *clouds]) == 0
+    (said,) = caplog.messages
+    assert said == f"{out}: replacing the results of desk; of an earlier run there stay mcap/"
+    caplog.clear()
+    assert main(words) == 0
+    assert caplog.messages[0].endswith("there stay c.ply, mcap/")
+
+
 @pytest.mark.parametrize(("command", "option"), [("replay", "--cloud"), ("map", "--save-map")])
 @pytest.mark.parametrize("place", ["desk", "/proc/file", "desk/rgb.txt/file", "x" * 300])
 def test_where_no_file_can_be_written_that_is_said_before_the_first_frame(

@@ -352,6 +352,8 @@ def test_a_benchmark_leaves_figures_tables_and_a_picture(tmp_path: Path) -> None
     assert "bench room" in page
     assert "| absent | not installed: install another one |" in page
     assert "| extra | not installed: pip install " in page
+    assert "| extra | not installed: pip install (below) |" in page
+    assert "\n\n```\npip install -e '.[bench]'\n```\n" in page
     assert "| oracle | 12 |" in page
     ET.fromstring((tmp_path / "out" / PICTURE).read_text())  # noqa: S314 - our own file
     report = Page((tmp_path / "out" / REPORT).read_text())

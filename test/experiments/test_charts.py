@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rgbd_glue_ros.experiments.report.axes import linear, logarithmic, rising, symmetric, ticks
 from rgbd_glue_ros.experiments.report.charts import SIDE, Area, Line, chart, plot
-from rgbd_glue_ros.experiments.report.plans import plans
+from rgbd_glue_ros.experiments.report.plans import plans, round_length
 
 
 @given(st.floats(1e-6, 1e9))
@@ -83,6 +84,14 @@ def test_an_axis_about_zero_is_as_long_to_both_sides() -> None:
     axis = symmetric(0.33, 4)
     assert (axis.low, axis.high) == (-0.4, 0.4)
     assert [value for value, _ in axis.ticks] == [-0.4, -0.2, 0.0, 0.2, 0.4]
+
+
+@pytest.mark.parametrize(
+    ("longest", "length"),
+    [(0.9, 0.5), (0.8, 0.5), (1.0, 1.0), (0.026, 0.02), (49.9, 20.0), (5.0, 5.0), (0.0099, 0.005)],
+)
+def test_a_scale_bar_is_one_two_or_five_of_a_power_of_ten(longest: float, length: float) -> None:
+    assert round_length(longest) == length
 
 
 def test_views_of_a_path_have_one_scale() -> None:

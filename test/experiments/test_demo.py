@@ -242,6 +242,25 @@ sys.exit(main(["demo", "-o", {str(tmp_path)!r}]))
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize("has_results", [False, True])
+def test_an_interrupted_demonstration_says_what_it_has_left(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    has_results: bool,
+) -> None:
+    def interrupted(*_: object) -> None:
+        if has_results:
+            (tmp_path / "metrics.json").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "demo", interrupted)
+    assert main(["demo", "-o", str(tmp_path)]) == 128 + signal.SIGINT
+    (said,) = caplog.messages
+    expected = f"the results so far are in {tmp_path}" if has_results else "there are no results"
+    assert expected in said
+
+
 def test_what_lies_in_place_of_a_domains_lock_is_left_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,10 +12,12 @@ from rigs.bag_frames import write_small_bag
 from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.experiments.mapping.mapping import MapOutputs, map_recording
+from rgbd_glue_ros.experiments.mapping.mapping import UNCORRECTED, MapOutputs, map_recording
+from rgbd_glue_ros.experiments.replay.replay import INTERRUPTED
 from rgbd_glue_ros.parameters import Config, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.first_frames import first_frames
+from rgbd_glue_ros.slam.map_file import read_map
 from rgbd_glue_ros.trajectories.pose_graph import read_graph
 from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import EdgeOrigin, OdometryEstimate
@@ -52,6 +54,10 @@ def test_a_recording_that_comes_back_is_mapped_with_its_loops(tmp_path: Path) ->
     report = (out / "report.html").read_text(encoding="utf-8")
     assert "<h2>Map</h2>" in report
     assert report.count('class="map"') == 1
+    for key in ("before loops", "loops", "estimate"):
+        assert f"</i>{key}</span>" in report
+    before = 100 * figures["odometry"]["ape"]["rmse_m"]
+    assert f"position error, rmse (APE); of the odometry {before:.2f} cm" in report
 
     graph = read_graph(out / "keyframes.g2o")
     loops = sum(edge.origin is EdgeOrigin.LOOP for edge in graph.edges)
@@ -103,6 +109,41 @@ def test_a_map_that_cannot_be_written_in_the_end_costs_no_other_result(tmp_path:
     assert figures["loops"]["found"] >= 0
     assert (out / "map.ply").stat().st_size > 15 * figures["map_points"]
     assert "<h2>Map</h2>" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_an_interrupted_map_has_no_path_under_the_name_of_the_corrected_one(
+    tmp_path: Path,
+) -> None:
+    def interrupt(estimate: OdometryEstimate) -> None:
+        if estimate.stamp_ns == stamps[3]:
+            raise KeyboardInterrupt
+
+    stamps = Pan(6).ground_truth.stamps_ns
+    with pytest.raises(KeyboardInterrupt):
+        map_recording(Pan(6), config(), tmp_path, on_frame=interrupt)
+    assert len(read_tum(tmp_path / "odometry.txt")) == 4
+    assert not (tmp_path / "trajectory.txt").exists()
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert UNCORRECTED in report
+    assert INTERRUPTED in report
+
+
+@pytest.mark.slow
+def test_a_map_that_does_not_show_the_place_leaves_the_odometry_and_says_so(
+    tmp_path: Path,
+) -> None:
+    room, out = tmp_path / "room.rgbdmap", tmp_path / "out"
+    with open_recording(make_bag.FOLDER) as recording:
+        taken = first_frames(recording, 20)
+        map_recording(taken, config(), tmp_path / "room", outputs=MapOutputs(save_map=room))
+    assert UNCORRECTED not in (tmp_path / "room" / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match=r"shows none of the places.*odometry alone \(odometry"):
+        map_recording(Pan(6), config(), out, before=read_map(room))
+    assert not (out / "trajectory.txt").exists()
+    assert not (out / "map.ply").exists()
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert UNCORRECTED in report
+    assert "There is no map:" in report
 
 
 @pytest.mark.parametrize("name", ["map.ply", "trajectory.txt"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import signal
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from rigs.pan import Pan
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.replay import (
+    INTERRUPTED,
     KEYFRAMES,
     KEYFRAMES_GTSAM,
     METRICS,
@@ -83,7 +85,10 @@ def test_truth_of_another_time_is_said_and_the_rest_is_written(
     elsewhen = Trajectory(np.array([10**18]), np.eye(4)[None])
     replay(with_ground_truth(Pan(3), elsewhen), Config(), tmp_path)
     assert f"{Pan(3).name}: no error against ground truth: only 0 poses" in caplog.text
-    assert "ape" not in json.loads((tmp_path / METRICS).read_text())
+    figures = json.loads((tmp_path / METRICS).read_text())
+    assert "ape" not in figures
+    assert figures["no_ape"].startswith("only 0 poses are within")
+    assert "and 3 are needed" in figures["no_ape"]
 
 
 def test_results_of_another_recording_are_not_replaced_in_silence(
@@ -111,6 +116,20 @@ def test_an_interrupted_replay_keeps_what_was_done(tmp_path: Path) -> None:
     assert json.loads((tmp_path / METRICS).read_text())["frames"] == 5
     assert len(read_tum(tmp_path / TRAJECTORY)) == 5
     assert (tmp_path / REPORT).stat().st_size > 1000
+    assert INTERRUPTED in (tmp_path / REPORT).read_text(encoding="utf-8")
+
+
+def test_what_is_warned_of_before_and_during_a_run_is_in_its_report_once(tmp_path: Path) -> None:
+    def warn(_: OdometryEstimate) -> None:
+        logging.getLogger("rgbd_glue_ros.recordings").warning("frame %d skipped", 7)
+        logging.getLogger("another library").warning("not of the run")
+
+    opening = Provenance(warnings=("the camera is of another size",))
+    replay(Pan(3), Config(), tmp_path, on_frame=warn, provenance=opening)
+    report = (tmp_path / REPORT).read_text(encoding="utf-8")
+    box = report.partition('<div class="notes">')[2].partition("</div>")[0]
+    assert box.count("<li>") == 2
+    assert "<li>the camera is of another size</li><li>frame 7 skipped</li>" in box
 
 
 def test_a_signal_in_the_middle_of_a_frame_waits_for_the_frame(tmp_path: Path) -> None:

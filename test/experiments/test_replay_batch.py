@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from rgbd_glue_ros.experiments.replay.batch import FIGURES, JOURNAL, TABLE, name
 from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, TRAJECTORY
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.recordings import Calibration, Topics
+from rgbd_glue_ros.types import RgbdFrame
 
 
 def replayed(folder: Path, on_replayed: Any = lambda _: None, **pans: Pan) -> dict[str, Any]:
@@ -147,6 +150,38 @@ def test_the_command_gives_the_same_trajectories_in_this_process_and_on_workers(
         assert len(texts[0].splitlines()) == 9
         assert json.loads((tmp_path / "parallel" / name / METRICS).read_text())["frames"] == 8
     assert (tmp_path / "parallel" / JOURNAL).is_file()
+
+
+@pytest.mark.slow
+def test_after_the_rest_a_missing_recording_is_the_error_and_one_given_twice_is_said(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    links(tmp_path / "set")
+    monkeypatch.chdir(tmp_path / "set")
+    given = ["a", "./a", str(tmp_path / "set" / "a"), "nope"]
+    assert cli.main(["replay", *given, "-o", "out", "--limit", "2"]) == 2
+    said = capsys.readouterr()
+    assert "| a | 2 |" in said.out
+    assert "1 of 2 recordings: could not be replayed" in said.err
+    assert "a: given more than once, taken once" in caplog.messages
+    assert any(text.startswith("nope: does not exist") for text in caplog.messages)
+
+
+def test_warnings_name_which_of_many_recordings_they_are_about(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Doubted(Pan):
+        def __iter__(self) -> Iterator[RgbdFrame]:
+            logging.getLogger("rgbd_glue_ros.recordings").warning("is %s", "dark")
+            return super().__iter__()
+
+    paths = [tmp_path / "set" / name for name in "ab"]
+    run_replays(paths, OpenerByName(a=Doubted(3), b=Pan(3)), Config(), tmp_path / "out")
+    assert caplog.messages == [f"{paths[0]}: is dark"]
+    assert "<li>is dark</li>" in (tmp_path / "out" / "a" / REPORT).read_text(encoding="utf-8")
 
 
 def test_a_given_truth_is_of_one_recording(tmp_path: Path) -> None:

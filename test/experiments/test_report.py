@@ -47,6 +47,29 @@ def test_the_report_is_one_well_formed_page_that_fetches_nothing() -> None:
     assert "url(" not in source
 
 
+@pytest.mark.parametrize(("tracked", "share"), [(1, "3.3"), (29, "96.6"), (30, "100"), (0, "0")])
+def test_the_share_of_tracked_frames_has_one_decimal_and_is_100_only_of_all(
+    tracked: int, share: str
+) -> None:
+    states = [TrackingState.TRACKING] * tracked + [TrackingState.LOST] * (30 - tracked)
+    frames = [record(i, state) for i, state in enumerate(states)]
+    assert f"<b>{share} <small>%</small>" in page_of(Run("x", Config(), frames=frames, wall_s=1.0))
+
+
+def test_one_keyframe_is_told_of_in_the_singular() -> None:
+    frames = [replace(record(i), is_keyframe=i == 0) for i in range(3)]
+    text = " ".join(Page(page_of(Run("x", Config(), frames=frames, wall_s=1.0))).text)
+    assert "State, and a tick for the keyframe" in text
+
+
+def test_warnings_are_in_a_box_above_everything_else() -> None:
+    run = Run("x", Config(), frames=[record(0)], wall_s=1.0, warnings=["depth <in> mm", "late"])
+    source = page_of(run)
+    assert source.index("<li>depth &lt;in&gt; mm</li><li>late</li>") < source.index("of recording")
+    run.warnings.clear()
+    assert 'class="notes"' not in page_of(run)
+
+
 def test_the_report_names_the_parameters_that_differ_from_the_defaults() -> None:
     config = with_values(Config(), {"glue.k": 3.0})
     text = " ".join(Page(page_of(Run("x", config, frames=[record(0)], wall_s=1.0))).text)

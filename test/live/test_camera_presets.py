@@ -104,6 +104,33 @@ def test_a_recording_is_converted_to_a_bag_with_the_topics_of_a_preset(
         assert len(list(bag)) == 2
 
 
+def test_a_recording_is_converted_to_the_topics_of_the_preset_that_the_help_calls_the_default(
+    data_set: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, calibration = data_set
+    words = ["convert", str(source), str(tmp_path / "bag"), "--calibration", str(calibration)]
+    assert main(words) == 0
+    topics = load_camera("realsense_d400").topics
+    named = [topics["color"], topics["depth"], topics["camera_info"]]
+    assert f"topics   {', '.join(named)}\n" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["convert", "--help"])
+    assert "(default: realsense_d400)" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("name", ["bag.mcap", "bag.db3", "run.bag"])
+def test_a_recording_is_not_converted_to_a_folder_with_the_name_of_a_file(
+    name: str, data_set: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, calibration = data_set
+    target = tmp_path / name
+    words = ["convert", str(source), str(target), "--calibration", str(calibration)]
+    assert main(words) == 2
+    suffix = name.rpartition(".")[2]
+    assert f"give it a name without .{suffix}" in capsys.readouterr().err
+    assert not target.exists()
+
+
 def test_a_bag_is_not_converted_to_a_bag_of_other_topics(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -135,6 +162,8 @@ def test_for_an_unknown_camera_a_similar_name_is_suggested(name: str) -> None:
     ("text", "cause"),
     [
         ("topics: {colour: /a}\nparameters: {}", "no such topics: {'colour'}"),
+        ("/**: {ros__parameters: {glue.k: 3}}", r"is not a camera preset.*it holds /\*\*; give a"),
+        ("{}", "it holds nothing"),
         ("topics: {}\nparameters: {camera.depth_mix: 1}", "did you mean camera.depth_m"),
         ("topics: {}\nparameters: {camera.depth_max: far}", "is not of type float"),
     ],

@@ -111,6 +111,14 @@ def test_a_loss_of_more_than_a_tenth_is_reported_with_the_remedy(
         assert all(word in line for word in words)
 
 
+@pytest.mark.parametrize("received", [(0, 150, 150), (150, 0, 150), (0, 0, 101)])
+def test_a_channel_that_delivers_nothing_at_all_is_not_called_lost(
+    received: tuple[int, ...],
+) -> None:
+    counts = dict(zip(Channel, received, strict=True))
+    assert explain_losses(counts, dict.fromkeys(Channel, 0), "/p.xml") is None
+
+
 def test_what_this_node_has_set_is_not_recommended_to_it() -> None:
     line = explain_losses(
         dict(zip(Channel, (34, 36, 150), strict=True)), dict.fromkeys(Channel, 0), None

@@ -244,6 +244,7 @@ def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: i
         assert "color and depth and camera_info are missing: start the camera" in nobody
         missing = "No keyframes: /pose, /keyframe/pose and /keyframe/edges have no publisher"
         node.wait_for_line(missing, PATIENCE_S)
+        assert not [line for line in node.lines if "WARN" in line and "No " in line]
         with Rig(ros_domain) as rig:
             poses = rig.publisher(PoseStamped, POSE)
             rig.publisher(PoseStamped, KEYFRAME_POSE)

@@ -316,6 +316,11 @@ def test_invalid_ros_arguments_end_the_node_with_exit_code_2_and_one_line(
         node.wait_for_line("Couldn't parse params file: '--params-file /nowhere.yaml'", PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
+        assert node.lines[-1].endswith("Error opening YAML file; check the path")
+    with running_node(ros_domain, "-r", "__node:=bad name") as node:
+        node.wait_for_line("Couldn't parse remap rule", PATIENCE_S)
+        assert node.wait_for_end(PATIENCE_S) == 2
+        assert "; give -r FROM:=TO, with names of letters, digits, _ and /" in node.lines[-1]
 
 
 @pytest.mark.slow

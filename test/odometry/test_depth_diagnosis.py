@@ -7,16 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigs.bag_frames import recorded_frames
+from rigs.bag_frames import recorded_frames, write_small_bag
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.experiments.replay.replay import METRICS, TRAJECTORY, replay
+from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, TRAJECTORY, replay
 from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_of_scale,
     explain_no_pose,
     summarise_depth,
 )
-from rgbd_glue_ros.parameters import CameraConfig, load_preset
+from rgbd_glue_ros.parameters import CameraConfig, InputConfig, load_preset
+from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings.first_frames import first_frames
 from rgbd_glue_ros.types import (
     DepthSummary,
     Float32,
@@ -96,7 +98,7 @@ class Frames:
     ("factor", "said"), [(0.0, "0% of the pixels"), (1000.0, "so these are millimetres")]
 )
 def test_a_replay_that_tracks_nothing_is_an_error_and_leaves_its_results(
-    tmp_path: Path, factor: float, said: str
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, factor: float, said: str
 ) -> None:
     frames = [
         replace(f, depth=np.where(factor > 0, f.depth * np.float32(factor), NAN))
@@ -107,6 +109,21 @@ def test_a_replay_that_tracks_nothing_is_an_error_and_leaves_its_results(
     assert said in str(error.value)
     assert (tmp_path / METRICS).is_file()
     assert (tmp_path / TRAJECTORY).is_file()
+    # in one line, which the report has too
+    assert not caplog.messages
+    assert "<li>No frame was tracked: depth: " in (tmp_path / REPORT).read_text(encoding="utf-8")
+
+
+def test_of_a_bag_the_topic_of_useless_depth_is_named(tmp_path: Path) -> None:
+    bag = write_small_bag(tmp_path / "bag", 2)
+    given = InputConfig(depth_scale=1000.0)
+    topic = "/camera/aligned_depth_to_color/image_raw"
+    why = rf"none of its 2 frames was tracked: {topic}: [0-9]+% of the pixels have a depth"
+    with (
+        open_recording(bag, inputs=given) as recording,
+        pytest.raises(InputError, match=why),
+    ):
+        replay(first_frames(recording, 2), load_preset("live"), tmp_path / "out")
 
 
 def test_a_replay_says_that_the_unit_of_depth_is_doubtful(

@@ -33,6 +33,13 @@ def test_the_command_for_an_extra_names_its_libraries_and_finds_no_package_of_ou
     assert sorted(projects) == ["cryptography", "dask", "distributed"]
 
 
+def test_a_missing_library_names_the_extra_and_how_large_pytorch_is() -> None:
+    said = str(MissingExtraError("torch", "learned", "xfeat"))
+    assert "(the extra learned: in a clone pip install -e '.[learned]')" in said
+    assert "under 1 GB without: --extra-index-url https://download.pytorch.org/whl/cpu" in said
+    assert "whl/cpu" not in str(MissingExtraError("Dask", "scale", "working in parallel"))
+
+
 def test_a_requirement_keeps_the_machines_that_it_is_for() -> None:
     words = shlex.split(install_command("open3d"))[2:]
     assert all("platform_machine" in word and "extra" not in word for word in words)

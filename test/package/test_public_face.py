@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -271,6 +272,33 @@ def test_the_example_in_the_readme_runs_as_it_stands(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["bag_to_trajectory.py", "own_visual_feature.py"])
+def test_an_example_without_its_arguments_says_how_it_is_used(name: str) -> None:
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / name)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"usage: python examples/{name} RECORDING")
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_version_is_that_of_the_installed_package() -> None:
+    try:
+        installed = metadata.version("rgbd_glue_ros")
+    except metadata.PackageNotFoundError:
+        installed = ""
+    assert rgbd_glue_ros.__version__ == installed
+
+
+def test_a_comparison_with_ground_truth_is_written_in_one_short_line() -> None:
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, 0, 3] = range(4)
+    trajectory = Trajectory(np.arange(4, dtype=np.int64) * 10**9, poses)
+    said = repr(rgbd_glue_ros.evaluate(trajectory, trajectory))
+    assert said.startswith("Evaluation(4 poses, Ape(rmse_m=")
+    assert len(said) < 250
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import runpy
+import shutil
 import subprocess
 import sys
 import venv
@@ -51,6 +52,41 @@ def test_an_environment_that_was_moved_is_made_again(tmp_path: Path) -> None:
 
 def test_without_a_name_the_environment_is_in_the_clone() -> None:
     assert sourced('echo "$VENV"', VENV="").startswith(f"{ROOT}/.venv-3.")
+
+
+def test_the_demonstration_takes_and_leaves_files_in_the_folder_that_it_is_called_from(
+    tmp_path: Path,
+) -> None:
+    clone, elsewhere, programs = (tmp_path / name for name in ("clone", "elsewhere", "env/bin"))
+    for folder in (clone / "scripts", elsewhere, programs):
+        folder.mkdir(parents=True)
+    for name in ("demo", "environment.sh"):
+        shutil.copy(ROOT / "scripts" / name, clone / "scripts")
+    with (clone / "scripts" / "environment.sh").open("a") as file:
+        file.write("install() { pwd; }\n")
+    stub = programs / "rgbd-glue"
+    stub.write_text('#!/bin/sh\necho "$PWD" "$@"\n')
+    stub.chmod(0o755)
+    done = subprocess.run(
+        [os.path.relpath(clone / "scripts" / "demo", elsewhere), "my recording"],
+        cwd=elsewhere,
+        env={**os.environ, "PYTHON": sys.executable, "VENV": str(programs.parent)},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout.splitlines() == [str(clone), f"{elsewhere} demo my recording"]
+
+
+def test_the_times_of_features_are_asked_for_with_a_recording() -> None:
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "feature_times.py")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr == "usage: python scripts/feature_times.py RECORDING [NAME...]\n"
 
 
 @pytest.mark.parametrize(

@@ -370,3 +370,19 @@ def test_the_files_are_released_when_topics_are_missing(bag: Path, tmp_path: Pat
     with pytest.raises(InputError):
         BagRecording(folder, Topics(depth="/nowhere"))
     shutil.rmtree(folder)
+
+
+def test_camera_infos_without_a_stamp_beside_stamped_images_are_reported_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = make_frames(4)
+    messages = [
+        replace(each, message=replace(each.message, header=header(0, "")))
+        if each.topic == INFO
+        else each
+        for each in recorded(frames)
+    ]
+    with open_recording(write_rosbag2(tmp_path / "bag", messages)) as recording:
+        assert [frame.stamp_ns for frame in recording] == [frame.stamp_ns for frame in frames]
+    (said,) = caplog.messages
+    assert said.startswith(f"{INFO}: camera infos have no stamp, though images do")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import shutil
 import sqlite3
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.recordings import open_recording, recordings
+from rgbd_glue_ros.recordings.bag import unpacking
 from rgbd_glue_ros.recordings.bag.salvage import salvage
 from rgbd_glue_ros.types import RgbdFrame
 
@@ -119,6 +121,35 @@ def test_what_a_file_is_shows_in_its_first_bytes(state: str, tmp_path: Path) -> 
         assert_same_frame(frame, original)
 
 
+def test_a_database_with_its_log_is_read_without_writing_beside_it(tmp_path: Path) -> None:
+    folder = with_log(tmp_path)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with open_recording(folder) as recording:
+        assert len(list(recording)) == len(FRAMES)
+        assert {path.name for path in folder.iterdir()} == set(before)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_large_database_in_a_folder_for_reading_only_is_to_be_copied(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = with_log(tmp_path)
+    monkeypatch.setattr(unpacking, "_MOST_COPIED", 1)
+    with open_recording(folder) as recording:
+        assert len(list(recording)) == len(FRAMES)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(InputError, match=r"-wal.*; copy the folder to where you can write"):
+        open_recording(folder)
+
+
+def test_an_empty_database_without_the_log_of_its_recorder_asks_for_it(tmp_path: Path) -> None:
+    folder = with_log(tmp_path)
+    (log,) = folder.glob("*-wal")
+    log.unlink()
+    with pytest.raises(InputError, match=f"holds no message: .*; copy {log.name} too"):
+        open_recording(folder)
+
+
 def parts(folder: Path, names: tuple[str, ...], metadata: bool = False) -> Path:
     """A file of two frames for each name, and metadata that name them all."""
     folder.mkdir()
@@ -156,4 +187,4 @@ def test_a_part_that_is_missing_is_named(tmp_path: Path, caplog: pytest.LogCaptu
     (folder / "run_1.mcap").unlink()
     with caplog.at_level(logging.WARNING), open_recording(folder) as recording:
         assert len(list(recording)) == 4
-    assert "1 of its 3 parts are missing (run_1.mcap)" in caplog.text
+    assert "1 of its 3 parts is missing (run_1.mcap)" in caplog.text

@@ -154,6 +154,28 @@ def test_a_tum_folders_name_tells_its_camera(tmp_path: Path, name: str, fx: floa
     assert next(iter(sequence)).intrinsics.fx == fx
 
 
+@pytest.mark.parametrize("name", ["fr1_desk", "my-freiburg1.bag", "FREIBURG1", "Living Room kt2"])
+def test_a_camera_taken_by_name_is_logged_with_the_words_that_named_it(
+    tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    open_recording(write_tum_folder(tmp_path / name)).close()
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert "no file describes its camera; taking that of" in said
+    assert ("living_room_kt" if "kt2" in name else "freiburg1") in said
+    assert "--calibration" in said
+
+
+@pytest.mark.parametrize(
+    "name", ["vehicle_run", "bicycle", "article", "fr12_desk", "xfreiburg1", "living_room", "aicl"]
+)
+def test_the_letters_of_a_data_set_inside_of_another_word_are_no_camera(
+    tmp_path: Path, name: str
+) -> None:
+    with pytest.raises(InputError, match="no file there describes its camera"):
+        open_recording(write_tum_folder(tmp_path / name))
+
+
 def test_a_kinects_accelerometer_tells_which_way_is_up(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -168,7 +190,7 @@ def test_a_kinects_accelerometer_tells_which_way_is_up(
     np.testing.assert_array_equal(imu.stamps_ns, [1305031449564825000])
     np.testing.assert_allclose(imu.linear_acceleration, [[0.083818, -7.244229, -6.657506]])
     assert np.isnan(imu.angular_velocity).all()
-    assert "1 lines hold no acceleration" in caplog.text
+    assert "1 line holds no acceleration" in caplog.text
 
 
 def test_a_tum_folder_of_an_unknown_camera_wants_a_calibration(tmp_path: Path) -> None:
@@ -316,6 +338,21 @@ def test_chosen_frames_are_those_of_their_numbers_and_no_other_file_is_opened(
     with open_recording(folder, calibration=CAMERA) as sequence:
         frames = list(sequence.select([1, 4, 7, 20]))
     assert [frame.depth[1, 1] for frame in frames] == [2.0, 5.0, 8.0]
+
+
+@pytest.mark.parametrize(("factor", "is_said"), [(1000.0, True), (5000.0, False), (1.0, False)])
+def test_a_factor_of_depth_in_a_file_that_is_not_the_layouts_is_logged_with_the_file(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, factor: float, is_said: bool
+) -> None:
+    caplog.set_level("INFO")
+    folder = write_tum_folder(tmp_path / "desk")
+    text = f"Camera.fx: 60\nCamera.fy: 60\nCamera.cx: 32\nCamera.cy: 24\nDepthMapFactor: {factor}"
+    (folder / "mine.yaml").write_text(f"%YAML:1.0\n{text}\nCamera.width: 64\nCamera.height: 48\n")
+    for calibration in (None, read_calibration(folder / "mine.yaml")):
+        caplog.clear()
+        with open_recording(folder, calibration=calibration):
+            said = f"units of 1/1000 m by the factor in {folder / 'mine.yaml'}, and not of 1/5000 m"
+            assert (said in caplog.text) is is_said
 
 
 def test_a_path_that_does_not_exist_is_refused(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ WHOLE = FORMS["TUM"].splitlines()
 FAULTS = {
     "a NaN": ([*WHOLE[:2], f"{STAMPS[2]} nan nan nan nan nan nan nan", *WHOLE[3:]], ":3"),
     "a last line that is cut": ([*WHOLE[:-1], WHOLE[-1][:25]], ":6"),
-    "a stamp twice": ([*WHOLE[:5], WHOLE[4]], "1 lines repeat a stamp"),
+    "a stamp twice": ([*WHOLE[:5], WHOLE[4]], "1 line repeats a stamp"),
 }
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from rgbd_glue_ros.errors import InputError, MissingExtraError, install_command
+from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments.bench.contest import OURS, Contest
 from rgbd_glue_ros.experiments.bench.degraded import DegradedSequence, first
 from rgbd_glue_ros.experiments.bench.floors import Floors
@@ -19,7 +19,7 @@ from rgbd_glue_ros.experiments.bench.memory import Memory
 from rgbd_glue_ros.experiments.bench.page import render
 from rgbd_glue_ros.experiments.bench.part import Part
 from rgbd_glue_ros.experiments.bench.picture import PICTURE, picture
-from rgbd_glue_ros.experiments.bench.report import to_markdown
+from rgbd_glue_ros.experiments.bench.report import PIP, to_markdown
 from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import PEERS, Peer
 from rgbd_glue_ros.experiments.report.machine import load, machine
@@ -92,7 +92,7 @@ class _Bench:
         try:
             return PEERS[name]()
         except MissingExtraError as error:
-            self.not_installed[name] = install_command(error.extra)
+            self.not_installed[name] = f"{PIP} -e '.[{error.extra}]'"
         except InputError as error:
             self.not_installed[name] = error.remedy
         return None

@@ -14,6 +14,8 @@ from rgbd_glue_ros.printable import printable
 
 _Figures = Mapping[str, Any]
 
+PIP = "pip install"
+
 _CONTEST = """\
 All methods process each frame before any gets the next, starting with a different one each time.
 Peers are run as plain frame-to-frame odometry: no keyframe, no motion model, no prior, at the
@@ -77,7 +79,7 @@ def _header(figures: _Figures) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
     busy = max(figures["load"]) > machine["cores"] + 1
     load = " to ".join(f"{value:.1f}" for value in figures["load"])
-    written = f"{figures['begun']}, in {figures['minutes']:.0f} min"
+    written = f"{figures['begun']}, in {_duration(figures['minutes'])}"
     return f"""\
 Written {written}, by
 
@@ -93,6 +95,10 @@ Runnable processes on the whole machine, over a minute: {load}; niceness of thes
 The peers are those of the extra `bench`; `scripts/bench` installs them and runs everything."""
 
 
+def _duration(minutes: float) -> str:
+    return f"{minutes:.0f} min" if minutes >= 1 else f"{60 * minutes:.0f} s"
+
+
 def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
     head = ["", "frames", "ms", "p95", "CPU ms", "APE (cm)", "RPE (cm/s)", "RPE (°/s)", "lost"]
     parts = []
@@ -102,8 +108,16 @@ def _contests(sequences: _Figures, not_installed: Mapping[str, str]) -> str:
             _contestant(f"**{who}**" if who == OURS else who, result, frames)
             for who, result in content["contest"].items()
         ]
-        rows += [[who, f"not installed: {how}", *[""] * 7] for who, how in not_installed.items()]
+        # a whole command in a cell would push all columns out of view
+        rows += [
+            [who, f"not installed: {f'{PIP} (below)' if how.startswith(PIP) else how}", *[""] * 7]
+            for who, how in not_installed.items()
+        ]
         parts += [f"### {markdown(name)}", table(head, rows)]
+    commands = sorted({how for how in not_installed.values() if how.startswith(PIP)})
+    if parts and commands:
+        lines = "\n".join(commands)
+        parts.append(f"What is not installed comes, in a clone, by\n\n```\n{lines}\n```")
     if parts:
         parts.append(f"![Error against time]({PICTURE})")
     return "\n\n".join(parts)

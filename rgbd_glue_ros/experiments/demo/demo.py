@@ -14,7 +14,12 @@ from typing import TYPE_CHECKING, Any
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.experiments.demo.played import Played, transport
-from rgbd_glue_ros.experiments.replay.replay import TRAJECTORY, results_of, write_results
+from rgbd_glue_ros.experiments.replay.replay import (
+    INTERRUPTED,
+    TRAJECTORY,
+    results_of,
+    write_results,
+)
 from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.thumbnails import thumbnail
 from rgbd_glue_ros.files.writing import write_whole
@@ -157,12 +162,16 @@ def _played_to_the_node(
             NodeProcess(parameters, environment) as node,
             Player(recording, domain) as player,
         ):
+            noted: list[str] = []
             try:
                 _wait_until_ready(
                     player, node, lambda: on_progress(Progress(recording.frame_count, 0, 0))
                 )
                 ready_s = time.monotonic() - start
                 _play(player, recording, node, rate, on_progress)
+            except KeyboardInterrupt:
+                noted.append(INTERRUPTED)
+                raise
             finally:
                 measured = _measured(player, node)
                 code = node.stop()
@@ -171,6 +180,7 @@ def _played_to_the_node(
                     logger.warning("%d poses have the stamp of no image", player.unassigned)
                 if player.poses:
                     run = _run(recording, config, player, command)
+                    run.warnings = [*node.warnings, *noted]
                     write_tum(folder / TRAJECTORY, run.trajectory)
                     figures = write_results(run, folder, measured)
     if code != 0:

@@ -173,8 +173,14 @@ class NodeProcess(Closing):
     @property
     def last_warning(self) -> str:
         """Its latest warning; "" without one."""
-        warnings = [found["text"] for line in self.lines if (found := _WARNING.search(line))]
+        warnings = self.warnings
         return warnings[-1] if warnings else ""
+
+    @property
+    def warnings(self) -> list[str]:
+        """All its warnings so far, each text once."""
+        found = (_WARNING.search(line) for line in [*self.lines])
+        return list(dict.fromkeys(match["text"] for match in found if match))
 
     def check_refusal(self) -> None:
         """Raises the reason why the node ended, if that was its input.

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory_errors import error_figures, evaluated
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
@@ -50,6 +51,12 @@ from rgbd_glue_ros.viz.rerun_recording import RerunRecording
 
 ODOMETRY, CLOUD = "odometry.txt", "map.ply"
 """The trajectory before loops were closed, and the coloured cloud."""
+
+UNCORRECTED = (
+    f"No loop is closed: path ({ODOMETRY}) and figures are those of the odometry alone, and there "
+    "is no map."
+)
+"""In the report until the map is finished."""
 
 MAP_RESULTS = (*RESULTS, ODOMETRY, CLOUD)
 """What is written to the folder."""
@@ -131,10 +138,17 @@ class MapOutputs:
     Attributes:
         save_map: file to write the map to, for other sessions; None writes none.
         shown: receives everything for the Rerun viewer, and stays open; None for none.
+        files: what that writes.
     """
 
     save_map: Path | None = None
     shown: RerunRecording | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """All files that are written."""
+        return self.files if self.save_map is None else (*self.files, self.save_map)
 
 
 def map_recording(
@@ -149,8 +163,9 @@ def map_recording(
 ) -> MappedRun:
     """Runs the odometry, closes loops, and writes the corrected results.
 
-    The results of a replay are there as soon as the odometry is done; those that loops correct are
-    then replaced. The odometry's own trajectory is kept as ``odometry.txt``.
+    The results of a replay are there as soon as the odometry is done, and say that no loop is
+    closed in them; they are then replaced by the corrected ones. The odometry's own trajectory is
+    ``odometry.txt`` from the first pose on: ``trajectory.txt`` is corrected, or is not there.
 
     Args:
         sequence: source of the frames.
@@ -172,8 +187,10 @@ def map_recording(
     glue = Glue(config)
     odometry = Odometry(config, glue)
     sink, shown = MappingSink(odometry, partial(_new_mapper, config, glue, before)), outputs.shown
+    names = (ODOMETRY, CLOUD)
+    beside = outputs.places
     with (
-        results_of(sequence.name, config, folder, provenance.inputs, (ODOMETRY, CLOUD)) as results,
+        results_of(sequence.name, config, folder, provenance.inputs, names, beside) as results,
         ExitStack() as end,
     ):
         run = replay_into(
@@ -183,7 +200,8 @@ def map_recording(
             on_frame=on_frame,
             outputs=FurtherOutputs([sink] if shown is None else [sink, LeftOpen(shown)]),
             odometry=odometry,
-            command=provenance.command,
+            provenance=replace(provenance, warnings=(*provenance.warnings, UNCORRECTED)),
+            trajectory=ODOMETRY,
         )
         # an interrupt inside of GTSAM is a crash, and the rest takes seconds
         end.enter_context(uninterrupted())
@@ -203,7 +221,15 @@ def _optimised(whole: Run, sink: MappingSink, folder: Path, outputs: MapOutputs)
     part = whole.longest_part
     mapper, clouds = sink.longest(whole)
     write_tum(folder / ODOMETRY, part.trajectory)
-    optimum, finish_ms = timed(mapper.finish)
+    try:
+        optimum, finish_ms = timed(mapper.finish)
+    except InputError as error:
+        # such as a map that shows no place of the recording
+        whole.warnings.append(f"There is no map: {error.where}: {error.cause}")
+        write_results(whole, folder)
+        remedy = f"{error.remedy}; in {folder} are the results of the odometry alone ({ODOMETRY})"
+        raise InputError(error.where, error.cause, remedy) from error
+    whole.warnings.remove(UNCORRECTED)
     mapped = _mapped(part, mapper, optimum)
     write_tum(folder / TRAJECTORY, mapped.trajectory)
     if outputs.shown is not None:
@@ -256,7 +282,7 @@ def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
         if edge.parent >= start
     )
     frames[-1] = replace(frames[-1], edges=(*frames[-1].edges, *loops))
-    return replace(run, frames=frames)
+    return replace(run, frames=frames, uncorrected=run.trajectory)
 
 
 def believed_loops(optimum: Optimum) -> tuple[PoseGraphEdge, ...]:

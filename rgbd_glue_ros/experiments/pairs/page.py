@@ -20,7 +20,8 @@ from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_paramete
 from rgbd_glue_ros.parameters import Config
 
 _CSS = """
-.wide th, .wide td { padding-left: .55rem; padding-right: .1rem; }
+.wide table { font-size: .82rem; }
+.wide th, .wide td { padding-left: .4rem; padding-right: .1rem; }
 .wide th:first-child, .wide td:first-child { padding-left: 0; }
 .wide .group { text-align: center; padding-bottom: 0; color: var(--text); }
 .wide .groups th { border-bottom: 0; } .wide .apart td { border-top: 2px solid var(--line); }

@@ -16,6 +16,7 @@ from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
 from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
 from rgbd_glue_ros.experiments.replay.run_record import Provenance
+from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings, named_warnings
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, table
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.parameters import Config, values
@@ -125,9 +126,14 @@ def run_replays(
 def run_job(job: ReplayJob) -> Iterator[dict[str, Any] | InputError]:
     """The metrics of a replayed recording, or its error."""
     try:
-        with job.open_recording(job.path) as recording:
+        with (
+            named_warnings(str(job.path)),
+            heard_warnings() as heard,
+            job.open_recording(job.path) as recording,
+        ):
             taken = first_frames(recording, job.limit)
-            replay(taken, job.config, job.folder, provenance=Provenance(job.open_recording.inputs))
+            provenance = Provenance(job.open_recording.inputs, warnings=tuple(heard))
+            replay(taken, job.config, job.folder, provenance=provenance)
     except InputError as error:
         yield error
         return

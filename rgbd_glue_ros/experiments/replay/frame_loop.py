@@ -9,7 +9,7 @@ from time import perf_counter
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
-from rgbd_glue_ros.odometry.depth_diagnosis import doubt_of_scale
+from rgbd_glue_ros.odometry.depth_diagnosis import doubt_at_start
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.trajectories.tum import TumWriter
 from rgbd_glue_ros.types import (
@@ -101,7 +101,7 @@ class FrameLoop:
             sink.start_anew()
 
     def _warn_of_scale(self, frame: RgbdFrame) -> None:
-        doubt = doubt_of_scale(frame.depth)
+        doubt = doubt_at_start(frame.depth)
         if doubt is not None:
             logger.warning("%s: %s", self._run.sequence, doubt)
 

@@ -17,7 +17,14 @@ class FurtherOutputs:
         sinks: receive each frame and its estimate, and are finally closed.
         cloud: PLY file for a coloured cloud of the keyframes, which the report also shows; None for
             none.
+        files: what the sinks write.
     """
 
     sinks: Sequence[FrameSink] = ()
     cloud: Path | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """All files and folders that are written."""
+        return self.files if self.cloud is None else (*self.files, self.cloud)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType
@@ -13,15 +12,20 @@ from typing import Any
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, evaluate
+from rgbd_glue_ros.experiments.replay.earlier_results import (
+    recording_of,
+    say_what_is_replaced,
+    stale_files,
+)
 from rgbd_glue_ros.experiments.replay.frame_loop import FrameLoop
 from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.report import render
 from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run, metrics
+from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
-from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
 from rgbd_glue_ros.odometry.inertial import explain_distrust
@@ -29,6 +33,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
+from rgbd_glue_ros.recordings.depth_source import depth_source
 from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.slam.cloud import write_ply
 from rgbd_glue_ros.slam.picture import map_jpeg
@@ -44,6 +49,7 @@ logger = logging.getLogger(__name__)
 TRAJECTORY, METRICS, PARAMETERS = "trajectory.txt", "metrics.json", "params.yaml"
 REPORT = "report.html"
 KEYFRAMES, KEYFRAMES_GTSAM = "keyframes.g2o", "keyframes_gtsam.g2o"
+INTERRUPTED = "The run was interrupted: these are the frames until then."
 RESULTS = (TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES, KEYFRAMES_GTSAM)
 
 
@@ -74,14 +80,15 @@ def replay(
             frame cannot be read, or none was tracked.
     """
     check_places(folder, RESULTS, {"cloud": outputs.cloud})
-    with results_of(sequence.name, config, folder, provenance.inputs) as results:
+    beside = outputs.places
+    with results_of(sequence.name, config, folder, provenance.inputs, (), beside) as results:
         return replay_into(
             results,
             sequence,
             config,
             on_frame=on_frame,
             outputs=outputs,
-            command=provenance.command,
+            provenance=provenance,
         )
 
 
@@ -93,7 +100,8 @@ def replay_into(
     on_frame: Callable[[OdometryEstimate], None] = lambda _: None,
     outputs: FurtherOutputs = FurtherOutputs(),
     odometry: Odometry | None = None,
-    command: str = "",
+    provenance: Provenance = Provenance(),
+    trajectory: str = TRAJECTORY,
 ) -> Run:
     """Like ``replay``, into a folder that the caller continues to write to.
 
@@ -105,44 +113,54 @@ def replay_into(
         outputs: what is written besides the folder.
         odometry: a new one of ``config``, for access by the caller; None creates one. It is finally
             closed.
-        command: the command line, for quoting in the report.
+        provenance: how the run came about, for the report.
+        trajectory: name of the file for the poses, as soon as they are known.
     """
     folder = results.path
     warm_up(config)
-    run = Run(sequence.name, config, sequence.ground_truth, command=command)
+    run = Run(sequence.name, config, sequence.ground_truth, command=provenance.command)
+    run.warnings.extend(provenance.warnings)
     pictures, clouds = Thumbnails(), KeyframeClouds()
     takers = (pictures, *(() if outputs.cloud is None else (clouds,)), *outputs.sinks)
     odometry = odometry or Odometry(config)
     imu = imu_of(sequence) or ImuSamples.empty()
     last: OdometryEstimate | None = None
-    try:
-        with TumWriter(folder / TRAJECTORY) as trajectory, odometry:
-            frames = FrameLoop(run, odometry, imu, trajectory, takers, on_frame)
-            for frame in sequence:
-                frames.take(frame)
-            last = frames.last
-    except InputError as error:
-        raise _after_frames(error, len(run.frames)) from error
-    finally:
-        with uninterrupted(), ExitStack() as left:
-            left_out = left_out_of(sequence)
-            run.duplicates += left_out.duplicates
-            run.unpaired = left_out.unpaired
-            for sink in outputs.sinks:
-                left.callback(sink.close)
-            if run.frames:
-                run.thumbnails = pictures.jpegs
-                left.callback(write_results, run, folder)
-                _leave_cloud(left, outputs.cloud, clouds, run)
+    with heard_warnings(run.warnings):
+        try:
+            with TumWriter(folder / trajectory) as poses, odometry:
+                frames = FrameLoop(run, odometry, imu, poses, takers, on_frame)
+                for frame in sequence:
+                    frames.take(frame)
+                last = frames.last
+            _warn_of_imu(odometry)
+            _warn_of_restarts(run)
+            why_none = ""
+            if last is not None and len(run.trajectory) == 0:
+                why_none = explain_no_pose(last, config.camera, depth_source(sequence))
+                run.warnings.append(f"No frame was tracked: {why_none}")
+        except InputError as error:
+            run.warnings.append(f"The run ended early: {error.where}: {error.cause}")
+            raise _after_frames(error, len(run.frames)) from error
+        except KeyboardInterrupt:
+            run.warnings.append(INTERRUPTED)
+            raise
+        finally:
+            with uninterrupted(), ExitStack() as left:
+                left_out = left_out_of(sequence)
+                run.duplicates += left_out.duplicates
+                run.unpaired = left_out.unpaired
+                for sink in outputs.sinks:
+                    left.callback(sink.close)
+                if run.frames:
+                    run.thumbnails = pictures.jpegs
+                    left.callback(write_results, run, folder)
+                    _leave_cloud(left, outputs.cloud, clouds, run)
     if not run.frames:
         raise InputError(sequence.name, "holds no frames", "give a recording with RGB-D frames")
-    _warn_of_imu(odometry)
-    _warn_of_restarts(run)
     if last is not None and len(run.trajectory) == 0:
-        why = explain_no_pose(last, config.camera)
         raise InputError(
             sequence.name,
-            f"none of its {len(run.frames)} frames was tracked: {why}",
+            f"none of its {len(run.frames)} frames was tracked: {why_none}",
             f"the report on them is in {folder}",
         )
     return run
@@ -178,16 +196,13 @@ def _warn_of_imu(odometry: Odometry) -> None:
         logger.warning("imu: %s", distrust)
 
 
-def _recording_of(folder: Path) -> str | None:
-    """The recording of the results in a folder; None if it has none."""
-    try:
-        return str(json.loads(read_text(folder / METRICS))["sequence"])
-    except (ValueError, KeyError, TypeError):
-        return None
-
-
 def results_of(
-    name: str, config: Config, folder: Path, inputs: InputConfig, further: Sequence[str] = ()
+    name: str,
+    config: Config,
+    folder: Path,
+    inputs: InputConfig,
+    further: Sequence[str] = (),
+    beside: Collection[Path] = (),
 ) -> ResultFolder:
     """The folder for the results of a recording, with what is known before the first frame.
 
@@ -197,15 +212,16 @@ def results_of(
         folder: created if it does not exist; results in it are removed.
         inputs: how the recording was opened.
         further: names of further files besides the results of a replay.
+        beside: files and folders that the run writes beside these, maybe into the folder.
 
     Raises:
         InputError: the folder cannot be written, is a recording, or another run is writing to it.
     """
     refuse_recording(folder)
-    before = _recording_of(folder)
-    results = ResultFolder(folder, (*RESULTS, *further))
-    if before not in (None, name):
-        logger.warning("%s: replacing the results of %s", folder, before)
+    before = recording_of(folder / METRICS)
+    names = (*RESULTS, *further)
+    results = ResultFolder(folder, names)
+    say_what_is_replaced(folder, before, name, stale_files(folder, names, beside))
     write_whole(folder / PARAMETERS, to_yaml(inputs, config))
     return results
 
@@ -228,8 +244,10 @@ def write_results(
     """
     # of one time, and in one odom frame
     part = run.longest_part
-    evaluation = _evaluation(part)
+    evaluation, why_none = _evaluation(part)
     figures = {**metrics(run, evaluation), **measured}
+    if why_none:
+        figures["no_ape"] = why_none
     graph = part.pose_graph
     write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
     write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
@@ -239,12 +257,13 @@ def write_results(
     return figures
 
 
-def _evaluation(run: Run) -> Evaluation | None:
+def _evaluation(run: Run) -> tuple[Evaluation | None, str]:
+    """The errors; None, and why, if there is ground truth that does not give them."""
     # without any pose, why there is none is said elsewhere
     if run.ground_truth is None or not len(run.trajectory):
-        return None
+        return None, ""
     try:
-        return evaluate(run.trajectory, run.ground_truth)
+        return evaluate(run.trajectory, run.ground_truth), ""
     except InputError as error:
         logger.warning("%s: no error against ground truth: %s", run.sequence, error.cause)
-        return None
+        return None, error.cause

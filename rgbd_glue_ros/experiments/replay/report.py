@@ -19,12 +19,18 @@ from rgbd_glue_ros.experiments.report import charts
 from rgbd_glue_ros.experiments.report.axes import linear, rising
 from rgbd_glue_ros.experiments.report.charts import Line
 from rgbd_glue_ros.experiments.report.colophon import Colophon
-from rgbd_glue_ros.experiments.report.page import SIDE_BY_SIDE, changed_parameters, page, tiles
+from rgbd_glue_ros.experiments.report.page import (
+    SIDE_BY_SIDE,
+    changed_parameters,
+    notes,
+    page,
+    tiles,
+)
 from rgbd_glue_ros.experiments.report.plans import plans
 from rgbd_glue_ros.experiments.report.timeline import Span, band
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S
-from rgbd_glue_ros.types import Float64, TrackingState
+from rgbd_glue_ros.types import EdgeOrigin, Float64, TrackingState
 
 _UNANSWERED = None
 _STATES: dict[TrackingState | None, tuple[str, str]] = {
@@ -56,6 +62,7 @@ def render(
     stamps_ns = np.array([frame.stamp_ns for frame in run.frames], np.int64)
     seconds = since_start(run, stamps_ns)
     parts = [
+        notes(run.warnings),
         _summary(run, figures, seconds),
         _tiles(figures),
         _trajectory(run, evaluation),
@@ -81,12 +88,17 @@ def _summary(run: Run, figures: Mapping[str, Any], seconds: Float64) -> str:
 
 
 def _tiles(figures: Mapping[str, Any]) -> str:
-    tracked = f"{100 * figures['tracked'] / figures['frames']:.4g}"
+    # 100 is all of them
+    tracked = f"{np.floor(1000 * figures['tracked'] / figures['frames']) / 10:g}"
     is_live = "node_latency_ms" in figures
     which = "frames" if figures["frames"] == figures["played"] else "frames processed"
     shown = []
     if "ape" in figures:
-        shown.append((f"{100 * figures['ape']['rmse_m']:.2f}", "cm", "position error, rmse (APE)"))
+        what = "position error, rmse (APE)"
+        if figures.get("odometry"):
+            before = 100 * figures["odometry"]["ape"]["rmse_m"]
+            what += f"; of the odometry {before:.2f} cm"
+        shown.append((f"{100 * figures['ape']['rmse_m']:.2f}", "cm", what))
     if figures.get("rpe"):
         rpe = figures["rpe"]
         shown.append((f"{100 * rpe['trans_rmse_m']:.2f}", "cm/s", "drift, rmse (RPE)"))
@@ -110,6 +122,14 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
         # axes
         truth = se3.inverse(evaluation.T_reference_estimate) @ evaluation.reference
         tracks.append(("ground truth", "var(--truth)", truth[:, :3, 3], "thick"))
+    if run.uncorrected is not None:
+        before = with_gaps(
+            replace(run, unanswered_ns=()), run.uncorrected.stamps_ns, run.uncorrected.poses
+        )[1]
+        tracks.append(("before loops", "var(--quiet)", before[:, :3, 3], "dashed"))
+    loops = _loops(run)
+    if len(loops):
+        tracks.append(("loops", "var(--geometric)", loops, ""))
     tracks.append(("estimate", "var(--estimate)", poses[:, :3, 3], ""))
     above = [Line(name, color, p[:, 0], p[:, 2], style) for name, color, p, style in tracks]
     beside = [Line(name, color, p[:, 2], -p[:, 1], style) for name, color, p, style in tracks]
@@ -124,6 +144,16 @@ def _trajectory(run: Run, evaluation: Evaluation | None) -> str:
             ]
         )
     )
+
+
+def _loops(run: Run) -> Float64:
+    """Both ends of each loop, and NaN, in turn: positions [N, 3] that make a broken line."""
+    graph = run.pose_graph
+    at = graph.keyframes.poses[:, :3, 3]
+    rows = [(e.parent, e.child) for e in graph.edges if e.origin is EdgeOrigin.LOOP]
+    apart = np.full(3, np.nan)
+    points = [p for i, j in rows if max(i, j) < len(at) for p in (at[i], at[j], apart)]
+    return np.array(points, np.float64).reshape(-1, 3)
 
 
 def _map(run: Run) -> str:
@@ -154,7 +184,8 @@ def _states(run: Run) -> str:
     marked = np.array([f.stamp_ns for f in run.frames if f.is_keyframe], np.int64)
     marks = (since_start(run, marked) - first) / ((last - first) or 1.0)
     keys = [key for state, key in _STATES.items() if state in set(states.values())]
-    title = f"State, and a tick for each of {len(marked)} keyframes"
+    ticks = "a tick for the keyframe" if len(marked) == 1 else f"a tick for each of {len(marked)}"
+    title = f"State, and {ticks}{'' if len(marked) == 1 else ' keyframes'}"
     return band(title, keys, spans, marks, (first, last))
 
 

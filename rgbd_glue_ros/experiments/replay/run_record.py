@@ -35,10 +35,12 @@ class Provenance:
     Attributes:
         inputs: how its recording was opened.
         command: the command line; "" if it was started by a program.
+        warnings: what was warned of as the recording was opened.
     """
 
     inputs: InputConfig = field(default_factory=InputConfig)
     command: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,9 @@ class Run:
         duplicates: frames skipped because their stamp repeats an earlier one.
         unpaired: images without a partner, which are in no frame, by kind; empty if the recording
             does not count them.
+        uncorrected: the poses before loops were closed; None if none were looked for.
+        warnings: what a reader of the report has to know: what was warned of, and how the run ended
+            if it did not come to its end.
     """
 
     sequence: str
@@ -125,6 +130,8 @@ class Run:
     restarts: tuple[int, ...] = ()
     duplicates: int = 0
     unpaired: Mapping[str, int] = field(default_factory=dict)
+    uncorrected: Trajectory | None = None
+    warnings: list[str] = field(default_factory=list)
 
     def add(self, estimate: OdometryEstimate, latency_ms: float) -> None:
         """Records ``estimate``."""

@@ -17,6 +17,8 @@ _GAP = 3.0
 # Normal and chi (3 degrees of freedom) quantiles, as factors of σ of an axis and of all three.
 _OF_AN_AXIS, _OF_A_ROTATION = 1.96, (7.815 / 3) ** 0.5
 _ROWS = 4
+# A cautious covariance is several times as wide as the errors, and is shown whole.
+_WIDEST = 15.0
 
 
 def since_start(run: Run, stamps_ns: Int64) -> Float64:
@@ -59,7 +61,7 @@ def error_charts(run: Run, evaluation: Evaluation, span: tuple[float, float]) ->
     drawn.append(
         "<p>Since the first pose with ground truth, in the axes of the first camera. The band "
         "contains 95&nbsp;% of the errors if the covariance of each pose is correct: 1.96 σ of an "
-        "axis. It is cut off beyond three times the largest error.</p>"
+        f"axis. It is cut off beyond {_WIDEST:g} times the largest error.</p>"
         if np.isfinite(sigmas).any()
         else "<p>Since the first pose with ground truth, in the axes of the first camera.</p>"
     )
@@ -83,7 +85,7 @@ def _part(
     furthest = float(np.nanmax(np.abs(error)))
     if np.isfinite(high).any():
         # if a band is far too wide, only the neighbourhood of the error is shown
-        furthest = max(furthest, min(float(np.nanmax(high)), 3 * furthest))
+        furthest = max(furthest, min(float(np.nanmax(high)), _WIDEST * furthest))
     is_signed = bool((values[:, 1] < 0).any() or (values[:, 0] < 0).any())
     y = symmetric(furthest, _ROWS) if is_signed else rising(furthest, _ROWS)
     areas = [Area("95 % by covariance", "var(--estimate)", x, low, high)]

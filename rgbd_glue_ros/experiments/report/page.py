@@ -47,6 +47,10 @@ code { font: .86em ui-monospace, "SF Mono", Consolas, monospace; overflow-wrap: 
 td small { color: var(--quiet); }
 .wide { overflow-x: auto; margin: 0 0 1.2rem; }
 .wide table { width: auto; min-width: 100%; white-space: nowrap; }
+.notes { background: var(--card); border-left: 4px solid var(--wait); border-radius: 6px;
+  padding: .7rem 1rem; margin: 1rem 0; overflow-wrap: anywhere; }
+.notes p { margin: 0 0 .3rem; color: var(--text); font-weight: 600; }
+.notes ul { margin: 0; padding-left: 1.2rem; font-size: .9rem; }
 footer { margin-top: 3rem; padding-top: 1rem; border-top: 1px solid var(--line);
   color: var(--quiet); font-size: .8rem; }
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
@@ -78,6 +82,14 @@ def tiles(figures: Iterable[tuple[str, str, str]]) -> str:
         for value, unit, text in figures
     )
     return f'<div class="tiles">{body}</div>'
+
+
+def notes(texts: Iterable[str]) -> str:
+    """A box with what was warned of; nothing if there was nothing."""
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    if not items:
+        return ""
+    return f'<div class="notes"><p>Warnings</p><ul>{items}</ul></div>'
 
 
 def changed_parameters(config: Config) -> str:

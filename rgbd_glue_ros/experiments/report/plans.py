@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rgbd_glue_ros.experiments.report.axes import ticks
 from rgbd_glue_ros.experiments.report.charts import SIDE, Line, caption, path
 from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.types import Float64, Int64
 
 CSS = """
-.plan .plot { margin: 0 0 1.8rem; height: auto; aspect-ratio: var(--ratio); }
+.plan .plot { margin: 0 0 2.8rem; height: auto; aspect-ratio: var(--ratio); }
 .scale { position: absolute; right: 0; top: calc(100% + .5rem); color: var(--quiet);
   font-size: .72rem; border: solid var(--quiet); border-width: 0 1px 1px; padding: 0 0 .25rem;
   text-align: center; line-height: 1; }
@@ -73,7 +72,7 @@ def _plan(
         f'<path class="dot" style="--c:{color}" d="M{px:.1f} {py:.1f}h0"/>'
         for px, py, color in ends
     ]
-    bar = max(value for value in ticks(0.0, 0.4 * width) if value <= 0.4 * width)
+    bar = round_length(0.4 * width)
     length = f"{bar:g} m" if bar >= 1 else f"{100 * bar:g} cm"
     return (
         f'<figure class="chart plan">{caption(title, lines)}'
@@ -84,6 +83,13 @@ def _plan(
         f'<span class="scale" style="width:{100 * bar / width:.2f}%">{length}</span>'
         "</div></figure>"
     )
+
+
+def round_length(longest: float) -> float:
+    """The largest of 1, 2, 5, 10 ... (of any power of ten) that is not longer than ``longest``."""
+    power = 10.0 ** np.floor(np.log10(longest) + 1e-9)
+    step = max(step for step in (1.0, 2.0, 5.0) if step * power <= longest * (1 + 1e-9))
+    return float(f"{step * power:.12g}")
 
 
 def _spaced(x: Float64, y: Float64) -> Int64:

@@ -34,6 +34,7 @@ from rgbd_glue_ros.recordings.bag.layout import (
     first_bytes,
     has_log,
     is_ros1,
+    lacks_log,
     storage_files,
 )
 from rgbd_glue_ros.recordings.bag.message import DamagedError, RecordedMessage
@@ -101,8 +102,13 @@ class BagFile(Closing):
             self.topics = self._scan()
         if not self.topics:
             self.close()
+            without_log = [file.name for file in self._files if lacks_log(file)]
             raise InputError(
-                path, f"holds no message: {self.damage or 'it is empty'}", "record again"
+                path,
+                f"holds no message: {self.damage or 'it is empty'}",
+                f"copy {without_log[0]}-wal too, the log that its recorder left beside it"
+                if without_log
+                else "record again",
             )
 
     def _unpacked(self) -> list[tuple[Path, Path]]:
@@ -241,10 +247,11 @@ def _say_what_is_missing(path: Path, files: list[Path]) -> None:
     # the same number of files under other names are the same files, renamed
     if missing and len(files) < len(named):
         logger.warning(
-            "%s: %d of its %d parts are missing (%s); continuing without them",
+            "%s: %d of its %d parts %s missing (%s); continuing without",
             path,
             len(missing),
             len(named),
+            "is" if len(missing) == 1 else "are",
             ", ".join(sorted(missing)),
         )
 

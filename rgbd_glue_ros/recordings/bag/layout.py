@@ -71,8 +71,19 @@ def is_ros1(path: Path) -> bool:
 
 def has_log(path: Path) -> bool:
     """Whether there is a log beside an SQLite file with content that is not in it yet."""
-    log = path.with_name(f"{path.name}-wal")
+    log = log_of(path)
     return log.is_file() and log.stat().st_size > 0
+
+
+def log_of(path: Path) -> Path:
+    """The place of the log of an SQLite file."""
+    return path.with_name(f"{path.name}-wal")
+
+
+def lacks_log(path: Path) -> bool:
+    """Whether an SQLite file was written with a log, which is not beside it."""
+    head = first_bytes(path)
+    return head.startswith(SQLITE_MAGIC) and head[18:20] == b"\2\2" and not has_log(path)
 
 
 def _is_storage(path: Path) -> bool:

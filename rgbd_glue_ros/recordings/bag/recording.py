@@ -238,6 +238,7 @@ class BagRecording(Closing):
         else:
             sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
         stamps = StampSource[Any](self._stamp_source)
+        is_said = False
         for recorded in self._bag.messages(channels):
             try:
                 message = self._bag.deserialize(recorded)
@@ -248,6 +249,13 @@ class BagRecording(Closing):
             in_header_ns = stamp_ns(message.header.stamp)
             for stamp, item in stamps.accept(channel, in_header_ns, recorded.stamp_ns, message):
                 yield from sync.add(channel, stamp, item)
+            if Channel.INFO in stamps.unstamped and not is_said:
+                is_said = True
+                logger.warning(
+                    "%s: camera infos have no stamp, though images do; their time of recording "
+                    "is used",
+                    self._topics.info,
+                )
         for channel, stamp, item in stamps.flush():
             yield from sync.add(channel, stamp, item)
         yield from sync.flush()

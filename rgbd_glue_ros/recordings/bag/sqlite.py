@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from rgbd_glue_ros.recordings.bag.layout import has_log
+from rgbd_glue_ros.recordings.bag.layout import has_log, log_of
 from rgbd_glue_ros.recordings.bag.message import DamagedError, RecordedMessage
 
 # Steps of SQLite's virtual machine, of which a row of a table takes a dozen
@@ -110,8 +110,7 @@ def _sqlite_messages(path: Path) -> Iterator[RecordedMessage]:
         # otherwise SQLite would read nothing of a file that is shorter than its header says
         connection.execute("PRAGMA writable_schema = ON")
         _check_schema(connection)
-        log = path.with_name(f"{path.name}-wal")
-        left = path.stat().st_size + (log.stat().st_size if has_log(path) else 0)
+        left = path.stat().st_size + (log_of(path).stat().st_size if has_log(path) else 0)
         _stop_after(connection, left // _SMALLEST_ROW)
         topics = {
             number: (str(topic), str(message_type))

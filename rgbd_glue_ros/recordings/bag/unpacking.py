@@ -21,8 +21,15 @@ from backports import zstd
 from rosbags.rosbag1 import reader as rosbag1
 from rosbags.rosbag2 import storage_mcap
 
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
-from rgbd_glue_ros.recordings.bag.layout import ZSTD_MAGIC, first_bytes
+from rgbd_glue_ros.recordings.bag.layout import (
+    SQLITE_MAGIC,
+    ZSTD_MAGIC,
+    first_bytes,
+    has_log,
+    log_of,
+)
 from rgbd_glue_ros.recordings.bag.message import DamagedError
 
 MAX_CHUNK = 2**28
@@ -34,6 +41,8 @@ MAX_FILE_RATIO = 100
 _SMALL = 2**24
 _BLOCK = 2**20
 _FOLDER = "rgbd-glue-bag-"
+# The temporary folder may be in memory
+_MOST_COPIED = 2**31
 # An unlocked folder is kept for this long, since it may be new
 _AGE_S = 60
 
@@ -82,7 +91,10 @@ def unpacked_message(data: bytes) -> bytes:
 
 
 class PlainFiles:
-    """Files as readers need them: those compressed as a whole are unpacked to a temporary folder.
+    """Files as readers need them, in a temporary folder if they are not so by themselves.
+
+    Those compressed as a whole are unpacked, and a database with a log beside it is copied: SQLite
+    reads a log only where it can write, and would leave a file of its own beside the recording.
 
     The folder is removed when it is closed, or when the process ends; after a killed process, the
     next one removes it.
@@ -93,22 +105,47 @@ class PlainFiles:
         self._lock = -1
 
     def of(self, path: Path) -> Path:
-        """The file itself, or its unpacked form, as far as possible.
+        """The file itself, or its unpacked form or copy, as far as possible.
 
         Raises:
             DamagedError: it unpacks to too much, or to more than the free space.
+            InputError: a database and its log can neither be copied nor read where they are.
         """
-        if not first_bytes(path).startswith(ZSTD_MAGIC):
+        head = first_bytes(path)
+        if head.startswith(SQLITE_MAGIC) and has_log(path):
+            return self._copied(path)
+        if not head.startswith(ZSTD_MAGIC):
             return path
+        plain = self._place() / path.stem
+        with open_file(path) as source, plain.open("wb") as target:
+            _unpack_file(source, target)
+        return plain
+
+    def _place(self) -> Path:
         if self._folder is None:
             _remove_what_is_left()
             self._folder = tempfile.TemporaryDirectory(prefix=_FOLDER)
             self._lock = os.open(self._folder.name, os.O_RDONLY)
             fcntl.flock(self._lock, fcntl.LOCK_EX)
-        plain = Path(self._folder.name) / path.stem
-        with open_file(path) as source, plain.open("wb") as target:
-            _unpack_file(source, target)
-        return plain
+        return Path(self._folder.name)
+
+    def _copied(self, path: Path) -> Path:
+        files = (path, log_of(path))
+        size = sum(file.stat().st_size for file in files)
+        place = self._place()
+        if size > min(_MOST_COPIED, shutil.disk_usage(place).free):
+            if os.access(path.parent, os.W_OK):
+                return path
+            raise InputError(
+                path,
+                f"has a log beside it ({log_of(path).name}), which SQLite reads only in a folder "
+                "where it can write",
+                "copy the folder to where you can write",
+            )
+        for file in files:
+            with open_file(file) as source, (place / file.name).open("wb") as target:
+                shutil.copyfileobj(source, target, _BLOCK)
+        return place / path.name
 
     def close(self) -> None:
         """Removes the folder."""

@@ -79,9 +79,8 @@ def find(name: str) -> Source:
     """
     if name in CATALOGUE:
         return CATALOGUE[name]
-    similar = get_close_matches(name, CATALOGUE, cutoff=0.4) or [next(iter(CATALOGUE))]
+    similar = get_close_matches(name, CATALOGUE)
+    hint = f"did you mean {' or '.join(similar)}? Otherwise " if similar else ""
     raise InputError(
-        name,
-        "is not an available data set",
-        f"give one listed by 'rgbd-glue fetch', such as {', '.join(similar)}",
+        name, "is not an available data set", f"{hint}give one listed by 'rgbd-glue fetch'"
     )

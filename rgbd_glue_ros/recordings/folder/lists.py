@@ -14,6 +14,7 @@ from rgbd_glue_ros.files.reading import inside
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, read_lines
 from rgbd_glue_ros.parameters import metres_per_unit
+from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import ImagePair, ImagePairs
 from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
@@ -155,9 +156,9 @@ def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
     # a header line is not counted as lost
     if skipped and skipped != [lines[0].number]:
         logger.warning(
-            "%s: %d lines name no image and were skipped; the first: line %d",
+            "%s: %s skipped; the first: line %d",
             path,
-            len(skipped),
+            counted(len(skipped), "line names no image and was", "lines name no image and were"),
             skipped[0],
         )
     return rows

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size
-from rgbd_glue_ros.recordings.calibration import Calibration
+from rgbd_glue_ros.recordings.calibration import Calibration, say_unit
 from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES, TUM, DepthEncoding
 from rgbd_glue_ros.recordings.folder import lists, streams
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
@@ -88,6 +88,7 @@ def open_folder(
         depth_camera=depth_camera,
         left_out=found.left_out,
     )
+    say_unit(sequence.name, told, encoding.units_per_metre)
     return sequence.with_calibration_depth_scale(told.depth_scale)
 
 
