@@ -42,13 +42,13 @@ def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
     )
 
 
-def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, source: str = "depth") -> str:
+def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, topic: str = "") -> str:
     """Why a frame has no pose and, if known, what to do; "" if it has one.
 
     Args:
         estimate: of the frame.
         limits: the usable range of depth.
-        source: where depth comes from, such as a topic.
+        topic: of depth; "" if there is none.
     """
     depth = estimate.depth
     if depth is None:
@@ -56,15 +56,16 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, source: st
     if depth.in_range >= _USABLE_SHARE:
         result = estimate.registration
         return "too little is visible to start" if result is None else result.status.value
+    of_topic = f" {topic}" if topic else ""
     if depth.known < _USABLE_SHARE:
         return (
-            f"{source}: {depth.known:.0%} of the pixels have a depth: check that the topic is that "
+            f"{depth.known:.0%} of the pixels have a depth: check that the topic{of_topic} is that "
             "of the depth images, and that the camera views something within its range"
         )
     seen = (
-        f"{source}: {depth.known:.0%} of the pixels have a depth, but {depth.in_range:.0%} one "
+        f"{depth.known:.0%} of the pixels have a depth, but {depth.in_range:.0%} one "
         f"from {limits.depth_min:g} to {limits.depth_max:g} m (camera.depth_min, "
-        f"camera.depth_max); the median is {depth.median_m:.3g} m"
+        f"camera.depth_max); the median{' on' if topic else ''}{of_topic} is {depth.median_m:.3g} m"
     )
     if _MILLIMETRES[0] <= depth.median_m <= _MILLIMETRES[1]:
         return (

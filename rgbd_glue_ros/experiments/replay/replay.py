@@ -33,7 +33,7 @@ from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
-from rgbd_glue_ros.recordings.depth_source import depth_source
+from rgbd_glue_ros.recordings.depth_topic import depth_topic
 from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.slam.cloud import write_ply
 from rgbd_glue_ros.slam.picture import map_jpeg
@@ -136,7 +136,7 @@ def replay_into(
             _warn_of_restarts(run)
             why_none = ""
             if last is not None and len(run.trajectory) == 0:
-                why_none = explain_no_pose(last, config.camera, depth_source(sequence))
+                why_none = explain_no_pose(last, config.camera, depth_topic(sequence))
                 run.warnings.append(f"No frame was tracked: {why_none}")
         except InputError as error:
             run.warnings.append(f"The run ended early: {error.where}: {error.cause}")

@@ -1,4 +1,4 @@
-"""Where the depth of a recording comes from, in words for messages about it."""
+"""The topic that the depth of a recording comes from, for messages about it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from rgbd_glue_ros.recordings.recording import Recording
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 
 
-def depth_source(recording: Recording) -> str:
-    """The depth topic of a bag, whatever its frames went through since; "depth" of others."""
+def depth_topic(recording: Recording) -> str:
+    """The depth topic of a bag, whatever its frames went through since; "" of others."""
     while isinstance(recording, WrappedRecording):
         recording = recording.recording
     topic = recording.topics.depth if isinstance(recording, BagRecording) else None
-    return topic or "depth"
+    return topic or ""
