@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rgbd_glue_ros.parameters import CameraConfig
@@ -32,12 +34,12 @@ def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
         depth: float32 [H, W], metres, NaN where unknown.
         limits: the usable range of depth.
     """
-    values = depth[::_STEP, ::_STEP]
-    known = values[np.isfinite(values)]
+    known = _some_known(depth)
+    count = max(depth[::_STEP, ::_STEP].size, 1)
     in_range = (known >= limits.depth_min) & (known <= limits.depth_max)
     return DepthSummary(
-        known=len(known) / max(values.size, 1),
-        in_range=int(in_range.sum()) / max(values.size, 1),
+        known=len(known) / count,
+        in_range=int(in_range.sum()) / count,
         median_m=float(np.median(known)) if len(known) else float("nan"),
     )
 
@@ -67,7 +69,7 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, topic: str
         f"from {limits.depth_min:g} to {limits.depth_max:g} m (camera.depth_min, "
         f"camera.depth_max); the median{' on' if topic else ''}{of_topic} is {depth.median_m:.3g} m"
     )
-    if _MILLIMETRES[0] <= depth.median_m <= _MILLIMETRES[1]:
+    if _are_millimetres(depth.median_m):
         return (
             f"{seen}, so these are millimetres: set depth_scale to 0.001 (commands: --depth-scale "
             "0.001, node: -p depth_scale:=0.001)"
@@ -77,11 +79,10 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, topic: str
 
 def doubt_at_start(depth: Float32) -> str | None:
     """As ``doubt_of_scale``; None for millimetres, which ``explain_no_pose`` will tell."""
-    values = depth[::_STEP, ::_STEP]
-    known = values[np.isfinite(values)]
-    if len(known) and _MILLIMETRES[0] <= np.median(known) <= _MILLIMETRES[1]:
+    known = _some_known(depth)
+    if len(known) and _are_millimetres(np.median(known)):
         return None
-    return doubt_of_scale(depth)
+    return _doubt(known)
 
 
 def doubt_of_scale(depth: Float32) -> str | None:
@@ -90,8 +91,10 @@ def doubt_of_scale(depth: Float32) -> str | None:
     Args:
         depth: float32 [H, W], metres, NaN where unknown.
     """
-    values = depth[::_STEP, ::_STEP]
-    known = values[np.isfinite(values)]
+    return _doubt(_some_known(depth))
+
+
+def _doubt(known: Float32) -> str | None:
     if not len(known):
         return None
     median, far = np.percentile(known, [50, _FAR_PERCENTILE])
@@ -101,3 +104,12 @@ def doubt_of_scale(depth: Float32) -> str | None:
         f"the median depth is {median:.3g} m, and {_FAR_PERCENTILE} % of it is within {far:.3g} "
         f"m; if that is not so, the unit is another one: set {_SET_SCALE}"
     )
+
+
+def _some_known(depth: Float32) -> Float32:
+    values = depth[::_STEP, ::_STEP]
+    return values[np.isfinite(values)]
+
+
+def _are_millimetres(median: float | np.floating[Any]) -> bool:
+    return bool(_MILLIMETRES[0] <= median <= _MILLIMETRES[1])

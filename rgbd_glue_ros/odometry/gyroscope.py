@@ -104,9 +104,9 @@ class Gyroscope:
         if not len(near) or np.diff(near, prepend=0.0, append=elapsed).max() > _LONGEST_GAP_S:
             return None
         knots = np.concatenate([[0.0], seconds[first:last], [elapsed]])
-        at_knots = np.stack([np.interp(knots, seconds, v) for v in velocities.T], axis=1)
+        at_knots = _interpolated(knots, seconds, velocities)
         R = np.eye(4)
-        for step in np.diff(knots)[:, None] * (at_knots[:-1] + at_knots[1:]) / 2:
+        for step in _turned_between(knots, at_knots):
             R = R @ se3.exp(np.concatenate([np.zeros(3), step]))
         rotation_vector = se3.rotation_vector(R)
         held = max(elapsed - near[-1], near[0], 0.0)
@@ -149,8 +149,7 @@ class Gyroscope:
             return rotations
         between = seconds[(seconds > then[covered][0]) & (seconds < end)]
         knots = np.unique(np.concatenate([then[covered], between, [end]]))
-        at_knots = np.stack([np.interp(knots, seconds, v) for v in velocities.T], axis=1)
-        steps = np.diff(knots)[:, None] * (at_knots[:-1] + at_knots[1:]) / 2
+        steps = _turned_between(knots, _interpolated(knots, seconds, velocities))
         R_last_knot = np.empty((len(knots), 3, 3))
         R_last_knot[-1] = np.eye(3)
         for i in reversed(range(len(steps))):
@@ -198,6 +197,17 @@ class Gyroscope:
             covariance=kept @ self.covariance @ kept.T + gain @ noise @ gain.T + walk,
             doubt=doubt,
         )
+
+
+def _interpolated(knots: Float64, seconds: Float64, velocities: Float64) -> Float64:
+    """Angular velocities at some times, float64 [K, 3], from those [N, 3] at other times [N]."""
+    return np.stack([np.interp(knots, seconds, v) for v in velocities.T], axis=1)
+
+
+def _turned_between(knots: Float64, at_knots: Float64) -> Float64:
+    """The rotation vectors from each of some times [K] to the next, float64 [K - 1, 3]."""
+    turned: Float64 = np.diff(knots)[:, None] * (at_knots[:-1] + at_knots[1:]) / 2
+    return turned
 
 
 def _covered_since(seconds: Float64, end: float) -> float:

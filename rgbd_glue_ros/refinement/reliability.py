@@ -76,9 +76,10 @@ def without_spurious_information(
         lambda moved: pixel_rows(moved, finest, brightness), T, weakest, reach
     )
     share = min(spurious / strength, 1.0)
-    there = expected_where_weakest(refinement, expected, reach)
-    if share >= 1 / 2 and se3.difference(T, there.T_model_source) > reach:
-        return there
+    if share >= 1 / 2:
+        there = expected_where_weakest(refinement, expected, reach)
+        if se3.difference(T, there.T_model_source) > reach:
+            return there
     direction = information.direction_least_known(expected, reach)
     return replace(refinement, information=information.without(share, direction))
 

@@ -138,17 +138,8 @@ class LoopFinder:
         apart = se3.differences(np.array([poses[n] for n in earlier]).reshape(-1, 4, 4), T_child)
         near = [earlier[row] for row in np.argsort(apart, kind="stable") if apart[row] < _NEAR]
         unlinked = [n for n in near if n not in linked]
-        edges = [
-            loop_edge(
-                self._whole.of(self.keyframes[n]),
-                self._whole.of(child),
-                self._glue,
-                self._config,
-                se3.inverse(poses[n]) @ T_child,
-            )
-            for n in unlinked[:_NEAREST]
-        ]
-        return tuple(edge for edge in edges if edge is not None)
+        expected = {n: se3.inverse(poses[n]) @ T_child for n in unlinked[:_NEAREST]}
+        return self._compared(self._whole.of(child), expected) if expected else ()
 
     def _alike(self, descriptors: UInt8) -> list[Likeness]:
         return most_alike_first([*self._before.like(descriptors), *self._session.like(descriptors)])
@@ -162,10 +153,16 @@ class LoopFinder:
             if self._is_earlier(likeness.number, keyframe.number)
             and likeness.matches >= _MIN_MATCHES
         ]
+        unlinked = [number for number in candidates[:_MOST_ALIKE] if number not in linked]
+        return self._compared(keyframe, dict.fromkeys(unlinked))
+
+    def _compared(
+        self, child: MapKeyframe, expected: Mapping[int, Float64 | None]
+    ) -> tuple[PoseGraphEdge, ...]:
+        """The loops of a keyframe with others, by number the poses that it is expected at."""
         edges = [
-            loop_edge(self._whole.of(self.keyframes[number]), keyframe, self._glue, self._config)
-            for number in candidates[:_MOST_ALIKE]
-            if number not in linked
+            loop_edge(self._whole.of(self.keyframes[n]), child, self._glue, self._config, T)
+            for n, T in expected.items()
         ]
         return tuple(edge for edge in edges if edge is not None)
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam.appearance import Appearance
 from rgbd_glue_ros.slam.loop_closure import T_map_odom_by
 from rgbd_glue_ros.slam.loop_finder import LoopFinder, linked_to
 from rgbd_glue_ros.slam.map_file import SavedMap
@@ -27,17 +24,13 @@ class Mapper:
         edges: of the odometry and of loops.
     """
 
-    def __init__(
-        self, config: Config, glue: Glue, new_appearance: Callable[[], Appearance]
-    ) -> None:
+    def __init__(self, finder: LoopFinder) -> None:
         """An empty map.
 
         Args:
-            config: how keyframes are compared.
-            glue: registers them, with that configuration.
-            new_appearance: creates what finds similar keyframes.
+            finder: compares keyframes, and has none yet.
         """
-        self._finder = LoopFinder(config, glue, new_appearance)
+        self._finder = finder
         self._before_name = ""
         self.edges: list[PoseGraphEdge] = []
 

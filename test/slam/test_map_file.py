@@ -21,6 +21,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.edge_composition import assumed_edge
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.loop_finder import LoopFinder
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.packed_view import packed
@@ -316,7 +317,7 @@ def test_a_map_of_another_version_is_told_from_what_is_no_map(tmp_path: Path) ->
 def test_a_map_of_another_place_is_named_by_its_file(tmp_path: Path) -> None:
     path = tmp_path / "room.rgbdmap"
     write_map(path, walk())
-    mapper = Mapper(config(), Glue(config()), HammingVotes)
+    mapper = Mapper(LoopFinder(config(), Glue(config()), HammingVotes))
     mapper.restore(read_map(path))
     with pytest.raises(InputError) as refused:
         mapper.finish()

@@ -13,13 +13,14 @@ from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.loop_closure import loop_edge
+from rgbd_glue_ros.slam.loop_finder import LoopFinder
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.types import EdgeOrigin, Float64, Trajectory
 
 
 def mapped_with_drift() -> Mapper:
     """A mapper fed with keyframes and edges that have drifted."""
-    mapper = Mapper(config(), Glue(config()), HammingVotes)
+    mapper = Mapper(LoopFinder(config(), Glue(config()), HammingVotes))
     for known in drifted():
         mapper.add_edges(known.edges)
         mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera))
@@ -87,7 +88,7 @@ def test_the_same_geometry_with_other_images_is_no_loop() -> None:
 
 def test_without_a_loop_poses_stay_where_the_odometry_has_them() -> None:
     pytest.importorskip("gtsam", reason="GTSAM is not installed")
-    mapper = Mapper(config(), Glue(config()), HammingVotes)
+    mapper = Mapper(LoopFinder(config(), Glue(config()), HammingVotes))
     for known in drifted()[:2]:
         mapper.add_edges(known.edges)
         mapper.add(replace(known.keyframe, T_odom_camera=known.T_odom_camera))

@@ -33,6 +33,7 @@ from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
 from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused, write_ply
 from rgbd_glue_ros.slam.correction import corrected
+from rgbd_glue_ros.slam.loop_finder import LoopFinder
 from rgbd_glue_ros.slam.map_file import SavedMap, write_map
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
@@ -210,7 +211,7 @@ def map_recording(
 
 @uninterrupted()
 def _new_mapper(config: Config, glue: Glue, before: SavedMap | None) -> Mapper:
-    mapper = Mapper(config, glue, SearchTree)
+    mapper = Mapper(LoopFinder(config, glue, SearchTree))
     if before is not None:
         mapper.restore(before)
     return mapper
