@@ -47,6 +47,7 @@ COMMANDS = (
     Command("demo", "play the bundled bag, or a recording, to the node over DDS"),
     Command("odometry", "run the ROS node", is_ros_node=True),
     Command("mapping", "run the ROS node that closes loops of the odometry", is_ros_node=True),
+    Command("watch", "show the odometry's pose and state as they come", is_ros_node=True),
     Command("play", "publish a recording on the topics of a camera"),
     Command("replay", "run the odometry over a recording"),
     Command("map", "close the loops of a recording and build a map"),

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.errors import MissingExtraError
@@ -56,22 +56,33 @@ def add_node_arguments(
 
 
 def run_node(args: argparse.Namespace, module: str) -> str:
-    """Runs a node until SIGINT, SIGTERM or SIGHUP.
+    """Runs a node that takes a camera's images until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         args: of the command.
         module: the node's; its ``main`` takes ROS arguments and the signals.
+    """
+    ros = args.ros
+    if args.camera:
+        from rgbd_glue_ros.live.camera_presets import load_camera
+
+        ros = _with_camera(load_camera(args.camera), ros)
+    return run_module(module, ros)
+
+
+def run_module(module: str, ros: list[str], **options: Any) -> str:
+    """Runs a node until SIGINT, SIGTERM or SIGHUP.
+
+    Args:
+        module: the node's; its ``main`` takes ROS arguments, the signals and the options.
+        ros: ROS arguments.
+        options: of the node.
     """
     from rgbd_glue_ros.live.end_signals import EndSignals
     from rgbd_glue_ros.live.heap import keep_freed_memory
 
     end_signals = EndSignals()
     keep_freed_memory()
-    ros = args.ros
-    if args.camera:
-        from rgbd_glue_ros.live.camera_presets import load_camera
-
-        ros = _with_camera(load_camera(args.camera), ros)
     # ROS from PyPI does not set it, and without it rclpy finds no resources
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     try:
@@ -81,7 +92,7 @@ def run_node(args: argparse.Namespace, module: str) -> str:
         raise MissingExtraError(library, "ros", "the node") from error
     # the node has its own log
     logging.getLogger().handlers.clear()
-    code = node.main(["--ros-args", *ros], end_signals)
+    code = node.main(["--ros-args", *ros], end_signals, **options)
     if code:
         raise SystemExit(code)
     return ""

@@ -46,7 +46,8 @@ class Parser(argparse.ArgumentParser):
 
     def refuse(self, word: str, following: str = "") -> NoReturn:
         """Ends the process with an explanation of an unknown word, maybe by the one after it."""
-        if word in _ROS_OPTIONS and "--camera" in self.options:
+        command = self.get_default("command")
+        if word in _ROS_OPTIONS and command is not None and command.is_ros_node:
             given = shlex.join(filter(None, ("--ros-args", word, following)))
             self.error(f"{word}: is an argument of ROS, which follows --ros-args: {given}")
         if _ROS_PARAMETER.match(word):

@@ -1,7 +1,8 @@
-"""Why the mapping node gets no keyframes from the odometry node."""
+"""Why another node gets nothing from the odometry node."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 
@@ -46,6 +47,56 @@ def explain_no_keyframes(
     if keyframe.received > 1 and not edge.received:
         return f"No keyframes: {_silent(edge)}: check whether type and QoS of the topic match"
     return None
+
+
+def explain_no_poses(
+    odom: OdometryTopic,
+    heard_of: Sequence[str],
+    network: str,
+    *,
+    was_there: bool,
+) -> str:
+    """Why no pose arrives, and what to do.
+
+    Args:
+        odom: the topic of poses.
+        heard_of: full names of odometry nodes that say something on /diagnostics.
+        network: where nodes are looked for, by ``describe_network``.
+        was_there: whether poses have arrived before.
+    """
+    if odom.publishers:
+        return f"{_silent(odom)}: check whether it has images, and whether type and QoS match"
+    if heard_of:
+        return (
+            f"nobody publishes {odom.topic}, but {_listed([*heard_of])} runs: give its namespace, "
+            "as in --ros-args -r __ns:=/robot, or its topic, -r odom:=/robot/odom"
+        )
+    if was_there:
+        return f"{odom.topic} has no publisher any more: the node has ended; start it again"
+    return (
+        f"nobody publishes {odom.topic}: start the node, as in `odometry --camera realsense_d400`. "
+        f"If it runs, {network}"
+    )
+
+
+def describe_network(environment: Mapping[str, str]) -> str:
+    """Where ROS looks for other nodes, and what must be equal for them to be found.
+
+    Args:
+        environment: variables of this process.
+    """
+    domain = environment.get("ROS_DOMAIN_ID") or "0"
+    is_here = (
+        environment.get("ROS_LOCALHOST_ONLY") == "1"
+        or environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
+    )
+    where = (
+        "only nodes of this machine are found: unset ROS_LOCALHOST_ONLY and set "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET for those of others"
+        if is_here
+        else "the network must let multicast through to those of other machines"
+    )
+    return f"it must have the same ROS_DOMAIN_ID, which is {domain} here; {where}"
 
 
 def _silent(silent: OdometryTopic) -> str:

@@ -24,6 +24,9 @@ DIAGNOSTIC_LEVELS = {
     TrackingState.TRACKING: DiagnosticStatus.OK,
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
+PART = "odometry"
+"""What a status is of that ``NodeDiagnostics`` publishes."""
+
 DIAGNOSTICS_S = 1.0
 LOG_S = 60.0
 
@@ -106,4 +109,4 @@ class NodeDiagnostics:
         for channel, counts in self._synchronizer.counts.items():
             values |= {f"{channel.value}: {name}": n for name, n in asdict(counts).items()}
         level, message = self._verdict(self._monitor.state, now_ns)
-        self._publisher.publish(diagnostics_message(self._node, "odometry", level, message, values))
+        self._publisher.publish(diagnostics_message(self._node, PART, level, message, values))

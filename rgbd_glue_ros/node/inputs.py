@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -79,11 +79,7 @@ class NodeInput:
         if not publishers:
             return
         if len(publishers) > 1:
-            self._node.get_logger().warning(
-                f"{self.topic} has {len(publishers)} publishers, whose messages mix: "
-                f"{', '.join(self.publishers)}; keep one. A killed publisher is still counted "
-                "for a while"
-            )
+            self._node.get_logger().warning(describe_mixture(self.topic, self.publishers))
         durability = offered_durability(publishers)
         reliability = self._offered_reliability(publishers)
         if (reliability, durability) == (self._reliability, self._durability):
@@ -137,6 +133,19 @@ def describe_publishers(node: Node, topic: str, message_type: type) -> tuple[str
         wrong = "" if info.topic_type == expected else f", not {expected}"
         words.append(f"{name} ({info.topic_type}{wrong}, {_describe_offer(info.qos_profile)})")
     return tuple(words)
+
+
+def describe_mixture(topic: str, publishers: Sequence[str]) -> str:
+    """A warning that a topic has several publishers, and what to do.
+
+    Args:
+        topic: its full name.
+        publishers: their descriptions.
+    """
+    return (
+        f"{topic} has {len(publishers)} publishers, whose messages mix: {', '.join(publishers)}; "
+        "keep one. A killed publisher is still counted for a while"
+    )
 
 
 def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeInput, ...]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.closing import Closing
+from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import format_stamp
 from rgbd_glue_ros.files.writing import not_written, write_whole
 from rgbd_glue_ros.trajectories.columns import stamped_poses
@@ -52,11 +53,21 @@ class TumWriter(Closing):
     Its lines are complete, even if the disk is full.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Creates the file; raises InputError if it cannot be written."""
+    def __init__(self, path: Path, *, must_be_new: bool = False) -> None:
+        """Creates the file.
+
+        Args:
+            path: of the file.
+            must_be_new: whether a file that exists is left alone; otherwise it is replaced.
+
+        Raises:
+            InputError: it cannot be written, or exists and must be new.
+        """
         self._path = path
         try:
-            self._file = path.open("wb", buffering=0)
+            self._file = path.open("xb" if must_be_new else "wb", buffering=0)
+        except FileExistsError as error:
+            raise InputError(path, "exists already", "give a new file") from error
         except OSError as error:
             raise not_written(path, error) from error
         self._append(TUM_HEADER)
@@ -64,6 +75,10 @@ class TumWriter(Closing):
     def append(self, stamp_ns: int, T_world_body: Float64) -> None:
         """Adds one pose [4, 4]; raises InputError if it cannot be written."""
         self._append(_tum_line(stamp_ns, T_world_body))
+
+    def note(self, text: str) -> None:
+        """Adds a comment of one line; raises InputError if it cannot be written."""
+        self._append(f"# {text}")
 
     def _append(self, text: str) -> None:
         line = f"{text}\n".encode()

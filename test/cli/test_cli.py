@@ -65,9 +65,14 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
     ("arguments", "says"),
     [
         ([], "COMMAND"),
-        ([], "give a COMMAND (demo, odometry, mapping, play, replay, map,"),
+        ([], "give a COMMAND (demo, odometry, mapping, watch, play, replay, map,"),
         (["odometry", "-p", "frame_id:=x"], "follows --ros-args: --ros-args -p frame_id:=x; see"),
         (["mapping", "--params-file", "a b"], "--ros-args --params-file 'a b'; see"),
+        (
+            ["watch", "-r", "__ns:=/a"],
+            "which follows --ros-args: --ros-args -r __ns:=/a; see rgbd-g",
+        ),
+        (["watch", "-o", "README.md"], "README.md: exists already; give a new file"),
         (["replay", "x", "-p", "y"], "-p: no such option"),
         (["fetch", "tum/fr1_dsk"], "did you mean tum/fr1_desk or "),
         (["fetch", "nonsense"], "not an available data set; give one listed by 'rgbd-glue fetch'"),

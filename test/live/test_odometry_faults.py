@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
+from rgbd_glue_ros.live.odometry_faults import (
+    OdometryTopic,
+    describe_network,
+    explain_no_keyframes,
+    explain_no_poses,
+)
 
 BY = "/rgbd_odometry (reliable)"
 
@@ -49,3 +54,42 @@ def test_nothing_is_reported_if_poses_arrive_and_the_camera_may_be_at_rest(
     received: tuple[int, ...],
 ) -> None:
     assert said(*received) is None
+
+
+EXAMPLE = "`odometry --camera realsense_d400`"
+NETWORK = "it must have the same ROS_DOMAIN_ID, which is 7 here"
+
+
+@pytest.mark.parametrize(
+    ("publishers", "heard_of", "was_there", "line"),
+    [
+        (
+            (),
+            [],
+            False,
+            f"nobody publishes /odom: start the node, as in {EXAMPLE}. If it runs, {NETWORK}",
+        ),
+        ((), [], True, "/odom has no publisher any more: the node has ended; start it again"),
+        ((), ["/a/x"], True, "nobody publishes /odom, but /a/x runs: give its namespace, as in"),
+        ((BY,), ["/a/x"], True, f"no message on /odom arrived from {BY}: check whether it has"),
+    ],
+)
+def test_what_is_said_of_missing_poses_depends_on_who_is_there(
+    publishers: tuple[str, ...], heard_of: list[str], was_there: bool, line: str
+) -> None:
+    odom = OdometryTopic("/odom", publishers, 0)
+    assert explain_no_poses(odom, heard_of, NETWORK, was_there=was_there).startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("environment", "says"),
+    [
+        ({}, "ROS_DOMAIN_ID, which is 0 here; the network must let multicast through"),
+        ({"ROS_DOMAIN_ID": ""}, "which is 0 here"),
+        ({"ROS_DOMAIN_ID": "42"}, "which is 42 here"),
+        ({"ROS_LOCALHOST_ONLY": "1"}, "only nodes of this machine are found: unset ROS_LOCALHOST"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBN"),
+    ],
+)
+def test_where_nodes_are_looked_for_is_said(environment: dict[str, str], says: str) -> None:
+    assert says in describe_network(environment)
