@@ -107,6 +107,7 @@ class Monitor:
 
     Attributes:
         is_paused: whether frames are skipped until the user resumes.
+        preparing: what keeps the node from subscribing yet; "" once it has.
         width: width of the last frame's colour image, pixels; 0 before the first.
         guess_fault: why frames are tracked without the guess that was asked for; "" if they are
             not.
@@ -122,7 +123,7 @@ class Monitor:
         """
         self.is_paused = False
         self.width = 0
-        self.guess_fault = self.waited_for = ""
+        self.preparing = self.guess_fault = self.waited_for = ""
         self.waited_ns = 0
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING

@@ -94,7 +94,7 @@ class NodeDiagnostics:
         doubts = [line for line in (self._monitor.guess_fault, self._watch.drops) if line]
         if state is TrackingState.TRACKING and doubts:
             return DiagnosticStatus.WARN, "; ".join(doubts)
-        why = self._monitor.why_no_pose
+        why = self._monitor.preparing or self._monitor.why_no_pose
         return DIAGNOSTIC_LEVELS[state], f"{state.value}: {why}" if why else state.value
 
     def _log(self) -> None:

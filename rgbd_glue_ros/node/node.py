@@ -55,6 +55,7 @@ from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, RgbdFrame, Tracki
 logger = logging.getLogger(f"{cfg.PACKAGE}.node")  # __name__ is __main__ when run
 
 NODE_NAME = "rgbd_odometry"
+WARMING_UP = "warming up; the very first time this compiles, for a minute or two"
 # Frames may be early by this fraction of the period of max_update_rate, since stamps jitter.
 EARLY_FRACTION = 0.1
 
@@ -128,6 +129,7 @@ class OdometryNode(BaseNode):
             self.create_service(Empty, name, serve)
         create_save_service(self, topics.SAVE_GRAPH_SERVICE, "graph", self._save_graph)
         follow_changes(self, self._node_config, self._config, self._take_parameters)
+        self.monitor.preparing = WARMING_UP
         self._warmed_up = self.create_guard_condition(self._subscribe)
         # a daemon: the first compilation takes long, and must not delay the end of the process
         threading.Thread(target=self._warm_up, args=[glue], name="warm-up", daemon=True).start()
@@ -182,7 +184,7 @@ class OdometryNode(BaseNode):
     # Input
 
     def _warm_up(self, glue: Glue) -> None:
-        self.get_logger().info("Warming up; the very first time this compiles, for a minute or two")
+        self.get_logger().info(f"{WARMING_UP[0].upper()}{WARMING_UP[1:]}")
         try:
             # no frame arrives before this has ended, so sharing the features is safe
             warm_up(self._config, glue)
@@ -196,6 +198,7 @@ class OdometryNode(BaseNode):
 
     def _subscribe(self) -> None:
         self._input.subscribe()
+        self.monitor.preparing = ""
         self.get_logger().info(self._description())
 
     def _receive(self, match: Match[Any], arrived_ns: int) -> None:

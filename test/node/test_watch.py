@@ -36,7 +36,7 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rigs.faults import COMPILE_S, node_in, rig_environment, running_node, shown
+from rigs.faults import COMPILE_S, node_in, rig_environment, rig_node, running_node, shown
 from rigs.ros import PATIENCE_S, START_S, Rig, corner_frame
 
 from rgbd_glue_ros.node.diagnostics import diagnostics_message
@@ -247,6 +247,13 @@ def test_a_reader_that_has_seen_enough_ends_it(ros_domain: int) -> None:
         assert process.wait(PATIENCE_S) == 128 + signal.SIGPIPE
         assert process.stderr is not None
         assert process.stderr.read() == ""
+
+
+def test_a_node_that_is_not_ready_says_on_diagnostics_what_it_does(ros_domain: int) -> None:
+    with rig_node(ros_domain, "preparing_node") as node, watching(ros_domain) as watch:
+        line = watch.wait_for_line("no pose yet, initializing: ", START_S)
+        assert line.endswith(": warming up; the very first time this compiles, for a minute or two")
+        assert node.stop() == 0
 
 
 @pytest.mark.every_python
