@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 
 FOLDER = ROOT / "config" / "cameras"
+PAGE = ROOT / "docs" / "first_camera.md"
 
 
 def test_the_common_cameras_have_presets() -> None:
@@ -142,7 +144,16 @@ def test_a_bag_is_not_converted_to_a_bag_of_other_topics(
 
 @pytest.mark.parametrize("name", camera_names())
 def test_a_preset_is_in_the_documentation(name: str) -> None:
-    assert f"`{name}`" in (FOLDER.parents[1] / "docs" / "integration.md").read_text("utf-8")
+    assert f"| `{name}` |" in PAGE.read_text("utf-8")
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_a_driver_is_started_as_its_preset_says(name: str) -> None:
+    preset = (FOLDER / f"{name}.yaml").read_text("utf-8")
+    commands = re.findall(r"^#   (ros2 .+)$", preset, re.MULTILINE)
+    documented = re.findall(r"^    (ros2 .+)$", PAGE.read_text("utf-8"), re.MULTILINE)
+    assert commands
+    assert set(commands) <= set(documented)
 
 
 def test_an_unknown_camera_is_refused_with_the_known_names() -> None:
