@@ -1,4 +1,4 @@
-"""Draws the pictures of README.md.
+"""Draws the pictures of README.md and docs/.
 
 ``python scripts/pictures.py`` draws them from the bundled recording: docs/images/matches.jpg is
 what the node publishes on debug/matches, room.jpg the room with the camera's path in it,
