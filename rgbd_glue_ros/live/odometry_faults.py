@@ -64,6 +64,8 @@ def explain_no_poses(
         network: where nodes are looked for, by ``describe_network``.
         was_there: whether poses have arrived before.
     """
+    if odom.publishers and was_there:
+        return f"{_silent(odom)} lately: it hangs, or was killed and is counted for a while yet"
     if odom.publishers:
         return f"{_silent(odom)}: check whether it has images, and whether type and QoS match"
     if heard_of:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from rgbd_glue_ros.live.monitor import NO_POSE_S, Summary
 from rgbd_glue_ros.live.watched_poses import ReceivedPose, WatchedPoses
 from rgbd_glue_ros.types import NANOSECONDS, TrackingState
@@ -21,23 +23,34 @@ class Report:
     Attributes:
         summary: its counts.
         reason: what is wrong; "" if nothing is.
+        gets_nothing: whether that is that no frame arrives.
         arrived_ns: when that arrived, by the monotonic clock.
     """
 
     summary: Summary
     reason: str
+    gets_nothing: bool
     arrived_ns: int
 
     @staticmethod
-    def parse(message: str, values: Mapping[str, str], arrived_ns: int) -> Report | None:
-        """Reads a status of /diagnostics; None if it is not that of this package's odometry."""
+    def parse(
+        message: str, values: Mapping[str, str], arrived_ns: int, *, is_stale: bool = False
+    ) -> Report | None:
+        """Reads a status of /diagnostics; None if it is not that of this package's odometry.
+
+        Args:
+            message: its text.
+            values: its values by name.
+            arrived_ns: when it arrived, by the monotonic clock.
+            is_stale: whether its level is STALE.
+        """
         try:
             summary = Summary.parse(values)
         except (KeyError, ValueError):
             return None
         state = summary.state.value
         reason = "" if message == state else message.removeprefix(f"{state}: ")
-        return Report(summary, reason, arrived_ns)
+        return Report(summary, reason, is_stale, arrived_ns)
 
 
 class WatchedOdometry:
@@ -88,7 +101,7 @@ class WatchedOdometry:
         if report is None:
             return self.doubt or self.silence
         is_outdated = self._is_tracking(now_ns) and (
-            report.summary.state is not TrackingState.TRACKING
+            report.gets_nothing or report.summary.state is not TrackingState.TRACKING
         )
         # the node knows best, and says why nothing arrives from five seconds after it is ready
         is_early = report.summary.state is TrackingState.INITIALIZING
@@ -100,7 +113,8 @@ class WatchedOdometry:
         last, report = self.poses.last, self._recent_report(now_ns)
         if last is None:
             return f"no pose yet, {report.summary.state.value}" if report else "no pose yet"
-        x, y, z = last.T_odom_child[:3, 3]
+        # no -0.000
+        x, y, z = np.round(last.T_odom_child[:3, 3], 3) + 0.0
         at = f"x {x:.3f} y {y:.3f} z {z:.3f} m"
         if self._is_tracking(now_ns):
             words = [TrackingState.TRACKING.value, *self._timing(now_ns), at]

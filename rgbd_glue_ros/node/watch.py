@@ -6,7 +6,7 @@ import os
 import time
 from typing import Any, Protocol
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.clock import Clock, ClockType
 
@@ -119,8 +119,11 @@ class WatchNode(BaseNode):
         }
         for status in message.status:
             name, _, part = status.name.rpartition(": ")
+            if part != PART:
+                continue
             values = {item.key: item.value for item in status.values}
-            report = Report.parse(status.message, values, now_ns) if part == PART else None
+            is_stale = status.level == DiagnosticStatus.STALE
+            report = Report.parse(status.message, values, now_ns, is_stale=is_stale)
             if report is None:
                 continue
             if name in publishers:

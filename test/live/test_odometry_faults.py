@@ -71,7 +71,8 @@ NETWORK = "it must have the same ROS_DOMAIN_ID, which is 7 here"
         ),
         ((), [], True, "/odom has no publisher any more: the node has ended; start it again"),
         ((), ["/a/x"], True, "nobody publishes /odom, but /a/x runs: give its namespace, as in"),
-        ((BY,), ["/a/x"], True, f"no message on /odom arrived from {BY}: check whether it has"),
+        ((BY,), ["/a/x"], False, f"no message on /odom arrived from {BY}: check whether it has"),
+        ((BY,), [], True, f"no message on /odom arrived from {BY} lately: it hangs, or was killed"),
     ],
 )
 def test_what_is_said_of_missing_poses_depends_on_who_is_there(

@@ -52,6 +52,14 @@ def test_while_poses_arrive_the_line_has_rate_latency_and_pose() -> None:
     )
 
 
+def test_what_is_almost_zero_has_no_sign() -> None:
+    odometry = WatchedOdometry()
+    T = np.eye(4)
+    T[:3, 3] = -1e-5
+    odometry.take_pose(replace(pose(0), T_odom_child=T))
+    assert "x 0.000 y 0.000 z 0.000 m" in odometry.line(0)
+
+
 def test_where_stamps_are_of_another_clock_the_nodes_own_latency_is_shown() -> None:
     odometry = watched(latency_ns=10**18)
     assert "latency" not in odometry.line(3 * NANOSECONDS)
@@ -100,6 +108,18 @@ def test_why_there_was_no_pose_is_not_shown_beside_a_later_one(state: TrackingSt
     odometry.take_pose(pose(3 * NANOSECONDS + 50 * MS))
     assert odometry.reason(3 * NANOSECONDS + 60 * MS) == ""
     assert odometry.line(3 * NANOSECONDS + 60 * MS).startswith("tracking")
+
+
+def test_that_no_frame_arrived_is_not_shown_beside_a_later_pose() -> None:
+    odometry = watched()
+    message = "No frame for 5 s: /rgb/image has no publisher"
+    values = Monitor(lambda: 0).values(0) | {"state": "tracking"}
+    for is_stale, reason in ((True, ""), (False, message)):
+        read = Report.parse(message, values, 3 * NANOSECONDS, is_stale=is_stale)
+        assert read is not None
+        odometry.take_report(read)
+        assert odometry.reason(3 * NANOSECONDS) == reason
+        assert odometry.reason(5 * NANOSECONDS + 1) == message
 
 
 def test_while_the_node_prepares_silence_is_no_fault() -> None:

@@ -136,14 +136,14 @@ def test_poses_are_shown_and_recorded_to_the_last_until_a_signal(
     with watching(ros_domain, to=path) as watch, KnownOdometry(ros_domain) as odometry:
         odometry.wait_until_watched()
         odometry.publish(range(51))
-        watch.wait_for_line("x 1.000 y 0.000 z 0.500 m, path 1.0 m, turn 25°", PATIENCE_S)
+        line = watch.wait_for_line("x 1.000 y 0.000 z 0.500 m, path 1.0 m, turn 25°", PATIENCE_S)
+        assert line.startswith("tracking, ")
+        assert " Hz, latency " in line
         assert watch.stop(how) == 0
         recorded = read_tum(path)
         assert recorded.stamps_ns.tolist() == odometry.stamps_ns
         np.testing.assert_allclose(recorded.poses, [pose_at(i) for i in range(51)], atol=1e-12)
         assert watch.lines[-1] == f"51 poses, path 1.0 m; 51 poses in {path}"
-        (line, *_) = [line for line in watch.lines if line.startswith("tracking, ")]
-        assert " Hz, latency " in line
 
 
 def test_where_nobody_publishes_it_says_what_to_do_and_leaves_no_file(
