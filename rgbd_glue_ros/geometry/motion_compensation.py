@@ -43,7 +43,7 @@ def displaced_points(points: Float64, seconds: Float64, twist: Float64) -> Float
 
 @compiled
 def displaced_point(
-    x: float, y: float, z: float, seconds: float, twist: Float64
+    x: float, y: float, z: float, seconds: float, twist: Float64 | tuple[float, ...]
 ) -> tuple[float, float, float]:
     """``displaced_points`` for one point."""
     return (
