@@ -9,11 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.compiled import compiled, inlined
 from rgbd_glue_ros.types import Float32, Float64
 
 BINS = 11
+_NO_NEIGHBOUR = -1
+
+Vector = tuple[float, float, float]
 
 # Lower edges of the bins of an angle in [-pi, pi].
 _EDGES = -np.pi + 2 * np.pi / BINS * np.arange(BINS)
@@ -37,25 +41,21 @@ def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int
     spfh = np.zeros((rows, columns, 3 * BINS), np.float32)
     neighbours = np.zeros((rows, columns), np.int32)
     limit = radius * radius
+    # coordinates of a row side by side: the compiler then computes several pairs at once
+    P = np.ascontiguousarray(points.transpose(0, 2, 1))
+    N = np.ascontiguousarray(normals.transpose(0, 2, 1))
+    bins = np.empty((3, columns), np.int32)
     for r in range(rows):
-        for c in range(columns):
-            if not points[r, c, 2] > 0.0:
-                continue
-            # the features of a pair are the same from both ends: half of the window serves both
-            for i in range(r, min(rows, r + half_window + 1)):
-                first = c + 1 if i == r else max(0, c - half_window)
-                for j in range(first, min(columns, c + half_window + 1)):
-                    dx = points[i, j, 0] - points[r, c, 0]
-                    dy = points[i, j, 1] - points[r, c, 1]
-                    dz = points[i, j, 2] - points[r, c, 2]
-                    squared = dx * dx + dy * dy + dz * dz
-                    if not 0.0 < squared <= limit:
+        # the features of a pair are the same from both ends: half of the window serves both
+        for i in range(r, min(rows, r + half_window + 1)):
+            for shift in range(1 if i == r else -half_window, half_window + 1):
+                _row_bins(P[r], N[r], P[i], N[i], shift, limit, bins)
+                for c in range(max(0, -shift), min(columns, columns - shift)):
+                    if bins[0, c] == _NO_NEIGHBOUR:
                         continue
-                    b0, b1, b2 = pair_bins(dx, dy, dz, squared, normals[r, c], normals[i, j])
-                    for y, x in ((r, c), (i, j)):
-                        spfh[y, x, b0] += 1.0
-                        spfh[y, x, BINS + b1] += 1.0
-                        spfh[y, x, 2 * BINS + b2] += 1.0
+                    for y, x in ((r, c), (i, c + shift)):
+                        for k in range(3):
+                            spfh[y, x, k * BINS + bins[k, c]] += 1.0
                         neighbours[y, x] += 1
     for r in range(rows):
         for c in range(columns):
@@ -65,52 +65,101 @@ def grid_fpfh(points: Float64, normals: Float64, radius: float, half_window: int
 
 
 @compiled
-def pair_bins(
-    dx: float, dy: float, dz: float, squared: float, n1: Float64, n2: Float64
-) -> tuple[int, int, int]:
-    """The bins of the angles theta, alpha and phi of a pair of oriented points."""
-    d = math.sqrt(squared)
-    phi1 = (n1[0] * dx + n1[1] * dy + n1[2] * dz) / d
-    phi2 = (n2[0] * dx + n2[1] * dy + n2[2] * dz) / d
-    # the source of the pair is the point whose normal is nearer to the line between them
-    if abs(phi1) < abs(phi2):
-        n1, n2 = n2, n1
-        dx, dy, dz = -dx, -dy, -dz
-        phi = -phi2
-    else:
-        phi = phi1
-    # Darboux frame: u = n1, v = d x u, w = u x v
-    vx = dy * n1[2] - dz * n1[1]
-    vy = dz * n1[0] - dx * n1[2]
-    vz = dx * n1[1] - dy * n1[0]
-    length = math.sqrt(vx * vx + vy * vy + vz * vz)
-    b0, alpha = BINS // 2, 0.0
-    if length > 0.0:
-        vx, vy, vz = vx / length, vy / length, vz / length
-        wx = n1[1] * vz - n1[2] * vy
-        wy = n1[2] * vx - n1[0] * vz
-        wz = n1[0] * vy - n1[1] * vx
-        alpha = vx * n2[0] + vy * n2[1] + vz * n2[2]
-        b0 = _angle_bin(
-            wx * n2[0] + wy * n2[1] + wz * n2[2], n1[0] * n2[0] + n1[1] * n2[1] + n1[2] * n2[2]
+def _row_bins(
+    points: Float64,
+    normals: Float64,
+    others: Float64,
+    their_normals: Float64,
+    shift: int,
+    limit: float,
+    bins: NDArray[np.int32],
+) -> None:
+    """The bins of pairs of points of two rows of a grid.
+
+    Args:
+        points: float64 [3, C], a row.
+        normals: float64 [3, C], of its points.
+        others: float64 [3, C], the same or another row.
+        their_normals: float64 [3, C].
+        shift: how many columns farther to the right the other point of a pair is.
+        limit: largest squared distance of neighbours, m².
+        bins: int32 [3, C], set to those of each pair, by its first point; the first of the three is
+            ``_NO_NEIGHBOUR`` if the points are too far apart.
+    """
+    columns = points.shape[1]
+    first, last = max(0, -shift), min(columns, columns - shift)
+    X, Y, Z = points[0, first:last], points[1, first:last], points[2, first:last]
+    NX, NY, NZ = normals[0, first:last], normals[1, first:last], normals[2, first:last]
+    theta, alpha, phi = bins[0, first:last], bins[1, first:last], bins[2, first:last]
+    first, last = first + shift, last + shift
+    X2, Y2, Z2 = others[0, first:last], others[1, first:last], others[2, first:last]
+    NX2, NY2 = their_normals[0, first:last], their_normals[1, first:last]
+    NZ2 = their_normals[2, first:last]
+    for k in range(len(X)):
+        dx, dy, dz = X2[k] - X[k], Y2[k] - Y[k], Z2[k] - Z[k]
+        squared = dx * dx + dy * dy + dz * dz
+        normal, other_normal = (NX[k], NY[k], NZ[k]), (NX2[k], NY2[k], NZ2[k])
+        bin_of_theta, bin_of_alpha, bin_of_phi = pair_bins(
+            (dx, dy, dz), squared, normal, other_normal
         )
-    else:
-        phi = 0.0
-    return b0, _bin((alpha + 1.0) * 0.5), _bin((phi + 1.0) * 0.5)
+        is_near = (squared > 0.0) & (squared <= limit)
+        theta[k] = bin_of_theta if is_near else _NO_NEIGHBOUR
+        alpha[k], phi[k] = bin_of_alpha, bin_of_phi
 
 
-@compiled
+@inlined
+def pair_bins(d: Vector, squared: float, normal: Vector, other: Vector) -> tuple[int, int, int]:
+    """The bins of the angles theta, alpha and phi of a pair of oriented points.
+
+    Without branches, so that loops over it can be vectorised.
+
+    Args:
+        d: from the first point to the second.
+        squared: its squared length.
+        normal: at the first point.
+        other: at the second.
+    """
+    length = math.sqrt(squared)
+    phi1 = (normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]) / length
+    phi2 = (other[0] * d[0] + other[1] * d[1] + other[2] * d[2]) / length
+    # the source of the pair is the point whose normal is nearer to the line between them
+    is_other = abs(phi1) < abs(phi2)
+    ux, nx = (other[0], normal[0]) if is_other else (normal[0], other[0])
+    uy, ny = (other[1], normal[1]) if is_other else (normal[1], other[1])
+    uz, nz = (other[2], normal[2]) if is_other else (normal[2], other[2])
+    sign = -1.0 if is_other else 1.0
+    dx, dy, dz = sign * d[0], sign * d[1], sign * d[2]
+    phi = -phi2 if is_other else phi1
+    # Darboux frame: u, v = d x u, w = u x v
+    vx, vy, vz = dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux
+    across = math.sqrt(vx * vx + vy * vy + vz * vz)
+    has_frame = across > 0.0
+    divisor = across if has_frame else 1.0
+    vx, vy, vz = vx / divisor, vy / divisor, vz / divisor
+    wx, wy, wz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    alpha = vx * nx + vy * ny + vz * nz
+    theta = _angle_bin(wx * nx + wy * ny + wz * nz, ux * nx + uy * ny + uz * nz)
+    return (
+        theta if has_frame else BINS // 2,
+        _bin((alpha + 1.0) * 0.5) if has_frame else BINS // 2,
+        _bin((phi + 1.0) * 0.5) if has_frame else BINS // 2,
+    )
+
+
+@inlined
 def _bin(fraction: float) -> int:
-    return min(max(math.floor(BINS * fraction), 0), BINS - 1)
+    return int(min(max(math.floor(BINS * fraction), 0.0), BINS - 1.0))
 
 
-@compiled
+@inlined
 def _angle_bin(y: float, x: float) -> int:
     """The bin of atan2(y, x) among those of [-pi, pi], from which edges it is to the left of."""
-    angle_bin = 0 if y < 0.0 else BINS // 2
-    for k in range(angle_bin + 1, angle_bin + 1 + BINS // 2):
-        if _COSINES[k] * y - _SINES[k] * x > 0.0:
-            angle_bin += 1
+    is_below = y < 0.0
+    angle_bin = 0 if is_below else BINS // 2
+    for k in range(1, 1 + BINS // 2):
+        cosine = _COSINES[k] if is_below else _COSINES[k + BINS // 2]
+        sine = _SINES[k] if is_below else _SINES[k + BINS // 2]
+        angle_bin += int(cosine * y - sine * x > 0.0)
     return angle_bin
 
 
@@ -137,9 +186,9 @@ def _weighted_sum(points: Float64, spfh: Float32, limit: float, half_window: int
                     weight[r, c] += w
                     weight[i, j] += w
                     for k in range(3 * BINS):
-                        fpfh[r, c, k] += w * spfh[i, j, k]
-                    for k in range(3 * BINS):
-                        fpfh[i, j, k] += w * spfh[r, c, k]
+                        own, others = spfh[r, c, k], spfh[i, j, k]
+                        fpfh[r, c, k] += w * others
+                        fpfh[i, j, k] += w * own
     for r in range(rows):
         for c in range(columns):
             if weight[r, c] > 0.0:

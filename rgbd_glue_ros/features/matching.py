@@ -64,8 +64,9 @@ def _nearest_two_binary(query: UInt8, reference: UInt8) -> tuple[Int64, Float64]
 
 def _words(bits: UInt8) -> NDArray[np.uint64]:
     """Bit strings [N, D] as words [N, ceil(D / 8)], padded with zeros."""
-    padding = -bits.shape[1] % 8
-    return np.ascontiguousarray(np.pad(bits, ((0, 0), (0, padding)))).view(np.uint64)
+    if padding := -bits.shape[1] % 8:
+        bits = np.pad(bits, ((0, 0), (0, padding)))
+    return np.ascontiguousarray(bits).view(np.uint64)
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -116,11 +116,13 @@ def fpfh(points: Float64, normals: Float64, neighbours: Int64, distances: Float6
             count += 1
         for k in range(1, count + 1):
             j = neighbours[i, k]
-            d = points[j] - points[i]
             squared = distances[i, k] ** 2
             if squared == 0.0:
                 continue
-            b0, b1, b2 = pair_bins(d[0], d[1], d[2], squared, normals[i], normals[j])
+            d = points[j] - points[i]
+            normal = (normals[i, 0], normals[i, 1], normals[i, 2])
+            other = (normals[j, 0], normals[j, 1], normals[j, 2])
+            b0, b1, b2 = pair_bins((d[0], d[1], d[2]), squared, normal, other)
             share = np.float32(100.0 / count)
             spfh[i, b0] += share
             spfh[i, BINS + b1] += share

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import back_project
 from rgbd_glue_ros.geometry.depth import sample_depth
 from rgbd_glue_ros.types import Float32, Float64, Int64, Mask, View
@@ -25,7 +26,7 @@ def camera_velocity_at(points: Float64, twist: Float64) -> Float64:
 
     A camera that moves with ``twist`` [6] sees points of a static room pass by with the opposite.
     """
-    velocity: Float64 = twist[:3] + np.cross(twist[3:], points)
+    velocity: Float64 = twist[:3] + points @ se3.skew(twist[3:]).T
     return velocity
 
 
@@ -43,7 +44,7 @@ def displaced_points(points: Float64, seconds: Float64, twist: Float64) -> Float
 
 @compiled
 def displaced_point(
-    x: float, y: float, z: float, seconds: float, twist: Float64
+    x: float, y: float, z: float, seconds: float, twist: Float64 | tuple[float, ...]
 ) -> tuple[float, float, float]:
     """``displaced_points`` for one point."""
     return (

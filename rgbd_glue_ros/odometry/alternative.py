@@ -16,8 +16,11 @@ from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
-from rgbd_glue_ros.refinement.residual_rows import pixel_rows, plane_rows, squared_sigmas
-from rgbd_glue_ros.refinement.residuals import AGREEING_SIGMAS
+from rgbd_glue_ros.refinement.residuals import (
+    AGREEING_SIGMAS,
+    pixel_residuals,
+    plane_residuals,
+)
 from rgbd_glue_ros.types import Float64, Mask
 
 # An alternative adds its share times its squared distance to the covariance of a pose. With this
@@ -87,17 +90,16 @@ def find_alternative(
 
 def agreeing_planes(of_level: LevelProblem, T: Float64) -> Mask:
     """Which planes agree with a pose."""
-    rows = plane_rows(T, of_level)
-    agrees = np.zeros(len(of_level.points), np.bool_)
-    agrees[rows.point[squared_sigmas(rows, of_level) < AGREEING_SIGMAS**2]] = True
+    residuals, squared, _ = plane_residuals(T, of_level)
+    agrees: Mask = (residuals.weight > 0) & (squared < AGREEING_SIGMAS**2)
     return agrees
 
 
 def agreeing_pixels(of_level: LevelProblem, T: Float64, affine_brightness: Float64) -> Mask:
     """Which pixels agree with a pose."""
-    rows = pixel_rows(T, of_level, affine_brightness)
-    agrees = np.zeros(len(of_level.pixels), np.bool_)
-    agrees[rows.point[np.abs(rows.residual) < AGREEING_SIGMAS * affine_brightness[2]]] = True
+    residuals, _ = pixel_residuals(T, of_level, affine_brightness)
+    limit = AGREEING_SIGMAS * affine_brightness[2]
+    agrees: Mask = (residuals.weight > 0) & (np.abs(residuals.residual) < limit)
     return agrees
 
 
@@ -138,7 +140,7 @@ def _share(of_level: LevelProblem, T: Float64, T_other: Float64) -> float:
     """The fraction that agrees with T, of the surface that agrees with only one of two poses."""
     agrees, agrees_with_other = (agreeing_planes(of_level, pose) for pose in (T, T_other))
     # the surface behind a pixel grows with the square of its depth
-    area = se3.transform(se3.inverse(T), of_level.points)[:, 2] ** 2
+    area = se3.transform(se3.inverse(T), of_level.points.T)[:, 2] ** 2
     alone = float(area[agrees & ~agrees_with_other].sum())
     other_alone = float(area[agrees_with_other & ~agrees].sum())
     return alone / max(alone + other_alone, np.finfo(float).tiny)
@@ -149,8 +151,8 @@ def _contradicting(of_level: LevelProblem, pose: Refinement) -> LevelProblem:
     planes = ~agreeing_planes(of_level, pose.T_model_source)
     pixels = ~agreeing_pixels(of_level, pose.T_model_source, pose.affine_brightness)
     return of_level._replace(
-        points=of_level.points[planes],
-        normals=of_level.normals[planes],
-        pixels=of_level.pixels[pixels],
+        points=of_level.points.compress(planes, axis=1),
+        normals=of_level.normals.compress(planes, axis=1),
+        pixels=of_level.pixels.compress(pixels, axis=1),
         brightness=of_level.brightness[pixels],
     )

@@ -78,26 +78,19 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, topic: str
 
 
 def doubt_at_start(depth: Float32) -> str | None:
-    """As ``doubt_of_scale``; None for millimetres, which ``explain_no_pose`` will tell."""
-    known = _some_known(depth)
-    if len(known) and _are_millimetres(np.median(known)):
-        return None
-    return _doubt(known)
-
-
-def doubt_of_scale(depth: Float32) -> str | None:
     """Why the unit of depth may not be the assumed one; None if nothing suggests that.
+
+    None for millimetres too, which ``explain_no_pose`` will tell.
 
     Args:
         depth: float32 [H, W], metres, NaN where unknown.
     """
-    return _doubt(_some_known(depth))
-
-
-def _doubt(known: Float32) -> str | None:
+    known = _some_known(depth)
     if not len(known):
         return None
     median, far = np.percentile(known, [50, _FAR_PERCENTILE])
+    if _are_millimetres(median):
+        return None
     if _DOUBTFUL_NEAR_M <= median <= _DOUBTFUL_FAR_M and far >= _DOUBTFUL_WITHIN_M:
         return None
     return (

@@ -56,7 +56,7 @@ class SelfCalibration:
     def refine_config(self) -> RefineConfig:
         """How poses are refined: with less weight on colour if depth is not registered to it."""
         config = self._config.refine
-        if self._depth_color_check.current().offset_px is None:
+        if self._depth_color_check.current().placement is None:
             return config
         return replace(config, pixel_weight=min(config.pixel_weight, config.unregistered_weight))
 

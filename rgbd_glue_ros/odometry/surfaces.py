@@ -11,7 +11,7 @@ import numpy as np
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.depth import surface_tolerance
-from rgbd_glue_ros.refinement.sampling import NEAREST_M
+from rgbd_glue_ros.refinement.projection import NEAREST_M
 from rgbd_glue_ros.types import Float32, Float64, Mask, UInt8, View
 
 BLOCK_PX = 8

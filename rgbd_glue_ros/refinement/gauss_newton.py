@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rgbd_glue_ros.compiled import compiled, inlined
+from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.match_residuals import add_matches
@@ -24,12 +24,8 @@ from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
     DEVIATION_OF_MEAN,
-    IMAGE_BRIGHTNESS,
-    JACOBIAN,
-    POINT,
-    RESIDUAL,
-    WEIGHT,
     PlaneFit,
+    Residuals,
     pixel_residuals,
     plane_residuals,
     weight_of_pixels,
@@ -235,11 +231,12 @@ def _descend(
 def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> _Linearisation:
     """The normal equations at T, of planes, pixels and matches."""
     H, g = np.zeros((6, 6)), np.zeros(6)
-    table, planes = plane_residuals(T, problem)
-    weight = weight_of_pixels(problem, planes)
-    pixels = _add_pixels(T, problem, affine_brightness, weight, H, g)
-    for i in range(len(table)):
-        _add(table[i], table[i, WEIGHT], H, g)
+    of_planes, _, planes = plane_residuals(T, problem)
+    _add(of_planes, 1.0, H, g)
+    sigma, weight = affine_brightness[2], weight_of_pixels(problem, planes)
+    of_pixels, brightness = pixel_residuals(T, problem, affine_brightness)
+    _add(of_pixels, weight / (sigma * sigma), H, g)
+    pixels = _pixel_fit(of_pixels, brightness, problem, affine_brightness)
     add_matches(T, problem, H, g)
     for a in range(6):
         for b in range(a):
@@ -247,41 +244,41 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
     return _Linearisation(H, g, planes, pixels)
 
 
-@inlined
-def _add(row: Float64, w: float, H: Float64, g: Float64) -> None:
-    """Adds a row of residuals to g and to the upper triangle of H."""
-    for a in range(6):
-        g[a] += w * row[RESIDUAL] * row[JACOBIAN + a]
-        for b in range(a, 6):
-            H[a, b] += w * row[JACOBIAN + a] * row[JACOBIAN + b]
+@compiled
+def _add(residuals: Residuals, scale: float, H: Float64, g: Float64) -> None:
+    """Adds residuals, their weights scaled, to g and to the upper triangle of H."""
+    weight, residual, J = residuals.weight, residuals.residual, residuals.jacobian
+    for i in range(len(weight)):
+        if weight[i] == 0.0:
+            continue
+        for a in range(6):
+            by_a = scale * weight[i] * J[a, i]
+            g[a] += by_a * residual[i]
+            for b in range(a, 6):
+                H[a, b] += by_a * J[b, i]
 
 
 @compiled
-def _add_pixels(
-    T: Float64,
-    problem: LevelProblem,
-    affine_brightness: Float64,
-    weight: float,
-    H: Float64,
-    g: Float64,
+def _pixel_fit(
+    residuals: Residuals, brightness: Float64, problem: LevelProblem, affine_brightness: Float64
 ) -> _PixelFit:
-    """Adds the photometric terms at T to g and to the upper triangle of H."""
-    sigma = affine_brightness[2]
-    brightness = problem.brightness
-    table = pixel_residuals(T, problem, affine_brightness)
-    seen, spread = len(table), 0.0
+    """How the brightness [M] of the image fits that of the pixels, which have these residuals."""
+    expected, most = problem.brightness, AGREEING_SIGMAS * affine_brightness[2]
+    seen, spread = 0, 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
-    for i in range(seen):
-        w = table[i, WEIGHT]
-        x, y = table[i, IMAGE_BRIGHTNESS], brightness[int(table[i, POINT])]
-        spread += min(abs(table[i, RESIDUAL]), AGREEING_SIGMAS * sigma)
+    for i in range(len(brightness)):
+        w = residuals.weight[i]
+        if w == 0.0:
+            continue
+        x, y = brightness[i], expected[i]
+        seen += 1
+        spread += min(abs(residuals.residual[i]), most)
         sw += w
         sx += w * x
         sy += w * y
         sxx += w * x * x
         sxy += w * x * y
         syy += w * y * y
-        _add(table[i], w * (weight / (sigma * sigma)), H, g)
     if sw < 10.0:
         return _PixelFit(seen, 0.0, affine_brightness)
     var_x, var_y = sxx / sw - (sx / sw) ** 2, syy / sw - (sy / sw) ** 2

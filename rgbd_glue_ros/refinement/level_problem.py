@@ -11,29 +11,29 @@ class Exposure(NamedTuple):
     """How and when one image of a frame was taken.
 
     Attributes:
-        K: float64 [4], fx, fy, cx, cy.
+        K: fx, fy, cx, cy.
         height: image height, pixels.
-        twist: float64 [6], velocity of the camera.
+        twist: linear and angular velocity of the camera, 6 numbers.
         readout_time: time from the first row to the last, seconds.
         delay: time from the colour image to this one, seconds.
     """
 
-    K: Float64
+    K: tuple[float, ...]
     height: int
-    twist: Float64
+    twist: tuple[float, ...]
     readout_time: float
     delay: float
 
 
 class LevelProblem(NamedTuple):
-    """The inputs of the residuals, in a form that compiled code accepts.
+    """The inputs of the residuals, in a form that compiled code accepts and is fast with.
 
     Attributes:
-        points: float64 [N, 3], points of the planes.
-        normals: float64 [N, 3], their normals.
+        points: float64 [3, N], points of the planes.
+        normals: float64 [3, N], their normals.
         depth: float32 [H, W], depth image of the frame.
         depth_exposure: exposure of ``depth``.
-        pixels: float64 [M, 3], textured points.
+        pixels: float64 [3, M], textured points.
         brightness: float64 [M], their brightness.
         image: uint8 [H / 2^level, W / 2^level], grey image of the frame.
         image_exposure: exposure of ``image``.

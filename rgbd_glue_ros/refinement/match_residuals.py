@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
-from rgbd_glue_ros.refinement.sampling import NEAREST_M
+from rgbd_glue_ros.refinement.projection import NEAREST_M
 from rgbd_glue_ros.types import Float64
 
 # Standard deviation of keypoint positions, coarse octaves included, pixels.

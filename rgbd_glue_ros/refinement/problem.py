@@ -58,18 +58,21 @@ class RefinementProblem:
         view, config = self.view, self.config
         planes, pixels = self.model.planes, self.model.pixels[level]
         image, K = self.images.at_level(level), view.intrinsics.focal_and_centre
+        # pyrDown centres pixel i of a level on pixel 2 i of the next finer one
+        K_depth, K_image = tuple(K.tolist()), tuple((K / 2**level).tolist())
+        twist, readout_time = tuple(view.twist.tolist()), view.readout_time
         every = slice(None, None, 2**level)
-        twist, readout_time, delay = view.twist, view.readout_time, view.depth_delay
         return LevelProblem(
-            points=np.ascontiguousarray(planes.points[every]),
-            normals=np.ascontiguousarray(planes.normals[every]),
+            points=np.ascontiguousarray(planes.points[every].T),
+            normals=np.ascontiguousarray(planes.normals[every].T),
             depth=view.depth,
-            depth_exposure=Exposure(K, view.depth.shape[0], twist, readout_time, delay),
-            pixels=pixels.points,
+            depth_exposure=Exposure(
+                K_depth, view.depth.shape[0], twist, readout_time, view.depth_delay
+            ),
+            pixels=np.ascontiguousarray(pixels.points.T),
             brightness=pixels.brightness,
             image=image,
-            # pyrDown centres pixel i of a level on pixel 2 i of the next finer one
-            image_exposure=Exposure(K / 2**level, image.shape[0], twist, readout_time, 0.0),
+            image_exposure=Exposure(K_image, image.shape[0], twist, readout_time, 0.0),
             plane_cauchy=config.plane_cauchy,
             pixel_cauchy=config.pixel_cauchy,
             pixel_weight=config.pixel_weight,

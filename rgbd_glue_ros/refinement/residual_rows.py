@@ -9,11 +9,7 @@ import numpy as np
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.residuals import (
-    JACOBIAN,
-    POINT,
-    RESIDUAL,
-    ROW_TIME,
-    WEIGHT,
+    Residuals,
     pixel_residuals,
     plane_residuals,
     weight_of_pixels,
@@ -53,25 +49,9 @@ def plane_and_pixel_rows(
     T: Float64, problem: LevelProblem, affine_brightness: Float64
 ) -> tuple[Rows, Rows]:
     """Both at T; the weight of the pixels depends on the planes, which are compared only once."""
-    table, planes = plane_residuals(T, problem)
+    residuals, _, planes = plane_residuals(T, problem)
     weight = weight_of_pixels(problem, planes)
-    return _rows(table), _pixel_rows(T, problem, affine_brightness, weight)
-
-
-def squared_sigmas(rows: Rows, problem: LevelProblem) -> Float64:
-    """Squared residuals of planes in units of their variance, s = r² / σ², float64 [N].
-
-    A plane's weight is the Cauchy weight divided by the variance, w = 1 / (σ² (1 + s / c²)). So
-    w r² = s / (1 + s / c²), and s = w r² / (1 - w r² / c²). It is computed from w because only the
-    search for contradictions needs s; in a column, every Gauss-Newton step would write it.
-
-    Args:
-        rows: residuals of planes.
-        problem: the problem of these planes.
-    """
-    weighted = rows.weight * rows.residual**2
-    squared: Float64 = weighted / (1 - weighted / problem.plane_cauchy**2)
-    return squared
+    return _rows(residuals), _pixel_rows(T, problem, affine_brightness, weight)
 
 
 def extended_normal_equations(rows: Rows, *derivatives: Float64) -> tuple[Float64, Float64]:
@@ -106,20 +86,21 @@ def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Fl
     return H, g
 
 
-def _rows(table: Float64) -> Rows:
+def _rows(residuals: Residuals) -> Rows:
+    seen = np.flatnonzero(residuals.weight)
     return Rows(
-        point=table[:, POINT].astype(np.int64),
-        weight=table[:, WEIGHT],
-        residual=table[:, RESIDUAL],
-        jacobian=table[:, JACOBIAN : JACOBIAN + 6],
-        row_time=table[:, ROW_TIME],
+        point=seen,
+        weight=residuals.weight[seen],
+        residual=residuals.residual[seen],
+        jacobian=np.ascontiguousarray(residuals.jacobian.T[seen]),
+        row_time=residuals.row_time[seen],
     )
 
 
 def _pixel_rows(
     T: Float64, problem: LevelProblem, affine_brightness: Float64, weight: float
 ) -> Rows:
-    rows = _rows(pixel_residuals(T, problem, affine_brightness))
+    rows = _rows(pixel_residuals(T, problem, affine_brightness)[0])
     sigma = affine_brightness[2]
     return rows._replace(weight=rows.weight * (weight / (sigma * sigma)))
 
@@ -128,4 +109,4 @@ def _pixel_rows(
 def _weight_of_pixels_at(T: Float64, problem: LevelProblem) -> float:
     if problem.pixel_weight == problem.noisy_pixel_weight:
         return problem.pixel_weight
-    return weight_of_pixels(problem, plane_residuals(T, problem)[1])
+    return weight_of_pixels(problem, plane_residuals(T, problem)[2])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from rgbd_glue_ros.compiled import compiled
-from rgbd_glue_ros.geometry.depth import sample_depth, surface_tolerance
-from rgbd_glue_ros.types import Float32, Float64, UInt8
+import numpy as np
 
-# Points nearer than this are not visible.
-NEAREST_M = 0.05
+from rgbd_glue_ros.compiled import compiled, inlined
+from rgbd_glue_ros.geometry.depth import sample_depth, surface_tolerance
+from rgbd_glue_ros.geometry.motion_compensation import displaced_point
+from rgbd_glue_ros.refinement.level_problem import LevelProblem
+from rgbd_glue_ros.refinement.projection import NEAREST_M, Projection
+from rgbd_glue_ros.types import Float32, Float64, Mask, UInt8
 
 
 @compiled
@@ -18,35 +20,43 @@ def inside(image: UInt8, u: float, v: float) -> bool:
 
 
 @compiled
-def brightness_at(image: UInt8, u: float, v: float) -> float:
-    """Bilinear brightness at pixel (u, v), which must be ``inside``."""
-    u0, v0 = int(u), int(v)
-    a, b = u - u0, v - v0
-    top = (1 - a) * image[v0, u0] + a * image[v0, u0 + 1]
-    bottom = (1 - a) * image[v0 + 1, u0] + a * image[v0 + 1, u0 + 1]
-    return float((1 - b) * top + b * bottom)
+def brightness_and_gradient(image: UInt8, u: float, v: float) -> tuple[float, float, float]:
+    """Bilinear brightness at pixel (u, v), which must be ``inside``, and its central differences.
+
+    A difference of bilinear values at points one pixel apart is bilinear in those of pixels.
+    """
+    u1, v1 = int(u), int(v)
+    u0, u2, u3, v0, v2, v3 = u1 - 1, u1 + 1, u1 + 2, v1 - 1, v1 + 1, v1 + 2
+    a, b = u - u1, v - v1
+    c11, c12 = float(image[v1, u1]), float(image[v1, u2])
+    c21, c22 = float(image[v2, u1]), float(image[v2, u2])
+    brightness = _bilinear(a, b, c11, c12, c21, c22)
+    along_u = _bilinear(
+        a, b, c12 - image[v1, u0], image[v1, u3] - c11, c22 - image[v2, u0], image[v2, u3] - c21
+    )
+    along_v = _bilinear(
+        a, b, c21 - image[v0, u1], c22 - image[v0, u2], image[v3, u1] - c11, image[v3, u2] - c12
+    )
+    return brightness, 0.5 * along_u, 0.5 * along_v
+
+
+@inlined
+def _bilinear(a: float, b: float, c00: float, c01: float, c10: float, c11: float) -> float:
+    """The value between those of four pixels, a to the right and b below the first."""
+    return (1 - b) * ((1 - a) * c00 + a * c01) + b * ((1 - a) * c10 + a * c11)
 
 
 @compiled
-def gradient_at(image: UInt8, u: float, v: float) -> tuple[float, float]:
-    """Central differences of the brightness at pixel (u, v), which must be ``inside``."""
-    gu = 0.5 * (brightness_at(image, u + 1.0, v) - brightness_at(image, u - 1.0, v))
-    gv = 0.5 * (brightness_at(image, u, v + 1.0) - brightness_at(image, u, v - 1.0))
-    return gu, gv
+def depths_at(depth: Float32, u: Float64, v: Float64) -> Float64:
+    """``sample_depth`` at the pixels u, v [N]; float64 [N]."""
+    z = np.empty(len(u))
+    for i in range(len(u)):
+        z[i] = sample_depth(depth, u[i], v[i])
+    return z
 
 
 @compiled
-def measured_point(
-    depth: Float32, K: Float64, x: float, y: float, z: float
-) -> tuple[float, float, float]:
-    """The measured point on the ray through x, y, z; its z is NaN if depth is unknown."""
-    rx, ry = x / z, y / z
-    measured = sample_depth(depth, K[0] * rx + K[2], K[1] * ry + K[3])
-    return rx * measured, ry * measured, measured
-
-
-@compiled
-def is_occluded(depth: Float32, K: Float64, x: float, y: float, z: float) -> bool:
+def is_occluded(depth: Float32, K: tuple[float, ...], x: float, y: float, z: float) -> bool:
     """Whether depth shows another surface at the point x, y, z, in the depth camera's frame.
 
     That surface may be nearer, or farther if the point's own has moved away. False if depth is
@@ -58,3 +68,35 @@ def is_occluded(depth: Float32, K: Float64, x: float, y: float, z: float) -> boo
     if row < 0 or column < 0 or row >= depth.shape[0] or column >= depth.shape[1]:
         return False
     return bool(abs(depth[row, column] - z) > surface_tolerance(z))
+
+
+@compiled
+def sample_visible(seen: Projection, problem: LevelProblem) -> tuple[Mask, Float64, Float64]:
+    """Brightness and its gradient where pixels of a model are visible.
+
+    Args:
+        seen: the pixels in the image.
+        problem: the frame at the image's level.
+
+    Returns:
+        Which pixels [M] are in the image and not occluded; the brightness [M] there, and its
+        gradient [2, M]; 0 elsewhere.
+    """
+    image, depth = problem.image, problem.depth
+    (fx, fy, cx, cy), twist = problem.image_exposure.K, problem.image_exposure.twist
+    K_depth, depth_delay = problem.depth_exposure.K, problem.depth_exposure.delay
+    size = len(seen.u)
+    is_visible = np.zeros(size, np.bool_)
+    brightness, gradient = np.zeros(size), np.zeros((2, size))
+    for i in range(size):
+        u, v, z = seen.u[i], seen.v[i], seen.z[i]
+        if not inside(image, u, v):
+            continue
+        # occluded by a nearer surface, or the surface has moved away
+        x, y = (u - cx) / fx * z, (v - cy) / fy * z
+        x, y, z = displaced_point(x, y, z, -depth_delay, twist)
+        if is_occluded(depth, K_depth, x, y, z):
+            continue
+        is_visible[i] = True
+        brightness[i], gradient[0, i], gradient[1, i] = brightness_and_gradient(image, u, v)
+    return is_visible, brightness, gradient

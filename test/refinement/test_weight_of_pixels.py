@@ -49,7 +49,7 @@ def test_pixels_weigh_more_in_smaller_images_as_far_as_depth_is_noisy(
     width: int, depth_noise: float, gain: float
 ) -> None:
     problem = problem_of(width, depth_noise)
-    _, planes = plane_residuals(np.eye(4), problem)
+    *_, planes = plane_residuals(np.eye(4), problem)
     weight = weight_of_pixels(problem, planes)
     assert weight == pytest.approx(gain * CONFIG.pixel_weight, rel=0.1)
 
@@ -61,7 +61,7 @@ def test_pixels_of_tiny_images_weigh_twice_as_much_and_no_more() -> None:
 
 def test_the_spread_of_planes_is_that_of_the_noise_of_depth() -> None:
     for noise in (0.5, 1.0):
-        _, planes = plane_residuals(np.eye(4), problem_of(640, noise))
+        *_, planes = plane_residuals(np.eye(4), problem_of(640, noise))
         assert planes.spread == pytest.approx(noise, rel=0.05)
 
 
@@ -69,7 +69,7 @@ def test_rows_of_pixels_have_the_weight_of_the_refinement() -> None:
     brightness = np.array([1.0, 0.0, 5.0])
     noisy = problem_of(320, depth_noise=1.0)
     alone = noisy._replace(noisy_pixel_weight=noisy.pixel_weight)
-    _, planes = plane_residuals(np.eye(4), noisy)
+    *_, planes = plane_residuals(np.eye(4), noisy)
     of_noisy, of_alone = (pixel_rows(np.eye(4), of, brightness) for of in (noisy, alone))
     gain = weight_of_pixels(noisy, planes) / noisy.pixel_weight
     np.testing.assert_allclose(of_noisy.weight, gain * of_alone.weight)
