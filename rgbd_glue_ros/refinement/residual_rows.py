@@ -105,7 +105,6 @@ def _pixel_rows(
     return rows._replace(weight=rows.weight * (weight / (sigma * sigma)))
 
 
-@compiled
 def _weight_of_pixels_at(T: Float64, problem: LevelProblem) -> float:
     if problem.pixel_weight == problem.noisy_pixel_weight:
         return problem.pixel_weight
