@@ -223,6 +223,40 @@ def test_encodings_decide_where_names_do_not(layout: str) -> None:
     assert (color, find_depth(topics, None, BAG, encodings.__getitem__, color)) == expected
 
 
+# A camera with depth, and one without whose colour has the better name
+WITHOUT_DEPTH = {
+    "rgb": ("/wrist/rgb/image_raw", "/head/color/image_raw", "/head/aligned_depth_to_color/image"),
+    "color": ("/wrist/color/image_raw", "/head/rgb/image_raw", "/head/depth_registered/image_raw"),
+    "image_color": ("/usb_cam/image_color", "/camera/image_raw", "/camera/depth/image_raw"),
+    "no word": ("/fisheye/left/image_raw", "/camera/image_raw", "/camera/depth/image_raw"),
+    "deeper": ("/robot/wrist/rgb", "/robot/head/image_raw", "/robot/head/depth/image_raw"),
+    "one folder": ("/webcam/image_color", "/rgbd_camera/image", "/rgbd_camera/depth_image"),
+    "rectified": ("/wrist/rgb/image_raw", "/head/color/image_rect", "/head/depth/image_rect"),
+    "infrared": ("/wrist/rgb/image_raw", "/head/infra1/image_raw", "/head/depth/image_raw"),
+    "by encoding": ("/webcam/rgb/image_raw", "/oak/right/image_raw", "/oak/stereo/image_raw"),
+}
+
+
+@pytest.mark.parametrize("layout", WITHOUT_DEPTH)
+def test_colour_beside_depth_comes_before_colour_with_a_better_name(layout: str) -> None:
+    names = WITHOUT_DEPTH[layout]
+    encodings = dict(zip(names, ("rgb8", "mono8", "16UC1"), strict=True))
+    topics = topics_of(dict.fromkeys(names, IMAGE))
+    color = find_color(topics, None, BAG, encodings.__getitem__)
+    assert (color, find_depth(topics, None, BAG, encodings.__getitem__, color)) == names[1:]
+
+
+def test_of_two_cameras_with_depth_none_is_taken_for_the_name_of_its_colour() -> None:
+    names = ["/wrist/rgb/image_raw", "/head/color/image_rect_color"]
+    depths = ["/wrist/aligned_depth_to_color/image_raw", "/head/depth/image_rect"]
+    topics = topics_of(dict.fromkeys([*names, *depths], IMAGE))
+    with pytest.raises(InputError, match=f"2 topics may be colour: {', '.join(names)}"):
+        find_color(topics, None, BAG)
+    # the depth of one tells which is meant
+    assert find_color(topics, None, BAG, near=depths[1]) == names[1]
+    assert find_depth(topics, None, BAG, near=names[1]) == depths[1]
+
+
 def test_one_image_in_two_transports_is_one_image() -> None:
     base = "/camera/aligned_depth_to_color/image_raw"
     names = [f"{base}/compressed", f"{base}/compressedDepth"]

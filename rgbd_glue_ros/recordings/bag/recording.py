@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -104,8 +104,9 @@ class BagRecording(Closing):
 
     def _find_topics(self, wanted: Topics, depth_calibration: CameraIntrinsics | None) -> None:
         bag, have, path = self._bag, self._bag.topics, self._bag.path
-        color = find_color(have, wanted.color, path, bag.encoding, wanted.depth or "")
-        depth = find_depth(have, wanted.depth, path, bag.encoding, color)
+        encoding = cache(bag.encoding)
+        color = find_color(have, wanted.color, path, encoding, wanted.depth or "")
+        depth = find_depth(have, wanted.depth, path, encoding, color)
         if self._calibration is None and wanted.info is None and realsense.is_realsense(color):
             self._calibration = realsense.camera_in_text(bag, color)
         info = (
