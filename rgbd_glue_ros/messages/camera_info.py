@@ -30,8 +30,8 @@ _MAX_OFF_CENTRE = 0.2
 # resolution. A region of an image that is published as a whole one is off by different factors.
 _SAME_FACTOR = 0.05
 
-# The position of the skew in a camera matrix
-_SKEW = np.array([[0.0, 1, 0], [0, 0, 0], [0, 0, 0]])
+# What single precision leaves of computed zeros and ones: less than a hundredth of a pixel
+_ROUNDING = 1e-5
 
 _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
     LensModel.BROWN_CONRADY: (
@@ -237,7 +237,7 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
     """The camera of a matrix [3, 3], without distortion.
 
     Args:
-        matrix: fx 0 cx, 0 fy cy, 0 0 1; pixels.
+        matrix: fx 0 cx, 0 fy cy, 0 0 1, up to rounding; pixels.
         width: width of its images, pixels; width and height are 0 if unknown.
         height: height of its images, pixels.
         name: name of the matrix, for errors.
@@ -258,15 +258,17 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
         raise _no_camera(no_matrix, where)
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     expected = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    focal = max(abs(fx), abs(fy))
+    is_off = np.abs(matrix - expected) > _ROUNDING * np.array([[focal], [focal], [1]])
     skew = float(matrix[0, 1])
-    if skew and np.array_equal(matrix - expected, skew * _SKEW):
+    if is_off[0, 1] and is_off.sum() == 1:
         raise InputError(
             where,
             f"{name} has a skew of {skew:g} pixels, which is not supported",
             "calibrate the camera without skew, as camera_calibration and OpenCV do, and give "
             "that calibration to the driver; for a recording, give --calibration FILE",
         )
-    if not np.array_equal(matrix, expected):
+    if is_off.any():
         raise _no_camera(no_matrix, where)
     try:
         camera = CameraIntrinsics(width, height, fx, fy, cx, cy)
