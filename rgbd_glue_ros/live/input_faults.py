@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rgbd_glue_ros.live.transports import OtherTransport, explain_transports
 from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS
@@ -27,6 +28,7 @@ class Input:
         publishers: descriptions of its publishers; empty if there are none.
         received: number of received messages.
         rate_hz: messages per second.
+        other: where the same image is published in another transport, if it is not here.
     """
 
     channel: Channel
@@ -34,6 +36,7 @@ class Input:
     publishers: tuple[str, ...]
     received: int
     rate_hz: float
+    other: OtherTransport | None = None
 
     def __str__(self) -> str:
         if not self.publishers:
@@ -65,11 +68,15 @@ def explain_silence(
         with_two_clocks: what to do if colour and depth use different clocks.
     """
     seen = "; ".join(map(str, inputs))
-    unpublished = _names([i.channel for i in inputs if not i.publishers])
+    others = [i.other for i in inputs if i.other is not None]
+    unpublished = _names([i.channel for i in inputs if not (i.publishers or i.other)])
     missing = _names([i.channel for i in inputs if not i.received])
-    if unpublished:
-        remedy = (
-            f"{unpublished} missing: start the camera, or remap the topics to the names it uses"
+    if others or unpublished:
+        # camera infos, which have no transports, may be missing too
+        remedy = "; ".join(
+            [explain_transports(others)] * bool(others)
+            + [f"{unpublished} missing: start the camera, or remap the topics to the names it uses"]
+            * bool(unpublished)
         )
     elif missing:
         remedy = (

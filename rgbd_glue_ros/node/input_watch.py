@@ -138,7 +138,7 @@ class NodeWatch:
         since, synchronizer = now.minus(before), self._synchronizer
         self._look_for_losses(since)
         verdict = self._first.judge(
-            has_publishers=any(i.publishers for i in inputs),
+            has_publishers=any(i.publishers or i.other for i in inputs),
             has_messages=any(since.received.values()),
         )
         self._warn_if_new(
@@ -205,7 +205,12 @@ class NodeWatch:
     ) -> str:
         seen = [
             Input(
-                i.channel, i.topic, i.publishers, received[i.channel], received[i.channel] / LOOK_S
+                i.channel,
+                i.topic,
+                i.publishers,
+                received[i.channel],
+                received[i.channel] / LOOK_S,
+                i.other,
             )
             for i in inputs
         ]
