@@ -55,6 +55,7 @@ def explain_silence(
     queue_needed: int = 0,
     backward: Sequence[Channel] = (),
     with_two_clocks: str = PAIR_BY_RECEIPT,
+    repeated: Sequence[Channel] = (),
 ) -> str:
     """Why no frame was complete, as far as is known, and what to do.
 
@@ -66,6 +67,7 @@ def explain_silence(
         queue_needed: queue size with which images would pair; 0 if the present one is enough.
         backward: channels whose stamps go backward from message to message.
         with_two_clocks: what to do if colour and depth use different clocks.
+        repeated: channels whose messages repeat a stamp.
     """
     seen = "; ".join(map(str, inputs))
     others = [i.other for i in inputs if i.other is not None]
@@ -82,6 +84,11 @@ def explain_silence(
         remedy = (
             f"{missing} missing: check whether the camera runs, and whether type and QoS of its "
             "topics match"
+        )
+    elif repeated:
+        remedy = (
+            f"the messages of {' and '.join(c.value for c in repeated)} repeat one stamp: make the "
+            f"driver stamp each image with its time, or {with_two_clocks}"
         )
     elif backward:
         remedy = (

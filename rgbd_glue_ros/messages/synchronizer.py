@@ -40,6 +40,9 @@ class Channel(Enum):
 
 _PARTNERS = {Channel.COLOR: Channel.DEPTH, Channel.DEPTH: Channel.COLOR}
 
+PAIRED = tuple(_PARTNERS)
+"""The channels of images."""
+
 
 @dataclass(frozen=True)
 class Match(Generic[Item]):

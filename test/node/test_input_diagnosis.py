@@ -160,3 +160,21 @@ def test_infrared_of_ten_bits_is_seen_with_its_texture(ros_domain: int) -> None:
         picture = color_from_message(pictures[0], MATCHES)[20:, :, 0]
         dimmed = picture.std() / frame.color[20:, :, 0].std()
         assert 0.4 < dimmed < 1
+
+
+@pytest.mark.slow
+def test_images_that_all_have_one_stamp_are_reported_with_the_parameter_to_set(
+    ros_domain: int,
+) -> None:
+    with healthy(rig_node(ros_domain, "hasty_node")) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+
+        def is_told() -> bool:
+            rig.publish(corner_frame(START_NS))
+            rig.spin_for(0.1)
+            return "repeat one stamp" in told(rig)
+
+        rig.wait(is_told, "the cause")
+        line = node.wait_for_line("repeat one stamp", PATIENCE_S)
+        assert "the messages of color and depth repeat one stamp" in line
+        assert "-p stamps:=receipt" in line

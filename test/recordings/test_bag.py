@@ -30,6 +30,7 @@ from rosbags.typesys import Stores, get_typestore
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.fields import header, pose_stamped
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
@@ -343,6 +344,25 @@ def test_images_that_come_twice_are_counted_and_said(
         assert len(list(sequence)) == len(FRAMES)
         assert sequence.left_out.duplicates == len(FRAMES)
     assert f"images that repeat a stamp and were left out: {len(FRAMES)}" in caplog.text
+
+
+def test_where_most_images_repeat_a_stamp_the_time_of_recording_is_named_and_tells_them_apart(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    messages = [
+        replace(m, stamp_ns=frame.stamp_ns)
+        for frame in FRAMES
+        for m in recorded([replace(frame, stamp_ns=START_NS)])
+    ]
+    bag = write_rosbag2(tmp_path / "bag", messages)
+    with BagRecording(bag) as sequence:
+        assert len(list(sequence)) == 1
+    assert f"were left out: {len(FRAMES) - 1}; if these are different images" in caplog.text
+    assert "--set stamps=receipt" in caplog.text
+    caplog.clear()
+    with BagRecording(bag, inputs=InputConfig(stamps="receipt")) as sequence:
+        assert [frame.stamp_ns for frame in sequence] == [frame.stamp_ns for frame in FRAMES]
+    assert not caplog.messages
 
 
 def test_a_bag_of_a_looped_recording_gives_all_rounds(

@@ -56,6 +56,8 @@ logger = logging.getLogger(__name__)
 # In a bag, messages of the topics may be further apart in time than over a network.
 QUEUE_SIZE = 30
 
+_BY_RECORDING = "if these are different images, give --set stamps=receipt, their time of recording"
+
 # Later than any image: a camera info that no image has to wait for.
 _FOREVER_NS = 2**63
 
@@ -202,7 +204,8 @@ class BagRecording(Closing):
             raise faults.first or _nothing_paired(self._bag.path, self._topics, sync)
         if faults.count:
             logger.warning("%s: %d messages or frames skipped", self._bag.path, faults.count)
-        warn_of_left_out(self._bag.path, self.left_out, gaps)
+        by_recording = "" if self._stamp_source == RECEIPT else _BY_RECORDING
+        warn_of_left_out(self._bag.path, self.left_out, gaps, by_recording)
 
     @property
     def skipped(self) -> int:
