@@ -43,6 +43,11 @@ _OTHER_FORMS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "RGBDImage": (("colour", "depth"), "split it (rtabmap_util's rgbd_split), and record that"),
 }
 
+# Images of Foxglove's schemas, in ROS, JSON or protobuf
+_FOXGLOVE = re.compile(r"foxglove.*(CompressedImage|RawImage)$", re.IGNORECASE)
+
+_PACKAGES = {"sensor_msgs", "geometry_msgs", "nav_msgs"}
+
 EncodingOf = Callable[[str], str]
 """Returns the encoding of the first image of a topic."""
 
@@ -167,15 +172,29 @@ def find_depth(
     """
     images = _of_types(topics, IMAGE_TYPES)
     found = [] if wanted is not None else _depths(images, encoding, near)
-    found = _best(_nearest(found, near), lambda t: is_named_registered(t.name))
+    found = _best(
+        _nearest(found, near),
+        lambda t: is_named_registered(t.name),
+        lambda t: not _named("confidence")(t),
+        # of a raw and a rectified image the one that fits colour; of those computed from it the raw
+        lambda t: is_rectified(t.name) == is_rectified(near),
+        lambda t: _last_part(t.name) == "image_raw",
+    )
     return _chosen("depth", ["--depth-topic TOPIC"], wanted, found, images, topics, bag)
 
 
 def _depths(images: list[RecordedTopic], encoding: EncodingOf, near: str) -> list[RecordedTopic]:
-    """The depth images by name, or if there are none by encoding."""
-    return [t for t in images if _is_named_depth(t)] or [
-        t for t in images if t.name != near and not _is_infrared(t) and _is_depth(encoding(t.name))
-    ]
+    """The depth images by name, or if there are none by encoding.
+
+    Colour registered to depth, or the confidence of depth, is named depth and encoded otherwise.
+    """
+    named = [t for t in images if _is_named_depth(t)]
+    others = [t for t in images if t.name != near and not _is_infrared(t)]
+    return (
+        [t for t in named if not _is_of_8_bits(encoding(t.name))]
+        or [t for t in others if _is_depth(encoding(t.name))]
+        or named
+    )
 
 
 def find_info(
@@ -299,6 +318,11 @@ def _chosen(
 def _in_another_form(what: str, topics: Mapping[str, RecordedTopic]) -> list[str]:
     """The remedy if images exist in another form."""
     for topic in topics.values():
+        if _FOXGLOVE.search(topic.type) and what in {"colour", "depth"}:
+            told = (
+                "images of Foxglove's schemas are not read: record or convert them as sensor_msgs"
+            )
+            return [f"{topic.name} is {topic.type}, and {told}/msg/Image or CompressedImage"]
         kinds, remedy = _OTHER_FORMS.get(topic.type.rpartition("/")[2], ((), ""))
         if what in kinds:
             return [f"{topic.name} holds it as {topic.type}: {remedy}"]
@@ -339,6 +363,12 @@ def _is_depth(encoding: str) -> bool:
     return re.match(r"16[US]C1|32FC1|64FC1|z16", encoding, re.IGNORECASE) is not None
 
 
+def _is_of_8_bits(encoding: str) -> bool:
+    """Whether images of an encoding can only be colour, grey or flags."""
+    of_8_bits = "(rgb|bgr)a?|mono8|8[US]C|bayer|yuv|yuy|uyvy|nv|.*jpe?g"
+    return re.match(of_8_bits, encoding, re.IGNORECASE) is not None
+
+
 def _best(topics: list[RecordedTopic], *rules: _Rule) -> list[RecordedTopic]:
     """The topics that meet the rules, applied in turn; a rule that none meets is skipped."""
     for rule in rules:
@@ -356,4 +386,9 @@ def _is_raw(topic: RecordedTopic) -> bool:
 
 
 def _of_types(topics: Mapping[str, RecordedTopic], types: Iterable[str]) -> list[RecordedTopic]:
-    return [topic for topic in topics.values() if topic.type.rpartition("/")[2] in types]
+    """The topics of some standard types; other packages have types of the same name."""
+    return [
+        topic
+        for topic in topics.values()
+        if topic.type.rpartition("/")[2] in types and topic.type.split("/")[0] in _PACKAGES
+    ]
