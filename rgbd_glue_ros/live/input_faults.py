@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rgbd_glue_ros.live.transports import OtherTransport, explain_transports
 from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS
@@ -27,6 +28,7 @@ class Input:
         publishers: descriptions of its publishers; empty if there are none.
         received: number of received messages.
         rate_hz: messages per second.
+        other: where the same image is published in another transport, if it is not here.
     """
 
     channel: Channel
@@ -34,6 +36,7 @@ class Input:
     publishers: tuple[str, ...]
     received: int
     rate_hz: float
+    other: OtherTransport | None = None
 
     def __str__(self) -> str:
         if not self.publishers:
@@ -52,6 +55,7 @@ def explain_silence(
     queue_needed: int = 0,
     backward: Sequence[Channel] = (),
     with_two_clocks: str = PAIR_BY_RECEIPT,
+    repeated: Sequence[Channel] = (),
 ) -> str:
     """Why no frame was complete, as far as is known, and what to do.
 
@@ -63,18 +67,28 @@ def explain_silence(
         queue_needed: queue size with which images would pair; 0 if the present one is enough.
         backward: channels whose stamps go backward from message to message.
         with_two_clocks: what to do if colour and depth use different clocks.
+        repeated: channels whose messages repeat a stamp.
     """
     seen = "; ".join(map(str, inputs))
-    unpublished = _names([i.channel for i in inputs if not i.publishers])
+    others = [i.other for i in inputs if i.other is not None]
+    unpublished = _names([i.channel for i in inputs if not (i.publishers or i.other)])
     missing = _names([i.channel for i in inputs if not i.received])
-    if unpublished:
-        remedy = (
-            f"{unpublished} missing: start the camera, or remap the topics to the names it uses"
+    if others or unpublished:
+        # camera infos, which have no transports, may be missing too
+        remedy = "; ".join(
+            [explain_transports(others)] * bool(others)
+            + [f"{unpublished} missing: start the camera, or remap the topics to the names it uses"]
+            * bool(unpublished)
         )
     elif missing:
         remedy = (
             f"{missing} missing: check whether the camera runs, and whether type and QoS of its "
             "topics match"
+        )
+    elif repeated:
+        remedy = (
+            f"the messages of {' and '.join(c.value for c in repeated)} repeat one stamp: make the "
+            f"driver stamp each image with its time, or {with_two_clocks}"
         )
     elif backward:
         remedy = (

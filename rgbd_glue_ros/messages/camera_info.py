@@ -26,9 +26,12 @@ MAX_SIDES = 100.0
 # A calibration without a size, or of another size than the image, is assumed to be for the image if
 # its principal point is at most this far from the centre, as a fraction of the size.
 _MAX_OFF_CENTRE = 0.2
+# If it is off along both sides by the same factor, to within this, the calibration is for another
+# resolution. A region of an image that is published as a whole one is off by different factors.
+_SAME_FACTOR = 0.05
 
-# The position of the skew in a camera matrix
-_SKEW = np.array([[0.0, 1, 0], [0, 0, 0], [0, 0, 0]])
+# What single precision leaves of computed zeros and ones: less than a hundredth of a pixel
+_ROUNDING = 1e-5
 
 _FAMILIES: Mapping[LensModel, tuple[str, ...]] = {
     LensModel.BROWN_CONRADY: (
@@ -171,6 +174,20 @@ def _believed(camera: CameraIntrinsics, where: str, image_topic: str) -> CameraI
     return camera
 
 
+def _check_resolution(camera: CameraIntrinsics, name: str, where: str) -> None:
+    """Refuses a matrix for another resolution than that of its info, before any cropping."""
+    factors = camera.cx / camera.width, camera.cy / camera.height
+    if _is_off_centre(camera) and abs(factors[0] - factors[1]) < _SAME_FACTOR:
+        raise InputError(
+            where,
+            f"the centre ({camera.cx:g}, {camera.cy:g}) of {name} does not fit its own size, "
+            f"{camera.width}x{camera.height}, but one of {2 * camera.cx + 1:.0f}x"
+            f"{2 * camera.cy + 1:.0f}",
+            "give width and height of the images that the calibration was made with; for a "
+            "recording, another by --calibration FILE",
+        )
+
+
 def _is_off_centre(camera: CameraIntrinsics) -> bool:
     """Whether the principal point is far from the centre of the camera's image."""
     off_centre = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
@@ -220,7 +237,7 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
     """The camera of a matrix [3, 3], without distortion.
 
     Args:
-        matrix: fx 0 cx, 0 fy cy, 0 0 1; pixels.
+        matrix: fx 0 cx, 0 fy cy, 0 0 1, up to rounding; pixels.
         width: width of its images, pixels; width and height are 0 if unknown.
         height: height of its images, pixels.
         name: name of the matrix, for errors.
@@ -241,15 +258,17 @@ def pinhole(matrix: Float64, width: int, height: int, name: str, where: str) -> 
         raise _no_camera(no_matrix, where)
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     expected = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    focal = max(abs(fx), abs(fy))
+    is_off = np.abs(matrix - expected) > _ROUNDING * np.array([[focal], [focal], [1]])
     skew = float(matrix[0, 1])
-    if skew and np.array_equal(matrix - expected, skew * _SKEW):
+    if is_off[0, 1] and is_off.sum() == 1:
         raise InputError(
             where,
             f"{name} has a skew of {skew:g} pixels, which is not supported",
             "calibrate the camera without skew, as camera_calibration and OpenCV do, and give "
             "that calibration to the driver; for a recording, give --calibration FILE",
         )
-    if not np.array_equal(matrix, expected):
+    if is_off.any():
         raise _no_camera(no_matrix, where)
     try:
         camera = CameraIntrinsics(width, height, fx, fy, cx, cy)
@@ -275,6 +294,7 @@ def _pinhole(matrix: Float64, msg: CameraInfo, name: str, where: str) -> CameraI
     camera = pinhole(matrix, msg.width, msg.height, name, where)
     if _is_without_size(msg):
         return camera
+    _check_resolution(camera, name, where)
     return _binned(_cropped(camera, msg, where), msg, where)
 
 

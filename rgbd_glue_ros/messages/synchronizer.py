@@ -40,6 +40,9 @@ class Channel(Enum):
 
 _PARTNERS = {Channel.COLOR: Channel.DEPTH, Channel.DEPTH: Channel.COLOR}
 
+PAIRED = tuple(_PARTNERS)
+"""The channels of images."""
+
 
 @dataclass(frozen=True)
 class Match(Generic[Item]):
@@ -108,6 +111,22 @@ class Synchronizer(Generic[Item]):
         Counted since the beginning, or since ``forget_misses``.
         """
         return self._late.queue_needed
+
+    @property
+    def is_full(self) -> bool:
+        """Whether a channel of images has as many waiting as its queue holds."""
+        return any(len(self._queues[c].waiting) >= self._queue_size for c in PAIRED)
+
+    @property
+    def lacks_infos(self) -> bool:
+        """Whether as many pairs as a queue holds wait for the first camera info."""
+        return len(self._pairs) >= self._queue_size and not self._queues[Channel.INFO].waiting
+
+    def reached(self, channel: Channel) -> tuple[int, int]:
+        """How far a channel has come, to compare with others: jumps backward, and newest stamp."""
+        queue = self._queues[channel]
+        newest_ns = -1 if queue.newest_ns is None else queue.newest_ns
+        return queue.counts.backward_jumps, newest_ns
 
     @property
     def counts(self) -> dict[Channel, ChannelCounts]:

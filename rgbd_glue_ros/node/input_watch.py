@@ -27,7 +27,7 @@ from rgbd_glue_ros.live.input_faults import (
 from rgbd_glue_ros.live.monitor import Drop, Monitor
 from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.stamps import StampSource
-from rgbd_glue_ros.messages.synchronizer import Channel, Synchronizer
+from rgbd_glue_ros.messages.synchronizer import PAIRED, Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
 from rgbd_glue_ros.parameters import PROFILES_VARIABLE, profiles_file
 
@@ -44,6 +44,7 @@ class _Counts:
         received: received messages of each channel.
         missing: messages of each channel that are missing, from gaps between the stamps.
         backward: messages of each channel with a stamp before that of an earlier message.
+        repeated: messages of each channel with the stamp of an earlier message.
         processed: frames with an estimate.
         left_out: frames that were replaced by a newer one.
         waited_ns: how long frames waited for TF, nanoseconds.
@@ -53,6 +54,7 @@ class _Counts:
     received: dict[Channel, int]
     missing: dict[Channel, int]
     backward: dict[Channel, int]
+    repeated: dict[Channel, int]
     processed: int
     left_out: int
     waited_ns: int
@@ -64,6 +66,7 @@ class _Counts:
             _difference(self.received, before.received),
             _difference(self.missing, before.missing),
             _difference(self.backward, before.backward),
+            _difference(self.repeated, before.repeated),
             self.processed - before.processed,
             self.left_out - before.left_out,
             self.waited_ns - before.waited_ns,
@@ -127,6 +130,7 @@ class NodeWatch:
             {c: counts[c].received for c in Channel},
             {c: counts[c].missing for c in Channel},
             {c: counts[c].late + counts[c].strays for c in Channel},
+            {c: counts[c].duplicates for c in Channel},
             summary.frames,
             summary.drops[Drop.SUPERSEDED],
             self._monitor.waited_ns,
@@ -138,7 +142,7 @@ class NodeWatch:
         since, synchronizer = now.minus(before), self._synchronizer
         self._look_for_losses(since)
         verdict = self._first.judge(
-            has_publishers=any(i.publishers for i in inputs),
+            has_publishers=any(i.publishers or i.other for i in inputs),
             has_messages=any(since.received.values()),
         )
         self._warn_if_new(
@@ -186,8 +190,7 @@ class NodeWatch:
     def _explain_no_frame(
         self, inputs: Sequence[NodeInput], since: _Counts, verdict: Silence
     ) -> None:
-        backward = [c for c in Channel if 2 * since.backward[c] > since.received[c]]
-        self.silence = self._explain_silence(inputs, since.received, backward)
+        self.silence = self._explain_silence(inputs, since)
         line = f"No frame for {LOOK_S:.0f} s: {self.silence}"
         # a line that differs only in its counts is not news
         if verdict is Silence.TOO_EARLY or not self._silences.is_news(verdict.name, self.silence):
@@ -200,12 +203,17 @@ class NodeWatch:
     def _explain_silence(
         self,
         inputs: Sequence[NodeInput],
-        received: dict[Channel, int],
-        backward: Sequence[Channel],
+        since: _Counts,
     ) -> str:
+        received = since.received
         seen = [
             Input(
-                i.channel, i.topic, i.publishers, received[i.channel], received[i.channel] / LOOK_S
+                i.channel,
+                i.topic,
+                i.publishers,
+                received[i.channel],
+                received[i.channel] / LOOK_S,
+                i.other,
             )
             for i in inputs
         ]
@@ -215,8 +223,10 @@ class NodeWatch:
             synchronizer.closest_miss_ns,
             synchronizer.max_interval_ns,
             synchronizer.queue_needed,
-            backward,
+            [c for c in Channel if 2 * since.backward[c] > received[c]],
             self._with_two_clocks,
+            # an info may be sent again and again
+            [c for c in Channel if c in PAIRED and 2 * since.repeated[c] > received[c]],
         )
 
     def _warn_if_new(self, what: str, line: str | None) -> None:

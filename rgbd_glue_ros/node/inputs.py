@@ -13,6 +13,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.transports import OtherTransport, other_transport
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.parameters import NodeConfig
@@ -35,6 +36,7 @@ class NodeInput:
         topic: str,
         receive: Receive,
         config: NodeConfig,
+        transport: str = topics.RAW,
     ) -> None:
         """Subscribes.
 
@@ -42,12 +44,14 @@ class NodeInput:
             node: the node that subscribes.
             channel: what the topic carries.
             message_type: type of its messages.
-            topic: its full name.
+            topic: its full name, without its transport.
             receive: called with each message.
             config: queue size and QoS.
+            transport: of an image.
         """
         self.channel = channel
-        self.topic = topic
+        self.topic = topics.transported(topic, transport)
+        self._base, self._transport = topic, transport
         self._node = node
         self._type = message_type
         self._receive = receive
@@ -117,6 +121,15 @@ class NodeInput:
         """Descriptions of the topic's publishers: node, type and reliability."""
         return describe_publishers(self._node, self.topic, self._type)
 
+    @property
+    def other(self) -> OtherTransport | None:
+        """Where the same image is published in another transport, if it is not here."""
+
+        def types_on(topic: str) -> list[str]:
+            return [info.topic_type for info in self._node.get_publishers_info_by_topic(topic)]
+
+        return other_transport(self.channel, self._base, self._transport, types_on)
+
 
 def describe_publishers(node: Node, topic: str, message_type: type) -> tuple[str, ...]:
     """Descriptions of a topic's publishers: node, type and reliability.
@@ -162,8 +175,8 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeI
         else:
             message_type = Image if transport == topics.RAW else CompressedImage
         # as in image_transport, users remap the base topic
-        topic = topics.transported(node.resolve_topic_name(topics.SUBSCRIBED[channel]), transport)
-        inputs.append(NodeInput(node, channel, message_type, topic, receive, config))
+        topic = node.resolve_topic_name(topics.SUBSCRIBED[channel])
+        inputs.append(NodeInput(node, channel, message_type, topic, receive, config, transport))
     return tuple(inputs)
 
 

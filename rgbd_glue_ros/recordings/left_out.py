@@ -73,17 +73,23 @@ class FrameGaps:
         self._last_ns = stamp_ns
 
 
-def warn_of_left_out(name: object, left_out: LeftOut, gaps: FrameGaps) -> None:
+def warn_of_left_out(
+    name: object, left_out: LeftOut, gaps: FrameGaps, without_stamps: str = ""
+) -> None:
     """Logs what a recording left out, if that is a tenth of its images or there is a long gap.
 
     Args:
         name: of the recording.
         left_out: of it.
         gaps: between its frames.
+        without_stamps: what to do if stamps do not tell its images apart.
     """
     if left_out.duplicates:
+        are_most = left_out.duplicates > max(left_out.images.values(), default=0)
         logger.warning(
-            "%s: images that repeat a stamp and were left out: %d", name, left_out.duplicates
+            "%s: images that repeat a stamp and were left out: %d%s",
+            *(name, left_out.duplicates),
+            f"; {without_stamps}" if without_stamps and are_most else "",
         )
     is_long = gaps.longest_ns > _LONG_GAP_NS
     said = [

@@ -59,6 +59,13 @@ def test_images_that_miss_each_other_in_a_short_queue_ask_for_a_longer_one() -> 
     assert "approx_sync_max_interval" not in line
 
 
+def test_images_that_repeat_one_stamp_are_reported_with_the_time_of_receipt_as_remedy() -> None:
+    inputs = [Input(c, f"/{c.value}", ("/camera",), 150, 30.0) for c in Channel]
+    line = explain_silence(inputs, None, 20 * MS, repeated=[Channel.COLOR, Channel.DEPTH])
+    assert "the messages of color and depth repeat one stamp: make the driver stamp" in line
+    assert "-p stamps:=receipt" in line
+
+
 def test_stamps_that_go_backward_from_message_to_message_are_reported() -> None:
     inputs = [Input(c, f"/{c.value}", ("/camera",), 150, 30.0) for c in Channel]
     line = explain_silence(inputs, 160 * MS, 20 * MS, 0, [Channel.COLOR, Channel.DEPTH])

@@ -161,6 +161,42 @@ def test_an_info_that_does_not_fit_the_image_is_refused(message: CameraInfo, cau
     assert cause in str(error.value)
 
 
+@pytest.mark.parametrize("factor", [2.0, 1.5, 0.5])
+def test_a_matrix_for_another_resolution_than_the_stated_one_is_refused(factor: float) -> None:
+    scaled = CAMERA.scaled(round(64 * factor), round(48 * factor))
+    message = camera_info(replace(scaled, width=64, height=48), HEAD)
+    size = f"{scaled.width}x{scaled.height}"
+    with pytest.raises(InputError, match=f"does not fit its own size, 64x48, but one of {size}"):
+        camera_of(message)
+    # as it should have been stated, it is scaled
+    found = camera_of(replace(message, width=scaled.width, height=scaled.height))
+    np.testing.assert_allclose(found.matrix, CAMERA.matrix)
+
+
+def test_a_region_far_from_the_centre_of_its_sensor_keeps_its_camera() -> None:
+    """Declared, at a corner of the sensor, or published as a whole image, at one of its sides."""
+    sensor = CAMERA.scaled(256, 192)
+    corner = replace(camera_info(sensor, HEAD), roi=RegionOfInterest(0, 0, 48, 64))
+    assert camera_of(corner).cx == pytest.approx(sensor.cx)
+    side = replace(sensor, width=64, height=48, cx=sensor.cx - 128, cy=23.5)
+    assert camera_of(camera_info(side, HEAD)).cx == pytest.approx(sensor.cx - 128)
+
+
+@pytest.mark.parametrize(("at", "rest"), [(1, 1e-6), (3, -3e-5), (6, 1e-8), (8, 1e-7)])
+def test_what_rounding_leaves_of_zeros_and_ones_does_not_matter(at: int, rest: float) -> None:
+    message = replace(PLAIN, k=PLAIN.k + rest * np.eye(9)[at])
+    assert intrinsics_from_message(message, "/info") == CAMERA
+
+
+@pytest.mark.parametrize(("at", "wrong"), [(3, 0.05), (6, 1e-3), (8, -1e-3)])
+def test_more_than_rounding_in_place_of_a_zero_or_one_is_refused(at: int, wrong: float) -> None:
+    message = replace(PLAIN, k=PLAIN.k + wrong * np.eye(9)[at])
+    with pytest.raises(InputError, match="not fx 0 cx, 0 fy cy, 0 0 1"):
+        intrinsics_from_message(message, "/info")
+    with pytest.raises(InputError, match=r"K has a skew of 0\.05 pixels"):
+        intrinsics_from_message(replace(PLAIN, k=PLAIN.k + 0.05 * np.eye(9)[1]), "/info")
+
+
 def test_the_camera_comes_back_from_its_info() -> None:
     rational = replace(LENSED, distortion=tuple(0.01 * i for i in range(1, 9)))
     for camera in (LENSED, rational, replace(LENSED, distortion=())):

@@ -445,6 +445,29 @@ def test_silence_is_explained_by_the_missing_topic(ros_domain: int) -> None:
         assert "/rgb/image (color) from /rig (sensor_msgs/msg/Image, reliable): 0 messages" in line
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("is_compressed", [True, False])
+def test_images_in_another_transport_are_named_with_the_parameters_to_set(
+    is_compressed: bool, ros_domain: int
+) -> None:
+    given = {"image_transport": "compressed", "depth_transport": "compressedDepth"}
+    with (
+        running_node(ros_domain, **({} if is_compressed else given)) as node,
+        Rig(ros_domain, compressed=is_compressed) as rig,
+    ):
+        rig.wait(rig.info.get_subscription_count, "the node", START_S)
+        line = node.wait_for_line("No frame for 5 s", PATIENCE_S)
+        assert "/rgb/image/compressed" in line
+        assert line.endswith(
+            "; /rgb/image/compressed and /depth/image/compressedDepth are published: start the "
+            "node with --ros-args -p image_transport:=compressed "
+            "-p depth_transport:=compressedDepth"
+            if is_compressed
+            else "; /rgb/image and /depth/image are published: start the node with --ros-args "
+            "-p image_transport:=raw -p depth_transport:=raw"
+        )
+
+
 def call(rig: Rig, service: str) -> None:
     client = rig.node.create_client(Empty, f"/rgbd_odometry/{service}")
     rig.wait(client.service_is_ready, service)

@@ -30,6 +30,7 @@ from rosbags.typesys import Stores, get_typestore
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.fields import header, pose_stamped
+from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
@@ -124,6 +125,20 @@ def test_every_iteration_gives_the_same_frames_from_the_beginning(bag: Path) -> 
             pass
         for frame, original in zip(sequence, FRAMES, strict=True):
             assert_same_frame(frame, original)
+
+
+def test_infrared_of_ten_bits_is_read_with_its_texture_each_time(tmp_path: Path) -> None:
+    messages = recorded(FRAMES)
+    counts = [frame.color[..., 0].astype("<u2") * 4 for frame in FRAMES]
+    for image, pixels in zip((m for m in messages if m.topic == COLOR), counts, strict=True):
+        mono16 = {"encoding": "mono16", "step": 128, "data": pixels.view(np.uint8).ravel()}
+        vars(image)["message"] = replace(image.message, **mono16)
+    with BagRecording(write_rosbag2(tmp_path / "bag", messages)) as sequence:
+        for _ in range(2):
+            bits = max(int(pixels.max()).bit_length() for pixels in counts)
+            for frame, pixels in zip(sequence, counts, strict=True):
+                expected = pixels * (255 / (2**bits - 1))
+                assert np.abs(frame.color - expected).max() < 1
 
 
 def test_chosen_frames_are_those_of_their_numbers(bag: Path) -> None:
@@ -329,6 +344,25 @@ def test_images_that_come_twice_are_counted_and_said(
         assert len(list(sequence)) == len(FRAMES)
         assert sequence.left_out.duplicates == len(FRAMES)
     assert f"images that repeat a stamp and were left out: {len(FRAMES)}" in caplog.text
+
+
+def test_where_most_images_repeat_a_stamp_the_time_of_recording_is_named_and_tells_them_apart(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    messages = [
+        replace(m, stamp_ns=frame.stamp_ns)
+        for frame in FRAMES
+        for m in recorded([replace(frame, stamp_ns=START_NS)])
+    ]
+    bag = write_rosbag2(tmp_path / "bag", messages)
+    with BagRecording(bag) as sequence:
+        assert len(list(sequence)) == 1
+    assert f"were left out: {len(FRAMES) - 1}; if these are different images" in caplog.text
+    assert "--set stamps=receipt" in caplog.text
+    caplog.clear()
+    with BagRecording(bag, inputs=InputConfig(stamps="receipt")) as sequence:
+        assert [frame.stamp_ns for frame in sequence] == [frame.stamp_ns for frame in FRAMES]
+    assert not caplog.messages
 
 
 def test_a_bag_of_a_looped_recording_gives_all_rounds(

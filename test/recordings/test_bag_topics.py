@@ -215,12 +215,106 @@ ENCODED = {
 }
 
 
+# Everything that a driver publishes
+ENCODED |= {
+    "all of Azure Kinect": (
+        {
+            "/depth/image_raw": "16UC1",
+            "/depth_to_rgb/image_raw": "16UC1",
+            "/ir/image_raw": "mono16",
+            "/rgb/image_raw": "bgra8",
+            "/rgb_to_depth/image_raw": "bgra8",
+        },
+        ("/rgb/image_raw", "/depth_to_rgb/image_raw"),
+    ),
+    "all of Azure Kinect, compressed": (
+        {
+            "/depth_to_rgb/image_raw/compressed": "16UC1; png compressed ",
+            "/rgb/image_raw/compressed": "jpeg",
+            "/rgb_to_depth/image_raw/compressed": "bgra8; jpeg compressed bgr8",
+        },
+        ("/rgb/image_raw/compressed", "/depth_to_rgb/image_raw/compressed"),
+    ),
+    "ARKit": (
+        {
+            "/arkit/camera/image": "nv12",
+            "/arkit/depth/confidence": "8UC1",
+            "/arkit/depth/image": "32FC1",
+        },
+        ("/arkit/camera/image", "/arkit/depth/image"),
+    ),
+    "confidence of 16 bits": (
+        {"/l515/rgb": "rgb8", "/l515/depth/confidence": "16UC1", "/l515/depth/image": "16UC1"},
+        ("/l515/rgb", "/l515/depth/image"),
+    ),
+    "depth by encoding beside its confidence": (
+        {"/oak/rgb": "rgb8", "/oak/depth_confidence": "8UC1", "/oak/stereo/image_raw": "16UC1"},
+        ("/oak/rgb", "/oak/stereo/image_raw"),
+    ),
+    "all of OpenNI": (
+        {
+            "/camera/rgb/image_raw": "bgr8",
+            "/camera/rgb/image_rect_color": "bgr8",
+            "/camera/depth/image": "32FC1",
+            "/camera/depth/image_raw": "16UC1",
+            "/camera/depth/image_rect": "32FC1",
+            "/camera/depth_registered/image": "32FC1",
+            "/camera/depth_registered/image_raw": "16UC1",
+            "/camera/depth_registered/sw_registered/image_rect_raw": "16UC1",
+        },
+        ("/camera/rgb/image_raw", "/camera/depth_registered/image_raw"),
+    ),
+    "rectified alone": (
+        {
+            "/camera/rgb/image_rect_color": "bgr8",
+            "/camera/depth_registered/image_raw": "16UC1",
+            "/camera/depth_registered/image_rect": "32FC1",
+        },
+        ("/camera/rgb/image_rect_color", "/camera/depth_registered/image_rect"),
+    ),
+}
+
+
 @pytest.mark.parametrize("layout", ENCODED)
 def test_encodings_decide_where_names_do_not(layout: str) -> None:
     encodings, expected = ENCODED[layout]
     topics = topics_of(dict.fromkeys(encodings, IMAGE))
     color = find_color(topics, None, BAG, encodings.__getitem__)
     assert (color, find_depth(topics, None, BAG, encodings.__getitem__, color)) == expected
+
+
+# A camera with depth, and one without whose colour has the better name
+WITHOUT_DEPTH = {
+    "rgb": ("/wrist/rgb/image_raw", "/head/color/image_raw", "/head/aligned_depth_to_color/image"),
+    "color": ("/wrist/color/image_raw", "/head/rgb/image_raw", "/head/depth_registered/image_raw"),
+    "image_color": ("/usb_cam/image_color", "/camera/image_raw", "/camera/depth/image_raw"),
+    "no word": ("/fisheye/left/image_raw", "/camera/image_raw", "/camera/depth/image_raw"),
+    "deeper": ("/robot/wrist/rgb", "/robot/head/image_raw", "/robot/head/depth/image_raw"),
+    "one folder": ("/webcam/image_color", "/rgbd_camera/image", "/rgbd_camera/depth_image"),
+    "rectified": ("/wrist/rgb/image_raw", "/head/color/image_rect", "/head/depth/image_rect"),
+    "infrared": ("/wrist/rgb/image_raw", "/head/infra1/image_raw", "/head/depth/image_raw"),
+    "by encoding": ("/webcam/rgb/image_raw", "/oak/right/image_raw", "/oak/stereo/image_raw"),
+}
+
+
+@pytest.mark.parametrize("layout", WITHOUT_DEPTH)
+def test_colour_beside_depth_comes_before_colour_with_a_better_name(layout: str) -> None:
+    names = WITHOUT_DEPTH[layout]
+    encodings = dict(zip(names, ("rgb8", "mono8", "16UC1"), strict=True))
+    topics = topics_of(dict.fromkeys(names, IMAGE))
+    color = find_color(topics, None, BAG, encodings.__getitem__)
+    assert (color, find_depth(topics, None, BAG, encodings.__getitem__, color)) == names[1:]
+
+
+def test_of_two_cameras_with_depth_none_is_taken_for_the_name_of_its_colour() -> None:
+    names = ["/wrist/rgb/image_raw", "/head/color/image_rect_color"]
+    depths = ["/wrist/aligned_depth_to_color/image_raw", "/head/depth/image_rect"]
+    topics = topics_of(dict.fromkeys([*names, *depths], IMAGE))
+    with pytest.raises(InputError, match=f"2 topics may be colour: {', '.join(names)}"):
+        find_color(topics, None, BAG)
+    # the depth of one tells which is meant
+    assert find_color(topics, None, BAG, near=depths[1]) == names[1]
+    assert find_depth(topics, None, BAG, near=names[1]) == depths[1]
 
 
 def test_one_image_in_two_transports_is_one_image() -> None:
@@ -247,6 +341,9 @@ def test_of_two_cameras_the_depth_of_the_given_colour_is_taken() -> None:
         ("/rgb/ffmpeg", "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "colour", "republish"),
         ("/rgb/theora", "theora_image_transport/msg/Packet", "colour", "republish"),
         ("/rgbd", "rtabmap_msgs/msg/RGBDImage", "depth", "rgbd_split"),
+        ("/color", "foxglove_msgs/msg/CompressedImage", "colour", "sensor_msgs/msg/Image"),
+        # of JSON and protobuf
+        ("/depth", "/msg/foxglove.RawImage", "depth", "sensor_msgs/msg/Image"),
         # rtabmap_ros#1302
         ("/camera/rgbd", "realsense2_camera_msgs/msg/RGBD", "depth", "record the images"),
     ],
@@ -255,5 +352,11 @@ def test_images_in_another_form_are_told_with_what_makes_images_of_them(
     topic: str, kind: str, what: str, remedy: str
 ) -> None:
     find = find_depth if what == "depth" else find_color
-    with pytest.raises(InputError, match=f"no topic of {what} found; {topic} holds .*{remedy}"):
+    told = f"no topic of {what} found; {topic} (holds|is) .*{remedy}"
+    with pytest.raises(InputError, match=told):
         find(topics_of({topic: kind, "/camera_info": INFO}), None, BAG)
+
+
+def test_a_type_of_another_package_with_the_name_of_an_image_is_no_image() -> None:
+    topics = topics_of({"/my/rgb/image": "my_cam/msg/Image", "/cam/image": IMAGE})
+    assert find_color(topics, None, BAG) == "/cam/image"

@@ -63,6 +63,7 @@ INFOS: dict[str, Breaker] = {
     "a negative focal length": _set("info", k=_matrix(fx=-300.0)),
     "a focal length of zero": _set("info", k=_matrix(fy=0.0)),
     "a NaN as principal point": _set("info", k=_matrix(cx=NAN)),
+    "a K of another resolution": _set("info", k=_matrix(cx=320.0, cy=240.0)),
     "skew": _set("info", k=_matrix(s=5.0)),
     "a K without its last 1": _set("info", k=_matrix(z=0.0)),
     "D with NaN": _set("info", d=[NAN, 0.0, 0.0, 0.0, 0.0]),

@@ -9,6 +9,7 @@ import logging
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
@@ -131,6 +132,15 @@ class BagFile(Closing):
             reader = Rosbag1Reader(plain) if self.is_ros1 else Rosbag2Reader(plain)
             reader.open()
             self._readers.append(reader)
+
+    def reopened(self) -> BagFile:
+        """The same bag, to be read beside this one, and closed before it."""
+        again = copy(self)
+        again._readers = []  # noqa: SLF001 (its own)
+        again._plain_files = PlainFiles()  # noqa: SLF001 (those of this one are used)
+        if self._readers:
+            again._open_with_index()  # noqa: SLF001 (as this one)
+        return again
 
     def encoding(self, topic: str) -> str:
         """The encoding of the first image of a topic; "" if it is not an image."""

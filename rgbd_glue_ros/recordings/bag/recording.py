@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,16 @@ from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.images import holds_whole_numbers
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.messages.stamps import StampSource, explain_miss
+from rgbd_glue_ros.messages.stamps import explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
+from rgbd_glue_ros.messages.used_bits import UsedBits
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.recordings.bag import realsense
 from rgbd_glue_ros.recordings.bag.depth_camera import RecordedDepthCamera
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.imu import recorded_imu
+from rgbd_glue_ros.recordings.bag.matching import Matching
 from rgbd_glue_ros.recordings.bag.topics import (
     Topics,
     find_color,
@@ -52,11 +54,7 @@ __all__ = ["BagRecording", "Topics"]
 
 logger = logging.getLogger(__name__)
 
-# In a bag, messages of the topics may be further apart in time than over a network.
-QUEUE_SIZE = 30
-
-# Later than any image: a camera info that no image has to wait for.
-_FOREVER_NS = 2**63
+_BY_RECORDING = "if these are different images, give --set stamps=receipt, their time of recording"
 
 
 class BagRecording(Closing):
@@ -94,7 +92,7 @@ class BagRecording(Closing):
         self._calibration = calibration
         self._calibration_depth_scale = calibration_depth_scale
         self._faults = Faults()
-        self._sync: Synchronizer[Any] = self._new_synchronizer()
+        self._matching: Matching | None = None
         try:
             self._find_topics(topics or Topics(), depth_calibration)
         except BaseException:
@@ -103,8 +101,9 @@ class BagRecording(Closing):
 
     def _find_topics(self, wanted: Topics, depth_calibration: CameraIntrinsics | None) -> None:
         bag, have, path = self._bag, self._bag.topics, self._bag.path
-        color = find_color(have, wanted.color, path, bag.encoding, wanted.depth or "")
-        depth = find_depth(have, wanted.depth, path, bag.encoding, color)
+        encoding = cache(bag.encoding)
+        color = find_color(have, wanted.color, path, encoding, wanted.depth or "")
+        depth = find_depth(have, wanted.depth, path, encoding, color)
         if self._calibration is None and wanted.info is None and realsense.is_realsense(color):
             self._calibration = realsense.camera_in_text(bag, color)
         info = (
@@ -180,9 +179,9 @@ class BagRecording(Closing):
             InputError: at the end, if the bag is damaged there or gave no frame at all.
         """
         faults, gaps = Faults(), FrameGaps()
-        sync = self._sync = self._new_synchronizer()
+        matching = self._matching = self._new_matching(faults)
         self._faults = faults
-        for result in mapped_ahead(self._frame, self._watched(self._matches(sync, faults))):
+        for result in mapped_ahead(self._frame, self._watched(matching)):
             if isinstance(result, InputError):
                 faults.add(result)
             else:
@@ -197,10 +196,11 @@ class BagRecording(Closing):
                 "copy or record it again",
             )
         if gaps.is_empty:
-            raise faults.first or _nothing_paired(self._bag.path, self._topics, sync)
+            raise faults.first or _nothing_paired(self._bag.path, self._topics, matching.sync)
         if faults.count:
             logger.warning("%s: %d messages or frames skipped", self._bag.path, faults.count)
-        warn_of_left_out(self._bag.path, self.left_out, gaps)
+        by_recording = "" if self._stamp_source == RECEIPT else _BY_RECORDING
+        warn_of_left_out(self._bag.path, self.left_out, gaps, by_recording)
 
     @property
     def skipped(self) -> int:
@@ -210,8 +210,10 @@ class BagRecording(Closing):
     @property
     def left_out(self) -> LeftOut:
         """What the last iteration left out, so far."""
+        if self._matching is None:
+            return LeftOut({COLOR: 0, DEPTH: 0}, {COLOR: 0, DEPTH: 0})
         counts = {
-            kind: self._sync.counts[channel]
+            kind: self._matching.sync.counts[channel]
             for kind, channel in ((COLOR, Channel.COLOR), (DEPTH, Channel.DEPTH))
         }
         return LeftOut(
@@ -220,8 +222,19 @@ class BagRecording(Closing):
             duplicates=max(c.duplicates for c in counts.values()),
         )
 
-    def _new_synchronizer(self) -> Synchronizer[Any]:
-        return Synchronizer(round(self._inputs.max_interval_s * NANOSECONDS), QUEUE_SIZE)
+    def _new_matching(self, faults: Faults) -> Matching:
+        channels = {self._topics.color: Channel.COLOR, self._topics.depth: Channel.DEPTH}
+        given = self._calibration
+        if given is None:
+            channels[self._topics.info] = Channel.INFO
+        return Matching(
+            self._bag,
+            channels,
+            round(self._inputs.max_interval_s * NANOSECONDS),
+            self._stamp_source,
+            faults,
+            None if given is None else camera_info(given, header(0, "")),
+        )
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
         """The frames with these increasing numbers; all before the last of them are read too."""
@@ -230,35 +243,6 @@ class BagRecording(Closing):
     def close(self) -> None:
         """Releases the files."""
         self._bag.close()
-
-    def _matches(self, sync: Synchronizer[Any], faults: Faults) -> Iterator[Match[Any]]:
-        channels = {self._topics.color: Channel.COLOR, self._topics.depth: Channel.DEPTH}
-        if self._calibration is None:
-            channels[self._topics.info] = Channel.INFO
-        else:
-            sync.add(Channel.INFO, _FOREVER_NS, camera_info(self._calibration, header(0, "")))
-        stamps = StampSource[Any](self._stamp_source)
-        is_said = False
-        for recorded in self._bag.messages(channels):
-            try:
-                message = self._bag.deserialize(recorded)
-            except InputError as error:
-                faults.add(error)
-                continue
-            channel = channels[recorded.topic]
-            in_header_ns = stamp_ns(message.header.stamp)
-            for stamp, item in stamps.accept(channel, in_header_ns, recorded.stamp_ns, message):
-                yield from sync.add(channel, stamp, item)
-            if Channel.INFO in stamps.unstamped and not is_said:
-                is_said = True
-                logger.warning(
-                    "%s: camera infos have no stamp, though images do; their time of recording "
-                    "is used",
-                    self._topics.info,
-                )
-        for channel, stamp, item in stamps.flush():
-            yield from sync.add(channel, stamp, item)
-        yield from sync.flush()
 
     @cached_property
     def _stamp_source(self) -> str:
@@ -276,9 +260,14 @@ class BagRecording(Closing):
         return RECEIPT
 
     def _watched(
-        self, matches: Iterator[Match[Any]]
-    ) -> Iterator[tuple[Match[Any], DepthCamera | None]]:
-        """The matches with the camera that took their depth; anomalies are logged."""
+        self, matches: Iterable[Match[Any]]
+    ) -> Iterator[tuple[Match[Any], DepthCamera | None, int]]:
+        """The matches with what decodes them; anomalies are logged.
+
+        Yields:
+            A match, the camera that took its depth, and the bits that colour uses.
+        """
+        bits = UsedBits()
         taken_by: DepthCamera | None = None
         last_ns: int | None = None
         for match in matches:
@@ -288,7 +277,7 @@ class BagRecording(Closing):
             elif match.stamp_ns < last_ns:
                 logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
             last_ns = match.stamp_ns
-            yield match, taken_by
+            yield match, taken_by, bits.of(match.color, self._topics.color)
 
     def _say_of_unit(self, match: Match[Any]) -> None:
         """Warns if the calibration file gives other units than the bag's images have."""
@@ -303,11 +292,11 @@ class BagRecording(Closing):
                 self._calibration_depth_scale,
             )
 
-    def _frame(self, paired: tuple[Match[Any], DepthCamera | None]) -> RgbdFrame | InputError:
-        match, taken_by = paired
+    def _frame(self, paired: tuple[Match[Any], DepthCamera | None, int]) -> RgbdFrame | InputError:
+        match, taken_by, bits = paired
         unit = self._depth_camera.metres_per_unit
         try:
-            return frame_of_match(match, self._topics, taken_by, unit)
+            return frame_of_match(match, self._topics, taken_by, unit, color_bits=bits)
         except InputError as error:
             return error
 

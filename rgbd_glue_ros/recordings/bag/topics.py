@@ -43,6 +43,11 @@ _OTHER_FORMS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "RGBDImage": (("colour", "depth"), "split it (rtabmap_util's rgbd_split), and record that"),
 }
 
+# Images of Foxglove's schemas, in ROS, JSON or protobuf
+_FOXGLOVE = re.compile(r"foxglove.*(CompressedImage|RawImage)$", re.IGNORECASE)
+
+_PACKAGES = {"sensor_msgs", "geometry_msgs", "nav_msgs"}
+
 EncodingOf = Callable[[str], str]
 """Returns the encoding of the first image of a topic."""
 
@@ -75,7 +80,7 @@ def find_color(
     encoding: EncodingOf = lambda _: "",
     near: str = "",
 ) -> str:
-    """The topic of the colour images; of infrared ones if there are no others.
+    """The topic of the colour images beside depth; of infrared ones if there are no others.
 
     Args:
         topics: of the bag.
@@ -88,24 +93,62 @@ def find_color(
         InputError: there is none, or more than one; lists what there is.
     """
     images = _of_types(topics, IMAGE_TYPES)
-    no_depth = [t for t in images if not _is_named_depth(t)]
-    if not any(map(_named(r"rgb|colou?r"), no_depth)):
-        no_depth = [t for t in no_depth if not _is_depth(encoding(t.name))]
-    colors = [t for t in no_depth if not _is_infrared(t)]
-    found = _best(
-        colors or [t for t in no_depth if not _named("thermal")(t)],
-        _named(r"rgb|colou?r"),
-        # images computed from others may have lost some of them
-        lambda t: not is_rectified(t.name),
-        # image_color, not image_mono beside it
-        lambda t: re.search(r"rgb|colou?r", base_name(t.name).rpartition("/")[2]) is not None,
-        # of a pair of cameras, depth is in the view of the left one
-        lambda t: not _named(r"right|infra2")(t),
-        _named(r"(^|/)rgb(/|$)"),
-    )
-    return _chosen(
-        "colour", ["--color-topic TOPIC"], wanted, _nearest(found, near), images, topics, bag
-    )
+    found = [] if wanted is not None else _colors(images, encoding, near)
+    return _chosen("colour", ["--color-topic TOPIC"], wanted, found, images, topics, bag)
+
+
+def _colors(images: list[RecordedTopic], encoding: EncodingOf, near: str) -> list[RecordedTopic]:
+    """The colour images of each camera that has depth too, or of all if there is no depth."""
+    depths = [near] if near else [t.name for t in _depths(images, encoding, "")]
+    no_depth = [
+        t
+        for t in images
+        if not (_is_named_depth(t) or _named("thermal")(t) or _is_depth(encoding(t.name)))
+    ]
+    found = []
+    for of_device in _by_camera(no_depth, depths, parts=1):
+        # names tell images of one camera apart, and not one camera from another
+        for of_camera in _by_camera(_best(of_device, _is_not_rectified), depths):
+            found += _best(
+                of_camera,
+                lambda t: not _is_infrared(t),
+                _named(r"rgb|colou?r"),
+                # image_color, not image_mono beside it
+                lambda t: re.search(r"rgb|colou?r", _last_part(t.name)) is not None,
+                # of a pair of cameras, depth is in the view of the left one
+                lambda t: not _named(r"right|infra2")(t),
+                _named(r"(^|/)rgb(/|$)"),
+            )
+    return found
+
+
+def _by_camera(
+    colors: list[RecordedTopic], depths: list[str], parts: int | None = None
+) -> list[list[RecordedTopic]]:
+    """Colour images with depth in their namespace, by that namespace.
+
+    Depth belongs to the colour images that share most leading parts of its namespace.
+
+    Args:
+        colors: topics of colour images.
+        depths: topics of depth images; if there are none, all colour images are in one list.
+        parts: how many leading parts of the namespace count; None counts all.
+    """
+    shared = {t.name: [_shared_parts(t.name, _camera_of(d)) for d in depths] for t in colors}
+    most = [max(counts) for counts in zip(*shared.values(), strict=True)]
+    cameras: dict[tuple[str, ...], list[RecordedTopic]] = {}
+    for topic in colors:
+        own = [n for n, best in zip(shared[topic.name], most, strict=True) if n == best]
+        if own or not depths:
+            key = topic.name.strip("/").split("/")[: max(own, default=0)]
+            cameras.setdefault(tuple(key[:parts]), []).append(topic)
+    return list(cameras.values())
+
+
+def _camera_of(depth: str) -> str:
+    """The namespace of a depth topic's camera: without what names its images."""
+    *folders, _ = depth.strip("/").split("/")
+    return "/".join(takewhile(lambda part: "depth" not in part.lower(), folders))
 
 
 def find_depth(
@@ -115,7 +158,7 @@ def find_depth(
     encoding: EncodingOf = lambda _: "",
     near: str = "",
 ) -> str:
-    """The topic of the depth images; those registered to colour come first.
+    """The topic of the depth images near colour; those registered to it come first.
 
     Args:
         topics: of the bag, as in ``find_color``.
@@ -128,15 +171,30 @@ def find_depth(
         InputError: there is none, or more than one; lists what there is.
     """
     images = _of_types(topics, IMAGE_TYPES)
-    named = [t for t in images if _is_named_depth(t)]
-    if wanted is None and not named:
-        named = [
-            t
-            for t in images
-            if t.name != near and not _is_infrared(t) and _is_depth(encoding(t.name))
-        ]
-    found = _nearest(_best(named, lambda t: is_named_registered(t.name)), near)
+    found = [] if wanted is not None else _depths(images, encoding, near)
+    found = _best(
+        _nearest(found, near),
+        lambda t: is_named_registered(t.name),
+        lambda t: not _named("confidence")(t),
+        # of a raw and a rectified image the one that fits colour; of those computed from it the raw
+        lambda t: is_rectified(t.name) == is_rectified(near),
+        lambda t: _last_part(t.name) == "image_raw",
+    )
     return _chosen("depth", ["--depth-topic TOPIC"], wanted, found, images, topics, bag)
+
+
+def _depths(images: list[RecordedTopic], encoding: EncodingOf, near: str) -> list[RecordedTopic]:
+    """The depth images by name, or if there are none by encoding.
+
+    Colour registered to depth, or the confidence of depth, is named depth and encoded otherwise.
+    """
+    named = [t for t in images if _is_named_depth(t)]
+    others = [t for t in images if t.name != near and not _is_infrared(t)]
+    return (
+        [t for t in named if not _is_of_8_bits(encoding(t.name))]
+        or [t for t in others if _is_depth(encoding(t.name))]
+        or named
+    )
 
 
 def find_info(
@@ -260,6 +318,11 @@ def _chosen(
 def _in_another_form(what: str, topics: Mapping[str, RecordedTopic]) -> list[str]:
     """The remedy if images exist in another form."""
     for topic in topics.values():
+        if _FOXGLOVE.search(topic.type) and what in {"colour", "depth"}:
+            told = (
+                "images of Foxglove's schemas are not read: record or convert them as sensor_msgs"
+            )
+            return [f"{topic.name} is {topic.type}, and {told}/msg/Image or CompressedImage"]
         kinds, remedy = _OTHER_FORMS.get(topic.type.rpartition("/")[2], ((), ""))
         if what in kinds:
             return [f"{topic.name} holds it as {topic.type}: {remedy}"]
@@ -278,6 +341,15 @@ def _shared_parts(first: str, second: str) -> int:
     return sum(1 for _ in takewhile(lambda both: both[0] == both[1], parts))
 
 
+def _last_part(name: str) -> str:
+    return base_name(name).rpartition("/")[2]
+
+
+def _is_not_rectified(topic: RecordedTopic) -> bool:
+    """Whether images are as the camera took them; those computed from others may be fewer."""
+    return not is_rectified(topic.name)
+
+
 def _is_named_depth(topic: RecordedTopic) -> bool:
     return _named("depth")(topic)
 
@@ -289,6 +361,12 @@ def _is_infrared(topic: RecordedTopic) -> bool:
 def _is_depth(encoding: str) -> bool:
     """Whether images of an encoding can only be depth."""
     return re.match(r"16[US]C1|32FC1|64FC1|z16", encoding, re.IGNORECASE) is not None
+
+
+def _is_of_8_bits(encoding: str) -> bool:
+    """Whether images of an encoding can only be colour, grey or flags."""
+    of_8_bits = "(rgb|bgr)a?|mono8|8[US]C|bayer|yuv|yuy|uyvy|nv|.*jpe?g"
+    return re.match(of_8_bits, encoding, re.IGNORECASE) is not None
 
 
 def _best(topics: list[RecordedTopic], *rules: _Rule) -> list[RecordedTopic]:
@@ -308,4 +386,9 @@ def _is_raw(topic: RecordedTopic) -> bool:
 
 
 def _of_types(topics: Mapping[str, RecordedTopic], types: Iterable[str]) -> list[RecordedTopic]:
-    return [topic for topic in topics.values() if topic.type.rpartition("/")[2] in types]
+    """The topics of some standard types; other packages have types of the same name."""
+    return [
+        topic
+        for topic in topics.values()
+        if topic.type.rpartition("/")[2] in types and topic.type.split("/")[0] in _PACKAGES
+    ]
