@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from rigs.layouts import (
     images,
     lists,
     metres,
+    numbers,
     stamp_s,
     stray_scanner,
     text,
@@ -301,3 +303,116 @@ def test_a_calibration_of_images_of_another_shape_is_named_by_its_file(tmp_path:
     text(folder / "camera_info.yaml", "width: 64", "height: 20", "fx: 60", "cx: 31.5", "cy: 9.5")
     with pytest.raises(InputError, match=r"camera_info\.yaml: has 64x20 pixels, but .* 64x48"):
         open_recording(folder)
+
+
+def taken(i: int) -> datetime:
+    """By tenths of a second, across a full second and a full minute."""
+    return datetime(2011, 5, 10, 12, 44, 59, 800_000) + timedelta(seconds=i / 10)
+
+
+NAMES_OF_TIMES: dict[str, Callable[[int], str]] = {
+    "seconds_nanoseconds": lambda i: f"{1305031499 + (8 + i) // 10}_{(8 + i) % 10 * 10**8:09d}",
+    "seconds-nanoseconds": lambda i: f"{1305031499 + (8 + i) // 10}-{(8 + i) % 10 * 10**8:09d}",
+    "nanoseconds without zeros": lambda i: (
+        f"{1305031499 + (8 + i) // 10}_{(8 + i) % 10 * 10**8}_left"
+    ),
+    "seconds_microseconds": lambda i: f"{1305031499 + (8 + i) // 10}_{(8 + i) % 10 * 10**5:06d}",
+    "a camera's number, and seconds": lambda i: (
+        f"cam1_{1305031499 + (8 + i) // 10}_{(8 + i) % 10 * 10**8:09d}"
+    ),
+    "date and milliseconds": lambda i: f"{taken(i):%Y%m%d_%H%M%S}_{100 * ((8 + i) % 10):03d}",
+    "date with dashes": lambda i: f"{taken(i):%Y-%m-%d-%H-%M-%S-%f}",
+    "of a phone": lambda i: f"PXL_{taken(i):%Y%m%d_%H%M%S}{100 * ((8 + i) % 10):03d}_640x480",
+    "ISO 8601": lambda i: taken(i).isoformat(),
+    "a date, and its number": lambda i: f"{i:05d}_{taken(i):%Y%m%d_%H%M%S_%f}",
+}
+
+
+@pytest.mark.parametrize("kind", NAMES_OF_TIMES)
+def test_times_in_the_names_of_images_are_their_stamps(kind: str, tmp_path: Path) -> None:
+    name = NAMES_OF_TIMES[kind]
+    for i in range(FRAMES):
+        write(tmp_path / f"rgb/{name(i)}.png", color(i))
+        write(tmp_path / f"depth/{name(i)}.png", depth(i, 1000))
+    frames = list(open_recording(tmp_path, calibration=CAMERA))
+    assert [frame.depth[0, 0] for frame in frames] == [metres(i) for i in range(FRAMES)]
+    assert [frame.stamp_ns for frame in frames] == [
+        1_305_031_499_800_000_000 + i * 100_000_000 for i in range(FRAMES)
+    ]
+
+
+NUMBERS_BESIDE_TIMES: dict[str, Callable[[int], str]] = {
+    "of a run that began then": lambda i: f"20110510_124459_{i:05d}",
+    "of a run that began in that second": lambda i: f"1305031499_{i:04d}",
+    "with the second of each": lambda i: f"{taken(5 * i):%Y%m%d_%H%M%S}_{i:05d}",
+    "of a run, with a word between": lambda i: f"20110510_124459_run_{i:05d}",
+    "in front of the start of a run": lambda i: f"{i:05d}_2011-05-10-12-44-59-100",
+    "with the second of each, and a word": lambda i: f"{taken(5 * i):%Y%m%d_%H%M%S}_f{i:05d}",
+    "beside seconds of a run": lambda i: f"run1305031499_1_{i:05d}",
+    "of a day": lambda i: f"20110510_{i:06d}",
+    "of thirteen hours": lambda i: f"20110510_13{i:04d}99",
+}
+
+
+@pytest.mark.parametrize("kind", NUMBERS_BESIDE_TIMES)
+def test_the_number_of_a_frame_beside_a_time_is_no_fraction_of_a_second(
+    kind: str, tmp_path: Path
+) -> None:
+    name = NUMBERS_BESIDE_TIMES[kind]
+    for i in range(FRAMES):
+        write(tmp_path / f"rgb/{name(i)}.png", color(i))
+        write(tmp_path / f"depth/{name(i)}.png", depth(i, 1000))
+    frames = list(open_recording(tmp_path, calibration=CAMERA))
+    steps = np.diff([frame.stamp_ns for frame in frames])
+    assert [frame.depth[0, 0] for frame in frames] == [metres(i) for i in range(FRAMES)]
+    step = 100 if kind == "of thirteen hours" else 1
+    np.testing.assert_allclose(steps, step * 1e9 / 30, atol=1)
+
+
+@pytest.mark.parametrize(
+    ("color_name", "depth_name"),
+    [
+        ("rgb/{:05d}_640x480.png", "depth/{:05d}_640x480.png"),
+        ("rgb/frame_{:05d}_cam1.png", "depth/frame_{:05d}_cam1.png"),
+        ("color_{:04d}.png", "depth_{:04d}_mm16.png"),
+        ("2023_01_15_{}_color.png", "2023_01_15_{}_depth.png"),
+    ],
+)
+def test_the_number_that_differs_from_file_to_file_is_the_frames(
+    color_name: str, depth_name: str, tmp_path: Path
+) -> None:
+    for i in range(FRAMES):
+        write(tmp_path / color_name.format(i + 1), color(i))
+        write(tmp_path / depth_name.format(i + 1), depth(i, 1000))
+        text(tmp_path / f"pose/{i + 1}.txt", numbers(POSES[i]))
+    (tmp_path / "pose/2.txt").unlink()
+    with open_recording(tmp_path, calibration=CAMERA) as recording:
+        frames = list(recording)
+        truth = recording.ground_truth
+    assert [frame.depth[0, 0] for frame in frames] == [metres(i) for i in range(FRAMES)]
+    assert [frame.stamp_ns for frame in frames] == [
+        (i + 2) * 1_000_000_000 // 30 for i in range(FRAMES)
+    ]
+    assert truth is not None
+    np.testing.assert_allclose(truth.poses, POSES[[0, 2, 3]], atol=1e-6)
+
+
+def test_cameras_told_by_a_number_in_one_folder_are_apart(tmp_path: Path) -> None:
+    for side in (1, 2):
+        images(tmp_path, f"rgb_{side}_{{i}}_48.png", f"depth_{side}_{{i}}_48.png", 1000 * side)
+    frame = next(iter(open_recording(tmp_path, Topics("rgb_1", "depth_2"), CAMERA)))
+    assert frame.depth[0, 0] == 2.0
+    with pytest.raises(InputError, match=r"depth_1_#_48\.png \(4\), depth_2_#_48\.png \(4\); give"):
+        open_recording(tmp_path, calibration=CAMERA)
+
+
+@pytest.mark.timeout(30)
+def test_thousands_of_kinds_of_images_are_refused_at_once_and_shortly(tmp_path: Path) -> None:
+    for place in ("rgb", "depth"):
+        (tmp_path / place).mkdir()
+        for i in range(2000):
+            name = "".join(chr(ord("a") + int(digit)) for digit in f"{i:04d}")
+            (tmp_path / place / f"{name}1.png").touch()
+    with pytest.raises(InputError, match=r"2000 kinds of .* and 1994 others; give") as error:
+        open_recording(tmp_path)
+    assert len(str(error.value)) < 500

@@ -107,7 +107,7 @@ def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePa
             return lists.read_association(association), TUM
     found = streams.color_and_depth(folder, color, depth)
     if found is None:
-        names = ", ".join(f"{s.name} ({len(s.files)})" for s in streams.streams_in(folder))
+        names = streams.named(streams.streams_in(folder))
         raise InputError(
             folder,
             f"has no colour and depth images; its images are {names or 'none'}",
