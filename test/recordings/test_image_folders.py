@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -32,6 +32,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import Topics, open_recording, recordings
 from rgbd_glue_ros.recordings.calibration import read_calibration
+from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.types import CameraIntrinsics
 
 
@@ -416,3 +417,45 @@ def test_thousands_of_kinds_of_images_are_refused_at_once_and_shortly(tmp_path: 
     with pytest.raises(InputError, match=r"2000 kinds of .* and 1994 others; give") as error:
         open_recording(tmp_path)
     assert len(str(error.value)) < 500
+
+
+def numbered_apart(folder: Path, colors: Iterable[int], depths: Iterable[int]) -> Path:
+    for i in colors:
+        write(folder / f"rgb/{i:05d}.png", color(0))
+    for i in depths:
+        write(folder / f"depth/{i:05d}.png", depth(0, 1000))
+    return folder
+
+
+@pytest.mark.parametrize(("colors", "depths"), [(20, 10), (10, 20), (24, 16)])
+def test_images_of_two_rates_that_are_numbered_apart_are_not_paired_by_number(
+    colors: int, depths: int, tmp_path: Path
+) -> None:
+    folder = numbered_apart(tmp_path, range(colors), range(depths))
+    last = min(colors, depths) - 1
+    said = rf"(1\.5|2) times as many .* associations\.txt .*, or, .* after {last}$"
+    with pytest.raises(InputError, match=said) as error:
+        open_recording(folder, calibration=CAMERA)
+    assert "\n" not in str(error.value)
+    for place, first in (("rgb", depths), ("depth", colors)):
+        for i in range(first, 30):
+            (folder / f"{place}/{i:05d}.png").unlink(missing_ok=True)
+    assert len(list(open_recording(folder, calibration=CAMERA))) == last + 1
+
+
+@pytest.mark.parametrize(
+    ("depths", "count"),
+    [
+        (range(16), 16),
+        (range(0, 20, 2), 10),
+        ([*range(4), *range(10, 20)], 14),
+        (range(10, 20), 10),
+    ],
+    ids=["the last four", "every second", "some in between", "the first half"],
+)
+def test_images_whose_partner_is_missing_are_left_out_and_counted(
+    depths: Iterable[int], count: int, tmp_path: Path
+) -> None:
+    recording = open_recording(numbered_apart(tmp_path, range(20), depths), calibration=CAMERA)
+    assert len(list(recording)) == count
+    assert left_out_of(recording).unpaired == {"color": 20 - count, "depth": 0}

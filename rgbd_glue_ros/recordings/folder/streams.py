@@ -28,6 +28,12 @@ _OTHER = re.compile(
     re.I,
 )
 
+# Numbers of images are without gaps if more than this share of them is there
+_WITHOUT_GAPS = 0.9
+# At the end of a recording, fewer images of one kind than of the other by this factor, and by more
+# than this many, are of another rate
+_OTHER_RATE, _A_FEW = 1.5, 3
+
 # Of kinds of images that are ambiguous, this many are named
 _NAMED = 6
 
@@ -116,9 +122,13 @@ def paired(folder: Path, color: Stream, depth: Stream) -> ImagePairs:
     """The frames of two streams: by the numbers in the names, or by time if these are stamps.
 
     Raises:
-        InputError: no images belong together.
+        InputError: no images belong together, or their numbers do not tell which.
     """
-    pairs = (_by_time if color.is_stamped and depth.is_stamped else _by_number)(color, depth)
+    if color.is_stamped and depth.is_stamped:
+        pairs = _by_time(color, depth)
+    else:
+        _refuse_numbers_of_other_rates(folder, color, depth)
+        pairs = _by_number(color, depth)
     if not pairs:
         raise InputError(
             folder,
@@ -135,6 +145,28 @@ def _by_time(color: Stream, depth: Stream) -> list[ImagePair]:
     rows = zip(*associate(np.array(color_ns, np.int64), np.array(depth_ns, np.int64)), strict=True)
     times = [(color_ns[i], depth_ns[j]) for i, j in rows]
     return [ImagePair(c, color.files[c], d, depth.files[d]) for c, d in times]
+
+
+def _refuse_numbers_of_other_rates(folder: Path, color: Stream, depth: Stream) -> None:
+    """Refuses images of two rates, where each kind counts its own."""
+    fewer, more = sorted((color, depth), key=lambda stream: len(stream.files))
+    spans = [max(stream.files) - min(stream.files) + 1 for stream in (fewer, more)]
+    are_whole = [
+        len(stream.files) > _WITHOUT_GAPS * span
+        for stream, span in zip((fewer, more), spans, strict=True)
+    ]
+    begin_alike = abs(min(fewer.files) - min(more.files)) <= 1
+    if not (all(are_whole) and begin_alike):
+        return
+    if spans[1] >= _OTHER_RATE * spans[0] and spans[1] - spans[0] > _A_FEW:
+        raise InputError(
+            folder,
+            f"{more.name} has {spans[1] / spans[0]:.3g} times as many images as {fewer.name} "
+            f"({len(more.files)} and {len(fewer.files)}), and both count from the same number, so "
+            "they seem to be numbered apart, at two rates",
+            "list those that belong together in associations.txt (stamp color stamp depth), or, if "
+            f"the last ones are missing, remove those of {more.name} after {max(fewer.files)}",
+        )
 
 
 def _by_number(color: Stream, depth: Stream) -> list[ImagePair]:
