@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -73,6 +74,15 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(path, "is not a text", "give a text file") from error
+
+
+def visible(folder: Path, pattern: str | None = None) -> Iterator[Path]:
+    """What is in a folder, or of it what a pattern names, without hidden files and folders.
+
+    macOS leaves a ``._name`` beside every file that it copies to a disk of another system.
+    """
+    found = folder.iterdir() if pattern is None else folder.glob(pattern)
+    return (path for path in found if not path.name.startswith("."))
 
 
 def inside(folder: Path, name: str) -> Path:

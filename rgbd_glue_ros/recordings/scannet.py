@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes
+from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, visible
 from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
@@ -51,7 +51,7 @@ def open_scannet(
 
 
 def _streams(folder: Path) -> list[Path]:
-    return [path for path in folder.glob(f"*{SUFFIX}") if is_sens(path)]
+    return [path for path in visible(folder, f"*{SUFFIX}") if is_sens(path)]
 
 
 def _is_exported(folder: Path) -> bool:
@@ -60,7 +60,7 @@ def _is_exported(folder: Path) -> bool:
 
 def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageSequence:
     """Frame i of a scan is in files named i; frames without a finite pose have no ground truth."""
-    files = [p for p in (folder / "color").iterdir() if p.suffix in _COLOR_TYPES]
+    files = [p for p in visible(folder / "color") if p.suffix in _COLOR_TYPES]
     pairs: list[ImagePair] = []
     poses: list[tuple[int, Path]] = []
     for number, color in sorted((_number(path), path) for path in files):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigs.layouts import (
+    APPLE_DOUBLE,
     CAMERA,
     FRAMES,
     LAYOUTS,
@@ -57,6 +58,29 @@ def test_every_layout_gives_its_frames_camera_depth_and_poses(layout: str, tmp_p
     assert truth is not None
     np.testing.assert_allclose(truth.poses, POSES, atol=1e-6)
     np.testing.assert_allclose(truth.stamps_ns, [frame.stamp_ns for frame in frames], atol=1000)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_what_macos_leaves_beside_every_file_changes_nothing(
+    layout: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "sequence"
+    LAYOUTS[layout](folder)
+    with open_recording(folder) as recording:
+        original, truth = list(recording), recording.ground_truth
+    said = caplog.messages[:]
+    caplog.clear()
+    for path in [*tmp_path.rglob("*")]:
+        path.with_name(f"._{path.name}").write_bytes(APPLE_DOUBLE)
+    with open_recording(folder) as recording:
+        frames, same_truth = list(recording), recording.ground_truth
+    assert recordings([tmp_path]) == [folder]
+    assert caplog.messages == said
+    assert [frame.stamp_ns for frame in frames] == [frame.stamp_ns for frame in original]
+    assert all(map(np.array_equal, [f.depth for f in frames], [f.depth for f in original]))
+    assert truth is not None
+    assert same_truth is not None
+    np.testing.assert_array_equal(same_truth.poses, truth.poses)
 
 
 def test_a_list_that_names_a_known_bag_tells_its_camera(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import inside
+from rgbd_glue_ros.files.reading import inside, visible
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, read_lines
 from rgbd_glue_ros.parameters import metres_per_unit
@@ -55,7 +55,7 @@ def lists_in(folder: Path) -> tuple[Path, Path] | None:
 
 def association_in(folder: Path) -> Path | None:
     """The file in a folder that lists both images of every frame; None if there is none."""
-    names = sorted(p for p in folder.glob("*.txt") if ASSOCIATIONS.fullmatch(p.name))
+    names = sorted(p for p in visible(folder, "*.txt") if ASSOCIATIONS.fullmatch(p.name))
     return next((path for path in names if _is_association(path)), None)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.calibration import Calibration, say_unit
@@ -114,7 +115,7 @@ def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePa
             "name them (--color-topic NAME --depth-topic NAME)",
         )
     is_sun3d = any(
-        _SUN3D_EXTRINSICS.fullmatch(p.name) for p in (folder / "extrinsics").glob("*.txt")
+        _SUN3D_EXTRINSICS.fullmatch(p.name) for p in visible(folder / "extrinsics", "*.txt")
     )
     return streams.paired(folder, *found), _SUN3D if is_sun3d else MILLIMETRES
 

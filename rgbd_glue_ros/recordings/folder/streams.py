@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.recordings.folder.names import Stream, streams_of
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import IMAGE_TYPES, ImagePair, ImagePairs
@@ -46,11 +47,11 @@ def streams_in(folder: Path) -> list[Stream]:
 
 
 def _images(folder: Path) -> Iterator[Path]:
-    for path in folder.iterdir():
+    for path in visible(folder):
         if path.suffix.lower() in IMAGE_TYPES:
             yield path
-        elif path.is_dir() and not path.name.startswith("."):
-            yield from (p for p in path.iterdir() if p.suffix.lower() in IMAGE_TYPES)
+        elif path.is_dir():
+            yield from (p for p in visible(path) if p.suffix.lower() in IMAGE_TYPES)
 
 
 def _other_recordings(streams: list[Stream]) -> set[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.files.text_lines import Line, read_lines
 from rgbd_glue_ros.recordings.folder.names import frames_of
 from rgbd_glue_ros.recordings.image_sequence import ImagePair
@@ -47,7 +48,7 @@ def truth_of(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
         frames: of the recording, in order of time; poses without stamps belong to these in turn.
     """
     found = [folder / name for name in NAMES if (folder / name).is_file()]
-    found += sorted((folder / _EXTRINSICS).glob("*.txt"), reverse=True)[:1]
+    found += sorted(visible(folder / _EXTRINSICS, "*.txt"), reverse=True)[:1]
     try:
         if found:
             return _of_file(found[0], frames)
@@ -101,7 +102,7 @@ def _are_matrices(words: list[str], size: int) -> bool:
 
 
 def _of_files(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
-    files = list(folder.glob("*.txt"))
+    files = list(visible(folder, "*.txt"))
     by_frame = dict(zip(frames_of(files), files, strict=True))
     stamps, poses = [], []
     for pair, frame in zip(frames, frames_of([pair.color for pair in frames]), strict=True):
