@@ -209,11 +209,11 @@ class ImageSequence(Closing):
         image = self._decoded(path, size)
         if image.ndim == 3 and image.dtype.kind == "f":
             image = _one_of_equal_channels(image)
-        if image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f"):
+        if image.ndim != 2 or image.dtype.kind not in "iuf" or image.dtype.itemsize == 1:
             raise InputError(
                 path,
                 f"is {image.dtype} of shape {image.shape}, not a depth image",
-                "give depth as 16-bit grey PNG, or as TIFF, EXR or NPY of metres",
+                "give depth as 16-bit grey PNG, or as NPY, TIFF or EXR of metres",
             )
         return self.encoding.metres(image)
 
@@ -241,7 +241,7 @@ def _one_of_equal_channels(image: NDArray[Any]) -> NDArray[Any]:
 
 def _holds_whole_numbers(path: Path) -> bool:
     try:
-        return read_image(path).dtype.kind == "u"
+        return read_image(path).dtype.kind in "iu"
     except InputError:
         return False  # reported where it is read
 

@@ -483,3 +483,22 @@ def test_images_whose_partner_is_missing_are_left_out_and_counted(
     recording = open_recording(numbered_apart(tmp_path, range(20), depths), calibration=CAMERA)
     assert len(list(recording)) == count
     assert left_out_of(recording).unpaired == {"color": 20 - count, "depth": 0}
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.int32, np.int64, np.float64])
+def test_depth_in_arrays_of_any_number_is_read(kind: type[np.generic], tmp_path: Path) -> None:
+    unit = 1 if kind is np.float64 else 1000
+    for i in range(FRAMES):
+        write(tmp_path / f"rgb/{i}.png", color(i))
+        write(tmp_path / f"depth/{i}.npy", (np.full((48, 64), metres(i)) * unit).astype(kind))
+    frames = list(open_recording(tmp_path, calibration=CAMERA))
+    assert [frame.depth[0, 0] for frame in frames] == [metres(i) for i in range(FRAMES)]
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.bool_, np.complex64])
+def test_arrays_that_are_no_depth_are_refused(kind: type[np.generic], tmp_path: Path) -> None:
+    for i in range(FRAMES):
+        write(tmp_path / f"rgb/{i}.png", color(i))
+        write(tmp_path / f"depth/{i}.npy", np.ones((48, 64), kind))
+    with pytest.raises(InputError, match=r"depth/0\.npy: is \w+ of shape \(48, 64\), not a depth"):
+        next(iter(open_recording(tmp_path, calibration=CAMERA)))
