@@ -502,3 +502,28 @@ def test_arrays_that_are_no_depth_are_refused(kind: type[np.generic], tmp_path: 
         write(tmp_path / f"depth/{i}.npy", np.ones((48, 64), kind))
     with pytest.raises(InputError, match=r"depth/0\.npy: is \w+ of shape \(48, 64\), not a depth"):
         next(iter(open_recording(tmp_path, calibration=CAMERA)))
+
+
+INFRARED = {
+    "ir": ("ir/{i}.png", ()),
+    "infrared": ("infrared/{i}.png", ()),
+    "of a pair": ("infra1/{i}.png", ("infra2/{i}.png",)),
+    "left and right": ("ir_left/{i}.png", ("ir_right/{i}.png", "thermal/{i}.png")),
+    "with depth in one folder": ("ir_{i}.png", ()),
+}
+
+
+@pytest.mark.parametrize("kind", INFRARED)
+def test_infrared_images_are_used_if_there_are_none_of_colour(kind: str, tmp_path: Path) -> None:
+    infrared, others = INFRARED[kind]
+    images(tmp_path, infrared, "depth_{i}.png" if "/" not in infrared else "depth/{i}.png")
+    for i in range(FRAMES):
+        for name in (infrared, *others):
+            grey = 100 + i if name == infrared else 0
+            write(tmp_path / name.format(i=i), np.full((48, 64), grey, np.uint8))
+    frames = list(open_recording(tmp_path, calibration=CAMERA))
+    assert [frame.color[0, 0] for frame in frames] == [100, 101, 102, 103]
+    for i in range(FRAMES):
+        write(tmp_path / f"photo/{i}.png", color(i))
+    (frame, *_) = open_recording(tmp_path, calibration=CAMERA)
+    assert frame.color.shape == (48, 64, 3)

@@ -24,10 +24,13 @@ _COLOR = re.compile(r"rgb|colou?r|(?<![a-z])images?(?![a-z])|frames?|(?<![a-z])l
 _DEPTH = re.compile(r"depth|(?<![a-z])d(?![a-z])", re.I)
 _REGISTERED = re.compile(r"align|regist|_to_|filtered", re.I)
 _OTHER = re.compile(
-    r"conf|mask|label|semantic|instance|segm|normal|infra|thermal|vis|flow|preview|thumb"
-    r"|(?<![a-z])(ir|right|calib\w*|debug)(?![a-z])",
+    r"conf|mask|label|semantic|instance|segm|normal|thermal|vis|flow|preview|thumb"
+    r"|(?<![a-z])(right|calib\w*|debug)(?![a-z])",
     re.I,
 )
+_INFRARED = re.compile(r"infra|(?<![a-z])ir(?![a-z])", re.I)
+# Of a pair of cameras, depth is in the view of the left one
+_SECOND = re.compile(r"(infra(red)?|ir)_?2", re.I)
 
 # Numbers of images are without gaps if more than this share of them is there
 _WITHOUT_GAPS = 0.9
@@ -96,11 +99,14 @@ def _chosen(folder: Path, streams: list[Stream], what: str, wanted: str | None) 
     if wanted is not None:
         found = [s for s in streams if wanted.strip("/") in s.name]
     elif what == "depth":
-        found = [s for s in streams if _DEPTH.search(s.name) and not _OTHER.search(s.name)]
+        found = [s for s in _of_cameras(streams) if _DEPTH.search(s.name)]
+        found = [s for s in found if not _INFRARED.search(s.name)]
         found = [s for s in found if _REGISTERED.search(s.name)] or found
     else:
-        found = [s for s in streams if not (_DEPTH.search(s.name) or _OTHER.search(s.name))]
+        views = [s for s in _of_cameras(streams) if not _DEPTH.search(s.name)]
+        found = [s for s in views if not _INFRARED.search(s.name)]
         found = [s for s in found if _COLOR.search(s.name)] or found
+        found = found or [s for s in views if not _SECOND.search(s.name)]
     if not found and (wanted is None or not streams):
         return None
     if len(found) == 1:
@@ -110,6 +116,11 @@ def _chosen(folder: Path, streams: list[Stream], what: str, wanted: str | None) 
     if not found:
         cause = f"no images of {wanted}; there are {names}"
     raise InputError(folder, cause, f"give one of them (--{what}-topic NAME)")
+
+
+def _of_cameras(streams: list[Stream]) -> list[Stream]:
+    """Those that are no pictures of other things, as confidences or labels."""
+    return [stream for stream in streams if not _OTHER.search(stream.name)]
 
 
 def named(streams: list[Stream]) -> str:
