@@ -258,6 +258,23 @@ def read_image(path: Path) -> NDArray[Any]:
     return decode(data, str(path))
 
 
+def first_readable(pairs: Iterable[ImagePair]) -> tuple[ImagePair, NDArray[Any], NDArray[Any]]:
+    """The first frame of which both images can be read, with colour and depth as in their files.
+
+    Raises:
+        InputError: there is none; about the first image that cannot be read.
+    """
+    first: InputError | None = None
+    for pair in pairs:
+        try:
+            color, depth = read_image(pair.color), read_image(pair.depth)
+        except InputError as error:
+            first = first or error
+            continue
+        return pair, color, depth
+    raise first or InputError("frames", "there are none", "give a recording")
+
+
 def _array(data: bytes, path: Path) -> NDArray[Any]:
     """The array in the bytes of an NPY file; its size is checked before memory is allocated."""
     file = BytesIO(data)

@@ -9,11 +9,13 @@ from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
     ImagePair,
+    ImagePairs,
     ImageSequence,
     camera_of_matrix,
     ground_truth,
     matrix,
 )
+from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
 from rgbd_glue_ros.types import CameraIntrinsics
 
 _INTRINSICS = "camera-intrinsics.txt"
@@ -37,22 +39,30 @@ def open_seven_scenes(folder: Path, calibration: CameraIntrinsics | None = None)
             uses 7-Scenes' own below a folder named after one of its scenes.
 
     Raises:
-        InputError: a frame's depth is missing, a pose is malformed, or the camera is not known.
-            A frame whose pose is missing or not finite has no ground truth.
+        InputError: no frame has depth, a pose is malformed, or the camera is not known. A frame
+            without depth is left out; one whose pose is missing or not finite has no ground truth.
     """
     pairs: list[ImagePair] = []
     poses: list[tuple[int, Path]] = []
-    for color in sorted(folder.glob("frame-*.color.*")):
+    colors = sorted(folder.glob("frame-*.color.*"))
+    for color in colors:
         stem = color.name.split(".")[0]
         stamp = _stamp(color, stem)
         depth, pose = folder / f"{stem}.depth.png", folder / f"{stem}.pose.txt"
-        if not depth.is_file():
-            raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
-        pairs.append(ImagePair(stamp, color, stamp, depth))
-        poses.append((stamp, pose))
-    truth = ground_truth(poses)
+        if depth.is_file():
+            pairs.append(ImagePair(stamp, color, stamp, depth))
+            poses.append((stamp, pose))
+    if not pairs:
+        raise InputError(
+            folder, "has no colour image with depth beside it", "restore frame-000000.depth.png…"
+        )
+    images = {COLOR: len(colors), DEPTH: len(list(folder.glob("frame-*.depth.*")))}
+    found = ImagePairs.of(pairs, images, 0)
     camera = calibration or _camera(folder)
-    return ImageSequence(_name(folder.resolve()), tuple(pairs), MILLIMETRES, camera, truth)
+    return ImageSequence(
+        *(_name(folder.resolve()), found.pairs, MILLIMETRES, camera, ground_truth(poses)),
+        left_out=found.left_out,
+    )
 
 
 def _name(folder: Path) -> str:
