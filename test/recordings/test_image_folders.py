@@ -527,3 +527,37 @@ def test_infrared_images_are_used_if_there_are_none_of_colour(kind: str, tmp_pat
         write(tmp_path / f"photo/{i}.png", color(i))
     (frame, *_) = open_recording(tmp_path, calibration=CAMERA)
     assert frame.color.shape == (48, 64, 3)
+
+
+BUNDLE_FUSION = """m_colorWidth = {size[0]}
+m_colorHeight = {size[1]}
+m_depthWidth = 64
+m_depthHeight = 48
+m_depthShift = {units}
+m_calibrationColorIntrinsic = {size[0]} 0 31.5 0 0 {size[1]} 23.5 0 0 0 1 0 0 0 0 1\x20
+m_calibrationDepthIntrinsic = 60 0 31.5 0 0 61 23.5 0 0 0 1 0 0 0 0 1\x20
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "ending", "size", "units"),
+    [("info", "png", (64, 48), 1000), ("_info", "pgm", (129, 97), 5000)],
+    ids=["BundleFusion", "ScanNet's reader"],
+)
+def test_a_folder_of_bundle_fusion_holds_its_camera(
+    name: str, ending: str, size: tuple[int, int], units: int, tmp_path: Path
+) -> None:
+    folder = tmp_path / "apt0"
+    names = ("frame-{i:06d}.color.jpg", f"frame-{{i:06d}}.depth.{ending}")
+    images(folder, *names, units=units, color_size=size)
+    for i, T in enumerate(POSES):
+        text(folder / f"frame-{i:06d}.pose.txt", *map(numbers, T))
+    text(folder / f"{name}.txt", BUNDLE_FUSION.format(size=size, units=units))
+    with open_recording(folder) as recording:
+        frames = list(recording)
+        truth = recording.ground_truth
+    assert [frame.depth[0, 0] for frame in frames] == [metres(i) for i in range(FRAMES)]
+    assert {frame.intrinsics for frame in frames} == {CAMERA}
+    assert frames[0].color.shape == (48, 64, 3)
+    assert truth is not None
+    np.testing.assert_allclose(truth.poses, POSES, atol=1e-6)
