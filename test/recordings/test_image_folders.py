@@ -561,3 +561,24 @@ def test_a_folder_of_bundle_fusion_holds_its_camera(
     assert frames[0].color.shape == (48, 64, 3)
     assert truth is not None
     np.testing.assert_allclose(truth.poses, POSES, atol=1e-6)
+
+
+def test_lists_of_windows_are_read(tmp_path: Path) -> None:
+    lists(tmp_path / "lists", "rgb.txt", "depth.txt", 5000)
+    images(tmp_path / "associated", "rgb/{s}.png", "depth/{s}.png", 5000)
+    rows = (f"{t} rgb/{t}.png {t} depth/{t}.png" for t in map(stamp_s, range(FRAMES)))
+    text(tmp_path / "associated/associations.txt", *rows)
+    for folder in (tmp_path / "lists", tmp_path / "associated"):
+        for path in folder.glob("*.txt"):
+            listed = path.read_text().replace("/", "\\").replace("\n", "\r\n")
+            path.write_bytes(listed.encode())
+        frames = list(open_recording(folder, calibration=CAMERA))
+        assert [frame.depth[0, 0] for frame in frames] == [metres(i) for i in range(FRAMES)]
+
+
+def test_a_list_of_windows_names_nothing_outside_of_its_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    lists(folder, "rgb.txt", "depth.txt", 5000)
+    text(folder / "depth.txt", *(rf"{stamp_s(i)} ..\depth\{i}.png" for i in range(FRAMES)))
+    with pytest.raises(InputError, match="outside"):
+        open_recording(folder, calibration=CAMERA)

@@ -100,7 +100,7 @@ def read_list(path: Path) -> ListedImages:
     rows = _rows(path, 2)
     files: dict[int, Path] = {}
     for stamp, (_, name) in zip(stamps_ns([stamp for stamp, _ in rows]), rows, strict=True):
-        files.setdefault(stamp, inside(path.parent, name))
+        files.setdefault(stamp, _listed(path, name))
     stamps = np.array(list(files), np.int64)
     return ListedImages(stamps, tuple(files.values()), len(rows) - len(files))
 
@@ -132,11 +132,18 @@ def read_association(path: Path) -> ImagePairs:
     )
     frames: dict[int, ImagePair] = {}
     for c, d, row in zip(color_ns, depth_ns, rows, strict=True):
-        of_color, of_depth = (inside(path.parent, row[at + 1]) for at in (color, depth))
+        of_color, of_depth = (_listed(path, row[at + 1]) for at in (color, depth))
         frames.setdefault(c, ImagePair(c, of_color, d, of_depth))
     in_order = sorted(frames.values(), key=lambda pair: pair.stamp_ns)
     images = {COLOR: len(frames), DEPTH: len(frames)}
     return ImagePairs.of(in_order, images, len(rows) - len(frames))
+
+
+def _listed(path: Path, name: str) -> Path:
+    """The file that a list names, which may have been written on Windows."""
+    file = inside(path.parent, name)
+    is_from_windows = "\\" in name and not file.exists()
+    return inside(path.parent, name.replace("\\", "/")) if is_from_windows else file
 
 
 def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:
