@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, read_text
+from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, read_text, refuse_stand_in
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size, pinhole
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
@@ -253,6 +253,7 @@ def read_image(path: Path) -> NDArray[Any]:
         InputError: the file is missing, damaged, or not an image.
     """
     data = read_bytes(path, MAX_IMAGE)
+    refuse_stand_in(data, path)
     if path.suffix.lower() == ".npy":
         return _of_array(_array(data, path), path)
     return decode(data, str(path))

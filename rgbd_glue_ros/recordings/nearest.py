@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import open_file, visible
+from rgbd_glue_ros.files.reading import open_file, refuse_stand_in, visible
 
 SEE = "docs/data.md lists the supported formats"
 
@@ -121,7 +121,8 @@ def _of_incomplete(path: Path, layout: Layout, missing: list[str]) -> InputError
 
 def _of_file(path: Path) -> InputError:
     with open_file(path) as file:
-        head = file.read(8)
+        head = file.read(256)
+    refuse_stand_in(head, path)
     kind = next((name for magic, name in _ARCHIVES if head.startswith(magic)), None)
     if path.suffix.lower() == ".r3d":
         return InputError(

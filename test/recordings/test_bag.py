@@ -141,6 +141,21 @@ def test_what_macos_leaves_beside_the_files_of_a_bag_is_no_part_of_it(
     assert not caplog.messages
 
 
+def test_of_a_bag_with_a_pointer_of_git_lfs_for_a_part_the_others_are_read(
+    tmp_path: Path,
+) -> None:
+    folder = write_rosbag2(tmp_path / "run", recorded(FRAMES))
+    (folder / "run.mcap").rename(folder / "run_0.mcap")
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a21461\nsize 12345\n"
+    (folder / "run_1.mcap").write_text(pointer)
+    said = r"run_1\.mcap: it is a pointer of Git LFS in place of the file; what could be read"
+    with open_recording(folder) as recording:
+        frames = iter(recording)
+        assert len([next(frames) for _ in FRAMES]) == len(FRAMES)
+        with pytest.raises(InputError, match=said):
+            next(frames)
+
+
 def test_every_iteration_gives_the_same_frames_from_the_beginning(bag: Path) -> None:
     with BagRecording(bag) as sequence:
         for _ in zip(range(3), sequence, strict=False):

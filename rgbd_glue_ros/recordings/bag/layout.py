@@ -58,7 +58,7 @@ def first_bytes(path: Path) -> bytes:
     """The bytes that identify a file's type; none if it cannot be read."""
     try:
         with path.open("rb") as file:
-            return file.read(64)
+            return file.read(256)
     except OSError:
         return b""
 
