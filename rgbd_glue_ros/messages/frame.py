@@ -46,6 +46,7 @@ def frame_from_messages(
     depth_camera: DepthCamera | None = None,
     depth_scale: float | None = None,
     background: Executor | None = None,
+    color_bits: int = 16,
 ) -> RgbdFrame:
     """Converts three messages to a frame.
 
@@ -62,13 +63,14 @@ def frame_from_messages(
         depth_scale: as for ``depth_from_message``.
         background: decodes depth while this thread decodes colour. Decoding a compressed image
             takes milliseconds and releases the interpreter lock. None decodes one after the other.
+        color_bits: as ``bits`` for ``color_from_message``.
 
     Raises:
         InputError: a message cannot be used, or the aspect ratios differ.
     """
     decode_depth = partial(depth_from_message, depth, topics.depth, depth_scale)
     decoded = None if background is None else background.submit(decode_depth)
-    color_pixels = color_from_message(color, topics.color)
+    color_pixels = color_from_message(color, topics.color, color_bits)
     depth_pixels = decode_depth() if decoded is None else decoded.result()
     size = color_pixels.shape[0], color_pixels.shape[1]
     intrinsics = intrinsics_of(info, topics.color, topics.info)
@@ -144,10 +146,18 @@ def frame_of_match(
     depth_camera: DepthCamera | None,
     depth_scale: float | None,
     background: Executor | None = None,
+    color_bits: int = 16,
 ) -> RgbdFrame:
     """``frame_from_messages`` of a match, with the stamps that its messages were paired by."""
     frame = frame_from_messages(
-        match.color, match.depth, match.info, topics, depth_camera, depth_scale, background
+        match.color,
+        match.depth,
+        match.info,
+        topics,
+        depth_camera,
+        depth_scale,
+        background,
+        color_bits,
     )
     return replace(frame, stamp_ns=match.stamp_ns, depth_delay_ns=match.interval_ns)
 

@@ -40,7 +40,7 @@ class _ColorEncoding:
     Attributes:
         channels: channels of a pixel, each of ``dtype``.
         to_rgb: OpenCV's code of the conversion to RGB; None if none is needed.
-        dtype: uint8, or uint16 with its full range.
+        dtype: uint8 or uint16.
         planes_rows: rows of data for two rows of the image; 3 if planes of colour follow the
             brightness.
         is_subsampled: whether neighbours share their colour, so that width and height must be even.
@@ -107,15 +107,18 @@ _QUANTISATION = struct.Struct("<iff")
 
 _VIDEO = re.compile(r"h\.?26[45]|hevc|vp[89]|av1", re.IGNORECASE)
 
-_BRIGHTEST_OF_16_BITS = np.iinfo(np.uint16).max
+# Where a PNG has its bits per channel: in its first chunk, after width and height
+_PNG_BITS = len(PNG_SIGNATURE) + 16
 
 
-def color_from_message(msg: AnyImage, where: str) -> UInt8:
+def color_from_message(msg: AnyImage, where: str, bits: int = 16) -> UInt8:
     """The pixels of a colour or grey image.
 
     Args:
         msg: sensor_msgs/msg/Image or CompressedImage.
         where: its topic, for errors.
+        bits: of an image of 16 bits, how many are used: the largest value of so many is white, as
+            are values beyond it.
 
     Returns:
         uint8 [H, W, 3] RGB or [H, W]. It shares the message's memory if no conversion is needed.
@@ -123,7 +126,24 @@ def color_from_message(msg: AnyImage, where: str) -> UInt8:
     Raises:
         InputError: it has another type or encoding, or is truncated or damaged.
     """
+    pixels = pixels_of_color(msg, where)
+    if pixels.dtype == UINT8:
+        return pixels
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / (2**bits - 1)), np.uint8)
+
+
+def pixels_of_color(msg: AnyImage, where: str) -> NDArray[Any]:
+    """As ``color_from_message``, but uint16 if the image has 16 bits."""
     return reader_of(_COLOR_READERS, msg, where)(msg, where)
+
+
+def may_have_16_bits(msg: AnyImage) -> bool:
+    """Whether a colour image has more than 8 bits, as far as that shows without decoding."""
+    if hasattr(msg, "encoding"):
+        return "16" in msg.encoding
+    data = _bytes(msg)
+    is_long_enough = len(data) > _PNG_BITS
+    return "16" in msg.format or (_is_png(data) and is_long_enough and data[_PNG_BITS] == 16)
 
 
 def depth_from_message(msg: AnyImage, where: str, depth_scale: float | None = None) -> Float32:
@@ -182,7 +202,7 @@ def is_rectified(topic: str) -> bool:
     return re.search(r"(^|[/_])rect[^/]*$", base_name(topic)) is not None
 
 
-def _color_from_image(msg: Image, where: str) -> UInt8:
+def _color_from_image(msg: Image, where: str) -> NDArray[Any]:
     name, encoding = _encoding(msg, _COLOR_ENCODINGS, "colour", where)
     if encoding.is_subsampled and (msg.width % 2 or msg.height % 2):
         raise InputError(
@@ -194,15 +214,8 @@ def _color_from_image(msg: Image, where: str) -> UInt8:
     pixels = _pixels(msg, _ordered(encoding.dtype, msg), encoding.channels, rows, where)
     pixels = np.ascontiguousarray(pixels, encoding.dtype)
     if encoding.to_rgb is not None:
-        pixels = cv2.cvtColor(pixels, encoding.to_rgb)
-    return _in_8_bits(pixels)
-
-
-def _in_8_bits(pixels: NDArray[Any]) -> UInt8:
-    """Scales the full range of 16 bits to 8 bits; 8 bits are returned unchanged."""
-    if pixels.dtype == UINT8:
-        return pixels
-    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / _BRIGHTEST_OF_16_BITS), np.uint8)
+        pixels = np.asarray(cv2.cvtColor(pixels, encoding.to_rgb))
+    return pixels
 
 
 def _depth_from_image(msg: Image, where: str, depth_scale: float | None) -> Float32:
@@ -256,7 +269,7 @@ def _pixels(msg: Image, dtype: np.dtype[Any], channels: int, rows: int, where: s
     return pixels
 
 
-def _color_from_compressed(msg: CompressedImage, where: str) -> UInt8:
+def _color_from_compressed(msg: CompressedImage, where: str) -> NDArray[Any]:
     if "compressedDepth" in msg.format:
         raise InputError(where, f"is depth ({msg.format})", "give the topic of the colour image")
     if _VIDEO.search(msg.format):
@@ -273,15 +286,14 @@ def _color_from_compressed(msg: CompressedImage, where: str) -> UInt8:
         )
     if image.dtype not in {UINT8, UINT16}:
         raise InputError(where, f"is an image of {image.dtype}", "give a colour image of 8 bits")
-    image = _in_8_bits(image)
     if is_grey:
         return image
     if image.shape[2] == 4:
-        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGRA2RGB), np.uint8)
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGRA2RGB))
     # image_transport's format says this if it gave RGB to an encoder that expects BGR
     if "compressed rgb" in msg.format:
         return image
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
 
 
 def _depth_from_compressed(msg: CompressedImage, where: str, depth_scale: float | None) -> Float32:
@@ -342,7 +354,7 @@ def _decoded(data: memoryview, image_format: str, where: str) -> NDArray[np.uint
     return np.asarray(image, np.uint16)
 
 
-_COLOR_READERS: Mapping[str, Callable[[Any, str], UInt8]] = {
+_COLOR_READERS: Mapping[str, Callable[[Any, str], NDArray[Any]]] = {
     "Image": _color_from_image,
     "CompressedImage": _color_from_compressed,
 }

@@ -13,6 +13,7 @@ from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, StampSource
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
+from rgbd_glue_ros.messages.used_bits import UsedBits
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
 from rgbd_glue_ros.node.input_watch import NodeWatch
@@ -62,6 +63,7 @@ class RgbdInput(Closing):
         self.synchronizer: Synchronizer[Any] = Synchronizer(
             round(config.max_interval_s * NANOSECONDS), config.sync_queue_size
         )
+        self._used_bits = UsedBits()
         self._depth_camera = DepthCameraInput(node, config, transforms)
         self._background = ThreadPoolExecutor(1, thread_name_prefix="depth")
         self._inputs: tuple[NodeInput, ...] = ()
@@ -119,7 +121,8 @@ class RgbdInput(Closing):
         names = FrameTopics(color, depth, info, self._depth_camera.topic)
         taken_by = self._depth_camera.of(match, names)
         unit = self._config.metres_per_unit
-        frame = frame_of_match(match, names, taken_by, unit, self._background)
+        bits = self._used_bits.of(match.color, color)
+        frame = frame_of_match(match, names, taken_by, unit, self._background, bits)
         frame = reduced(frame, self._config.max_width)
         self._node.monitor.width = frame.intrinsics.width
         return frame

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rgbd_glue_ros.live.topics import MATCHES
 from rgbd_glue_ros.messages.fields import color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.messages.images import color_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
 
@@ -136,3 +138,25 @@ def test_a_hiccup_is_not_the_reason_for_a_later_silence(ros_domain: int) -> None
         hour_ns = 3600 * NANOSECONDS
         rig.wait(lambda: logs("No frame for 5 s", hour_ns), "the silence")
         assert "they come from two clocks" in node.wait_for_line("No frame for 5 s", PATIENCE_S)
+
+
+@pytest.mark.slow
+def test_infrared_of_ten_bits_is_seen_with_its_texture(ros_domain: int) -> None:
+    with node_in(ros_domain), Rig(ros_domain) as rig:
+        pictures: list[Image] = []
+        rig.node.create_subscription(Image, MATCHES, pictures.append, 10)
+        rig.wait_until_matched()
+        rig.wait(lambda: rig.node.count_publishers(MATCHES), "the publisher")
+        frame = corner_frame(START_NS)
+        messages = frame_messages(frame, is_compressed=False)
+        counts = frame.color[..., 0].astype("<u2") * 4
+        grey = color_image(frame.color[..., 0], header(START_NS, frame.frame_id))
+        messages.color = copy_fields(grey, Image())
+        messages.color.encoding, messages.color.step = "mono16", 2 * grey.step
+        messages.color.data = counts.tobytes()
+        rig.send(messages)
+        rig.wait(lambda: pictures, "the picture of the frame")
+        # below the lines of text; the picture is dimmed
+        picture = color_from_message(pictures[0], MATCHES)[20:, :, 0]
+        dimmed = picture.std() / frame.color[20:, :, 0].std()
+        assert 0.4 < dimmed < 1

@@ -164,6 +164,20 @@ def test_every_iteration_gives_the_same_frames_from_the_beginning(bag: Path) -> 
             assert_same_frame(frame, original)
 
 
+def test_infrared_of_ten_bits_is_read_with_its_texture_each_time(tmp_path: Path) -> None:
+    messages = recorded(FRAMES)
+    counts = [frame.color[..., 0].astype("<u2") * 4 for frame in FRAMES]
+    for image, pixels in zip((m for m in messages if m.topic == COLOR), counts, strict=True):
+        mono16 = {"encoding": "mono16", "step": 128, "data": pixels.view(np.uint8).ravel()}
+        vars(image)["message"] = replace(image.message, **mono16)
+    with BagRecording(write_rosbag2(tmp_path / "bag", messages)) as sequence:
+        for _ in range(2):
+            bits = max(int(pixels.max()).bit_length() for pixels in counts)
+            for frame, pixels in zip(sequence, counts, strict=True):
+                expected = pixels * (255 / (2**bits - 1))
+                assert np.abs(frame.color - expected).max() < 1
+
+
 def test_chosen_frames_are_those_of_their_numbers(bag: Path) -> None:
     with open_recording(bag) as sequence:
         stamps = [frame.stamp_ns for frame in sequence.select([1, 2, 6, 99])]

@@ -21,6 +21,7 @@ from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import StampSource, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
+from rgbd_glue_ros.messages.used_bits import UsedBits
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.parameters.inputs import RECEIPT
 from rgbd_glue_ros.recordings.bag import realsense
@@ -277,8 +278,13 @@ class BagRecording(Closing):
 
     def _watched(
         self, matches: Iterator[Match[Any]]
-    ) -> Iterator[tuple[Match[Any], DepthCamera | None]]:
-        """The matches with the camera that took their depth; anomalies are logged."""
+    ) -> Iterator[tuple[Match[Any], DepthCamera | None, int]]:
+        """The matches with what decodes them; anomalies are logged.
+
+        Yields:
+            A match, the camera that took its depth, and the bits that colour uses.
+        """
+        bits = UsedBits()
         taken_by: DepthCamera | None = None
         last_ns: int | None = None
         for match in matches:
@@ -288,7 +294,7 @@ class BagRecording(Closing):
             elif match.stamp_ns < last_ns:
                 logger.warning("%s: time goes backward to %d ns", self._bag.path, match.stamp_ns)
             last_ns = match.stamp_ns
-            yield match, taken_by
+            yield match, taken_by, bits.of(match.color, self._topics.color)
 
     def _say_of_unit(self, match: Match[Any]) -> None:
         """Warns if the calibration file gives other units than the bag's images have."""
@@ -303,11 +309,11 @@ class BagRecording(Closing):
                 self._calibration_depth_scale,
             )
 
-    def _frame(self, paired: tuple[Match[Any], DepthCamera | None]) -> RgbdFrame | InputError:
-        match, taken_by = paired
+    def _frame(self, paired: tuple[Match[Any], DepthCamera | None, int]) -> RgbdFrame | InputError:
+        match, taken_by, bits = paired
         unit = self._depth_camera.metres_per_unit
         try:
-            return frame_of_match(match, self._topics, taken_by, unit)
+            return frame_of_match(match, self._topics, taken_by, unit, color_bits=bits)
         except InputError as error:
             return error
 

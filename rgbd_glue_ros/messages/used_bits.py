@@ -1,0 +1,63 @@
+"""How many bits of 16 the images of a camera use: infrared has 10 to 12.
+
+Scaled by the full range of 16 bits to 8, their texture would vanish in a few levels. Scaled by each
+image's own range, a surface would change its brightness from image to image. So the range is that
+of the first image, to the next power of two, and it only grows.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.messages.images import AnyImage, may_have_16_bits, pixels_of_color
+
+# The range holds all values of the first image but so many: hot pixels, and those that sparkle.
+_OUTLIERS = 0.001
+# It grows when more values than these are beyond it: they would be white. Growing with the first
+# one would halve the brightness against that of the keyframes although the view is as bright as
+# before; when this many are white, the view is brighter, and part of that is made up for.
+_MOST_WHITE = 0.05
+_FEWEST_BITS = 8
+# Every so many rows and columns are looked at.
+_STRIDE = 4
+
+
+class UsedBits:
+    """The number of bits that the images of a run use, given in their order.
+
+    Attributes:
+        bits: of the images so far; 8 before the first image with more.
+    """
+
+    def __init__(self) -> None:
+        self.bits = _FEWEST_BITS
+        self._has_seen_any = False
+
+    def of(self, msg: AnyImage, where: str) -> int:
+        """The bits to scale an image by, after a look at it; those of 8 bits are not looked at.
+
+        Args:
+            msg: a colour or grey image, the next of the run.
+            where: its topic.
+        """
+        if not may_have_16_bits(msg):
+            return self.bits
+        try:
+            pixels = pixels_of_color(msg, where)
+        except InputError:
+            return self.bits  # reported where it becomes a frame
+        beyond = _MOST_WHITE if self._has_seen_any else _OUTLIERS
+        self._has_seen_any = True
+        self.bits = max(self.bits, _bits_of(pixels, beyond))
+        return self.bits
+
+
+def _bits_of(pixels: NDArray[Any], beyond: float) -> int:
+    """The number of bits that hold all values but the given share of the largest ones."""
+    values = pixels[::_STRIDE, ::_STRIDE].ravel()
+    place = int((values.size - 1) * (1 - beyond))
+    return int(np.partition(values, place)[place]).bit_length()
