@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,8 @@ from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size, pinhole
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.messages.images import in_8_bits
+from rgbd_glue_ros.messages.used_bits import FEWEST_BITS, bits_of
 from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.left_out import FrameGaps, LeftOut, warn_of_left_out
@@ -49,6 +53,10 @@ _NPY_HEADERS = {
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """Conversion to RGB by number of channels; grey stays grey."""
+
+
+# As many images at most show how many of 16 bits are used.
+_LOOKED_AT = 16
 
 
 @dataclass(frozen=True)
@@ -203,7 +211,25 @@ class ImageSequence(Closing):
 
     def _color(self, path: Path) -> UInt8:
         own = self.intrinsics.width, self.intrinsics.height
-        return to_rgb(self._decoded(path, self.color_size or own), str(path))
+        image = self._decoded(path, self.color_size or own)
+        if image.dtype == np.uint16:
+            image = in_8_bits(image, self._color_bits)
+        return to_rgb(image, str(path))
+
+    @cached_property
+    def _color_bits(self) -> int:
+        """The bits that colour of 16 bits uses, in a few images from all over the sequence.
+
+        A frame is the same whichever of the others are read.
+        """
+        step = -(-len(self.pairs) // _LOOKED_AT)
+        bits = [FEWEST_BITS]
+        for pair in self.pairs[::step]:
+            with suppress(InputError):  # reported where it becomes a frame
+                image = read_image(pair.color)
+                if image.dtype == np.uint16:
+                    bits.append(bits_of(image))
+        return max(bits)
 
     def _depth(self, path: Path, size: tuple[int, int]) -> Float32:
         image = self._decoded(path, size)
@@ -312,7 +338,7 @@ def to_rgb(image: NDArray[Any], where: str) -> UInt8:
         raise InputError(
             where,
             f"is {image.dtype} with {channels} channels, not a colour image",
-            "give colour as 8-bit PNG or JPEG",
+            "give colour as PNG of 8 or 16 bits, or JPEG",
         )
     conversion = _TO_RGB[channels]
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))

@@ -582,3 +582,39 @@ def test_a_list_of_windows_names_nothing_outside_of_its_folder(tmp_path: Path) -
     text(folder / "depth.txt", *(rf"{stamp_s(i)} ..\depth\{i}.png" for i in range(FRAMES)))
     with pytest.raises(InputError, match="outside"):
         open_recording(folder, calibration=CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("bits", "brightest"), [(10, 1000), (12, 3000), (16, 65535), (8, 200)], ids=str
+)
+@pytest.mark.parametrize("ending", ["png", "npy"])
+def test_infrared_of_16_bits_is_scaled_by_the_bits_that_it_uses(
+    bits: int, brightest: int, ending: str, tmp_path: Path
+) -> None:
+    """By one range in every frame, whichever of them are read, and hot pixels do not count."""
+    images(tmp_path, "ir/{i}.png", "depth/{i}.png")
+    ramp = np.linspace(0, 1, 64)[None] * np.ones((48, 1))
+    for i in range(FRAMES):
+        (tmp_path / f"ir/{i}.png").unlink()
+        view = np.rint(ramp * brightest * (i + 1) / FRAMES).astype(np.uint16)
+        view[0, 0] = 65535
+        write(tmp_path / f"ir/{i}.{ending}", view)
+    with open_recording(tmp_path, calibration=CAMERA) as recording:
+        frames = list(recording)
+        (alone,) = open_recording(tmp_path, calibration=CAMERA).select([1])
+    white = 2**bits - 1
+    for i, frame in enumerate(frames):
+        expected = np.rint(ramp * brightest * (i + 1) / FRAMES) * 255 / white
+        assert frame.color.dtype == np.uint8
+        np.testing.assert_allclose(frame.color[1:], expected[1:], atol=0.51)
+        assert frame.color[0, 0] == 255
+    np.testing.assert_array_equal(alone.color, frames[1].color)
+
+
+def test_colour_of_16_bits_keeps_its_colours(tmp_path: Path) -> None:
+    images(tmp_path, "rgb/{i}.png", "depth/{i}.png")
+    original = [frame.color for frame in open_recording(tmp_path, calibration=CAMERA)]
+    for i in range(FRAMES):
+        write(tmp_path / f"rgb/{i}.png", color(i).astype(np.uint16) * 257)
+    frames = open_recording(tmp_path, calibration=CAMERA)
+    assert all(map(np.array_equal, [frame.color for frame in frames], original))
