@@ -6,7 +6,9 @@ A list in a downloaded folder may name ``/dev/zero``, a pipe or a private file.
 from __future__ import annotations
 
 import os
+import re
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,6 +19,10 @@ MAX_TEXT = 2**28
 
 MAX_IMAGE = 2**28
 """Maximum bytes of an image file: twice the largest that is decoded, in colour and uncompressed."""
+
+
+_GIT_LFS = b"version https://git-lfs.github.com/spec/"
+_PAGE = re.compile(rb"\s*(<\?xml[^>]*>\s*)?<(!doctype html|html|error)\b", re.IGNORECASE)
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -69,10 +75,44 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
     Raises:
         InputError: the file is not a text, or as in ``read_bytes``.
     """
+    data = read_bytes(path, most)
+    refuse_stand_in(data, path)
     try:
-        return read_bytes(path, most).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(path, "is not a text", "give a text file") from error
+
+
+def stand_in(data: bytes) -> str | None:
+    """What stands in place of a file with these first bytes, to be downloaded again; None if none.
+
+    A clone without Git LFS has pointers, and a browser or wget saves a login or an error as a file.
+    """
+    if data.startswith(_GIT_LFS):
+        return "is a pointer of Git LFS in place of the file"
+    if _PAGE.match(data.removeprefix(b"\xef\xbb\xbf")[:200]):
+        return "is a web page in place of the file"
+    return None
+
+
+def refuse_stand_in(data: bytes, path: Path) -> None:
+    """Refuses a file with these first bytes that stands in place of another one.
+
+    Raises:
+        InputError: it does.
+    """
+    cause = stand_in(data)
+    if cause is not None:
+        raise InputError(path, cause, "download the file again, from a clone by: git lfs pull")
+
+
+def visible(folder: Path, pattern: str | None = None) -> Iterator[Path]:
+    """What is in a folder, or of it what a pattern names, without hidden files and folders.
+
+    macOS leaves a ``._name`` beside every file that it copies to a disk of another system.
+    """
+    found = folder.iterdir() if pattern is None else folder.glob(pattern)
+    return (path for path in found if not path.name.startswith("."))
 
 
 def inside(folder: Path, name: str) -> Path:

@@ -126,15 +126,19 @@ def color_from_message(msg: AnyImage, where: str, bits: int = 16) -> UInt8:
     Raises:
         InputError: it has another type or encoding, or is truncated or damaged.
     """
-    pixels = pixels_of_color(msg, where)
-    if pixels.dtype == UINT8:
-        return pixels
-    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / (2**bits - 1)), np.uint8)
+    return in_8_bits(pixels_of_color(msg, where), bits)
 
 
 def pixels_of_color(msg: AnyImage, where: str) -> NDArray[Any]:
     """As ``color_from_message``, but uint16 if the image has 16 bits."""
     return reader_of(_COLOR_READERS, msg, where)(msg, where)
+
+
+def in_8_bits(pixels: NDArray[Any], bits: int) -> UInt8:
+    """Scales an image of 16 bits, of which so many are used; one of 8 bits is returned as it is."""
+    if pixels.dtype == UINT8:
+        return pixels
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / (2**bits - 1)), np.uint8)
 
 
 def may_have_16_bits(msg: AnyImage) -> bool:

@@ -21,7 +21,8 @@ _OUTLIERS = 0.001
 # one would halve the brightness against that of the keyframes although the view is as bright as
 # before; when this many are white, the view is brighter, and part of that is made up for.
 _MOST_WHITE = 0.05
-_FEWEST_BITS = 8
+FEWEST_BITS = 8
+"""With fewer, 8 bits would hold the values as they are."""
 # Every so many rows and columns are looked at.
 _STRIDE = 4
 
@@ -34,7 +35,7 @@ class UsedBits:
     """
 
     def __init__(self) -> None:
-        self.bits = _FEWEST_BITS
+        self.bits = FEWEST_BITS
         self._has_seen_any = False
 
     def of(self, msg: AnyImage, where: str) -> int:
@@ -52,11 +53,11 @@ class UsedBits:
             return self.bits  # reported where it becomes a frame
         beyond = _MOST_WHITE if self._has_seen_any else _OUTLIERS
         self._has_seen_any = True
-        self.bits = max(self.bits, _bits_of(pixels, beyond))
+        self.bits = max(self.bits, bits_of(pixels, beyond))
         return self.bits
 
 
-def _bits_of(pixels: NDArray[Any], beyond: float) -> int:
+def bits_of(pixels: NDArray[Any], beyond: float = _OUTLIERS) -> int:
     """The number of bits that hold all values but the given share of the largest ones."""
     values = pixels[::_STRIDE, ::_STRIDE].ravel()
     place = int((values.size - 1) * (1 - beyond))

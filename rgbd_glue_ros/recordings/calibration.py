@@ -1,10 +1,10 @@
 """Camera calibration files of many programs.
 
 Supported are those of ROS (``camera_calibration``, and a CameraInfo as ``ros2 topic echo`` prints
-it), OpenCV, ORB-SLAM2 and 3, Kalibr, Open3D, COLMAP, NICE-SLAM, Record3D, nerfstudio and the
-RealSense SDK, and bare numbers: a matrix [3, 3] or [4, 4], or fx fy cx cy. They contain the same
-information under different names, so a file is read as a tree of names and values, with a table of
-known names.
+it), OpenCV, ORB-SLAM2 and 3, Kalibr, Open3D, COLMAP, BundleFusion, NICE-SLAM, Record3D, nerfstudio
+and the RealSense SDK, and bare numbers: a matrix [3, 3] or [4, 4], or fx fy cx cy. They contain the
+same information under different names, so a file is read as a tree of names and values, with a
+table of known names.
 """
 
 from __future__ import annotations
@@ -28,7 +28,11 @@ from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
 from rgbd_glue_ros.messages.fields import CameraInfo, header
 from rgbd_glue_ros.parameters import metres_per_unit
-from rgbd_glue_ros.recordings.calibration_texts import colmap_cameras, ost_camera
+from rgbd_glue_ros.recordings.calibration_texts import (
+    bundle_fusion_cameras,
+    colmap_cameras,
+    ost_camera,
+)
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 logger = logging.getLogger(__name__)
@@ -61,8 +65,8 @@ _DEPTH_SCALE = ("depthmapfactor", "png_depth_scale", "depth_scale", "scale")
 # By name, if they are not in a list
 _PLUMB_BOB = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _EQUIDISTANT = ("k1", "k2", "k3", "k4")
-# Name of the one to use of several cameras in a file
-_OF_COLOR = re.compile(r"colou?r|rgb", re.IGNORECASE)
+# Names of cameras in a file of several
+_OF_COLOR, OF_DEPTH = (re.compile(name, re.IGNORECASE) for name in (r"colou?r|rgb", "depth"))
 # Focal lengths along rows and columns differ by less than this fraction, the principal point by
 # more
 _NEARLY_ONE = 0.05
@@ -114,6 +118,16 @@ def read_calibration(path: Path) -> Calibration:
         InputError: the file cannot be read, contains no camera or several, or its numbers are
             impossible for a camera.
     """
+    return calibration_among(path, _OF_COLOR)
+
+
+def calibration_among(path: Path, of: re.Pattern[str]) -> Calibration:
+    """As ``read_calibration``, and of several cameras the one with a name that ``of`` finds.
+
+    Raises:
+        InputError: the file cannot be read, contains no camera or several, or its numbers are
+            impossible for a camera.
+    """
     try:
         content = _content(read_text(path))
     except InputError:
@@ -123,7 +137,7 @@ def read_calibration(path: Path) -> Calibration:
         raise InputError(path, f"cannot be read ({reason})", "give a YAML or JSON file") from error
     cameras = list(_cameras("", content))
     if len(cameras) > 1:
-        named = [camera for camera in cameras if _OF_COLOR.search(camera[0])]
+        named = [camera for camera in cameras if of.search(camera[0])]
         cameras = named if len(named) == 1 else cameras
     if len(cameras) > 1:
         names = ", ".join(name or "one without a name" for name, _ in cameras)
@@ -151,7 +165,7 @@ def _content(text: str) -> Any:
     # for duplicate keys the YAML error gives the line
     with suppress(ValueError):
         return json.loads(text, object_pairs_hook=_each_once)
-    named = ost_camera(text) or colmap_cameras(text)
+    named = ost_camera(text) or colmap_cameras(text) or bundle_fusion_cameras(text)
     if named is not None:
         return named
     # YAML 1.0 as OpenCV writes it begins with a line that YAML 1.1 does not know

@@ -1,4 +1,7 @@
-"""Calibrations in special text formats: COLMAP's ``cameras.txt`` and the ``ost.txt`` of ROS."""
+"""Calibrations in special text formats.
+
+COLMAP's ``cameras.txt``, the ``ost.txt`` of ROS, and the ``info.txt`` of BundleFusion.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,8 @@ _COLMAP = {
 _COLMAP_LINE = re.compile(r"^(\d+)\s+([A-Z_]+)\s+(\d+)\s+(\d+)\s+(\S.*)$", re.MULTILINE)
 _OST_START = re.compile(r"^\s*(?:#.*\n\s*)*\[image\]", re.MULTILINE)
 _OST_NAMES = ("width", "height", "camera matrix", "distortion")
+# Lines of BundleFusion's names and values; its matrices are [4, 4]
+_BUNDLE_FUSION_LINE = re.compile(r"^m_(\w+) *= *(\S.*?)\s*$", re.MULTILINE)
 
 
 def colmap_cameras(text: str) -> Mapping[str, Any] | None:
@@ -54,3 +59,24 @@ def ost_camera(text: str) -> Mapping[str, Any] | None:
         if given:
             values[name.replace(" ", "_")] = [float(word) for word in given[1].split()]
     return {**values, "width": int(values["width"][0]), "height": int(values["height"][0])}
+
+
+def bundle_fusion_cameras(text: str) -> Mapping[str, Any] | None:
+    """The cameras ``color`` and ``depth``, and the unit of depth; None if it is not such a text.
+
+    Raises:
+        KeyError: a value is missing.
+        ValueError: expected numbers are not numbers.
+    """
+    values = dict(_BUNDLE_FUSION_LINE.findall(text))
+    if "calibrationColorIntrinsic" not in values:
+        return None
+    cameras = {
+        name.lower(): {
+            "width": int(values[f"{name.lower()}Width"]),
+            "height": int(values[f"{name.lower()}Height"]),
+            "k": [float(word) for word in values[f"calibration{name}Intrinsic"].split()],
+        }
+        for name in ("Color", "Depth")
+    }
+    return {**cameras, "depth_scale": float(values["depthShift"])}

@@ -9,7 +9,7 @@ from itertools import combinations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import read_text
+from rgbd_glue_ros.files.reading import read_text, visible
 from rgbd_glue_ros.recordings.bag.layout import storage_files
 from rgbd_glue_ros.recordings.formats import format_of
 from rgbd_glue_ros.recordings.sens import SUFFIX
@@ -109,11 +109,8 @@ def _below(path: Path, depth: int) -> list[Path]:
 
 def _candidates(folder: Path) -> Iterator[Path]:
     bags = set(storage_files(folder))
-    for child in folder.iterdir():
-        if child.is_dir():
-            if not child.name.startswith("."):
-                yield child
-        elif child.suffix == SUFFIX or child in bags:
+    for child in visible(folder):
+        if child.is_dir() or child.suffix == SUFFIX or child in bags:
             yield child
 
 

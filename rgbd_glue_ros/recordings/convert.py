@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import heapq
 import logging
+import shutil
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from functools import partial
 from itertools import chain
 from operator import itemgetter
@@ -16,6 +18,7 @@ from tqdm import tqdm
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import NewFolder, not_written
+from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE
 from rgbd_glue_ros.recordings import Recording, imu_of
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 from rgbd_glue_ros.recordings.bag.writer import (
@@ -25,7 +28,9 @@ from rgbd_glue_ros.recordings.bag.writer import (
     BagWriter,
     WrittenTopics,
 )
+from rgbd_glue_ros.recordings.depth_encoding import TUM_UNITS_PER_METRE
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
+from rgbd_glue_ros.recordings.tum import DEPTH_LIST
 from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
 from rgbd_glue_ros.recordings.wrapped import WrappedRecording
 from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
@@ -37,6 +42,9 @@ logger = logging.getLogger(__name__)
 
 # Progress is shown to those who wait longer than this.
 _PROGRESS_AFTER_S = 2.0
+
+# With a larger share of the known depth of a frame beyond TUM's unit, another one is used
+_MOST_TOO_FAR = 0.01
 
 
 def convert(
@@ -82,21 +90,49 @@ def _convert(source: Recording, target: Path, compressed: bool, topics: WrittenT
     first = next(frames, None)
     if first is None:
         raise InputError(source.name, "holds no frames", "give a recording with RGB-D frames")
-    progress = tqdm(
-        chain([first], frames),
-        total=source.frame_count,
-        unit=" frames",
-        delay=_PROGRESS_AFTER_S,
-        disable=None,
-    )
+    progress = _shown(chain([first], frames), source)
     if is_bag(source):
-        writer = TumFolderWriter(target, first.intrinsics, source.ground_truth, imu_of(source))
-        with writer as folder:
-            for files in mapped_ahead(folder.encode, progress):
-                folder.write(files)
+        if not _wrote_folder(source, target, first, progress, TUM_UNITS_PER_METRE):
+            progress.close()
+            shutil.rmtree(target)
+            _wrote_folder(source, target, first, _shown(source, source), DEPTH_UNITS_PER_METRE)
     else:
         with BagWriter(target, COMPRESSED if compressed else RAW, topics) as bag:
             write_bag(progress, source.ground_truth, bag, imu_of(source), first.frame_id)
+
+
+def _shown(frames: Iterable[RgbdFrame], source: Recording) -> tqdm[RgbdFrame]:
+    """The frames of a recording with a bar of progress."""
+    return tqdm(
+        frames, total=source.frame_count, unit=" frames", delay=_PROGRESS_AFTER_S, disable=None
+    )
+
+
+def _wrote_folder(
+    source: Recording, target: Path, first: RgbdFrame, frames: Iterable[RgbdFrame], units: int
+) -> bool:
+    """Writes a folder with depth in units of a metre; False where depth goes beyond TUM's unit.
+
+    That unit, which others take for granted, is kept where few pixels are beyond it.
+    """
+    imu = imu_of(source)
+    with (
+        TumFolderWriter(target, first.intrinsics, source.ground_truth, imu, units) as folder,
+        closing(mapped_ahead(folder.encode, frames)) as encoded,
+    ):
+        for files in encoded:
+            is_far = files.too_far > _MOST_TOO_FAR * files.known
+            if is_far and units == TUM_UNITS_PER_METRE:
+                logger.warning(
+                    "%s: depth goes beyond %.1f m, where TUM's unit of 1/%d m ends, so it is "
+                    "written in units of 1/%d m, as %s says in a comment: tell programs that "
+                    "assume TUM's",
+                    *(target.name, folder.farthest_m, units, DEPTH_UNITS_PER_METRE, DEPTH_LIST),
+                )
+                return False
+            folder.write(files)
+        folder.say_what_is_lost()
+    return True
 
 
 def is_bag(recording: Recording) -> bool:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rgbd_glue_ros.geometry.depth import metres_of_16_bits
 from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE
+from rgbd_glue_ros.messages.images import metres
 from rgbd_glue_ros.types import Float32
 
 
@@ -45,18 +45,22 @@ class DepthEncoding:
         return self.with_scale(metres_per_unit)
 
     def metres(self, image: NDArray[Any]) -> Float32:
-        """float32 [H, W] metres from uint16 or floats [H, W].
+        """float32 [H, W] metres from whole numbers or floats [H, W].
 
         NaN where it is unknown: where a whole number is 0 or has overflowed, or another number is
         not positive and finite.
         """
         if image.dtype.kind == "f":
-            depth: Float32 = np.asarray(image, np.float32) / np.float32(self.float_units_per_metre)
-            depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
-            return depth
+            return metres(image, self.float_units_per_metre, None)
+        if image.dtype != np.uint16 and _fits_16_bits(image):
+            image = image.astype(np.uint16)  # which NumPy makes wider in many calculations
         if self.rotation:
             image = (image >> self.rotation) | (image << (16 - self.rotation))
-        return metres_of_16_bits(image, self.units_per_metre)
+        return metres(image, self.units_per_metre, None)
+
+
+def _fits_16_bits(image: NDArray[Any]) -> bool:
+    return bool(image.min(initial=0) >= 0 and image.max(initial=0) <= np.iinfo(np.uint16).max)
 
 
 MILLIMETRES = DepthEncoding(DEPTH_UNITS_PER_METRE)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.parameters import InputConfig
@@ -225,5 +226,5 @@ def open_recording(
     if several:
         names = ", ".join(file.name for file in several)
         raise InputError(path, f"holds several recordings: {names}", "give one of them")
-    below = islice(path.iterdir(), _LOOKED_AT) if path.is_dir() else ()
+    below = islice(visible(path), _LOOKED_AT) if path.is_dir() else ()
     raise explain_unknown(path, [child for child in below if format_of(child) is not None])

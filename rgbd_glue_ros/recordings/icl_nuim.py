@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.recordings import depth_encoding
 from rgbd_glue_ros.recordings.folder.lists import read_association
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
@@ -27,7 +28,7 @@ _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
 def matches(folder: Path) -> bool:
     """Whether the folder has this layout."""
-    return (folder / ASSOCIATIONS).is_file() and any(folder.glob(TRUTH))
+    return (folder / ASSOCIATIONS).is_file() and any(visible(folder, TRUTH))
 
 
 def open_icl_nuim(folder: Path, calibration: CameraIntrinsics | None = None) -> ImageSequence:
@@ -37,7 +38,7 @@ def open_icl_nuim(folder: Path, calibration: CameraIntrinsics | None = None) -> 
         InputError: a list cannot be read, or names nothing.
     """
     found = read_association(folder / ASSOCIATIONS)
-    numbered = read_tum(next(iter(sorted(folder.glob(TRUTH)))))
+    numbered = read_tum(min(visible(folder, TRUTH)))
     stamps = [frame_stamp_ns(round(number / NANOSECONDS)) for number in numbered.stamps_ns]
     truth = Trajectory(np.array(stamps, np.int64), mirrored(numbered.poses))
     return ImageSequence(

@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -16,11 +18,13 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, read_text
+from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes, read_text, refuse_stand_in
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size, pinhole
 from rgbd_glue_ros.messages.frame import FrameTopics, registered_images
 from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.messages.images import in_8_bits
+from rgbd_glue_ros.messages.used_bits import FEWEST_BITS, bits_of
 from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
 from rgbd_glue_ros.recordings.faults import Faults
 from rgbd_glue_ros.recordings.left_out import FrameGaps, LeftOut, warn_of_left_out
@@ -49,6 +53,10 @@ _NPY_HEADERS = {
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """Conversion to RGB by number of channels; grey stays grey."""
+
+
+# As many images at most show how many of 16 bits are used.
+_LOOKED_AT = 16
 
 
 @dataclass(frozen=True)
@@ -203,17 +211,35 @@ class ImageSequence(Closing):
 
     def _color(self, path: Path) -> UInt8:
         own = self.intrinsics.width, self.intrinsics.height
-        return to_rgb(self._decoded(path, self.color_size or own), str(path))
+        image = self._decoded(path, self.color_size or own)
+        if image.dtype == np.uint16:
+            image = in_8_bits(image, self._color_bits)
+        return to_rgb(image, str(path))
+
+    @cached_property
+    def _color_bits(self) -> int:
+        """The bits that colour of 16 bits uses, in a few images from all over the sequence.
+
+        A frame is the same whichever of the others are read.
+        """
+        step = -(-len(self.pairs) // _LOOKED_AT)
+        bits = [FEWEST_BITS]
+        for pair in self.pairs[::step]:
+            with suppress(InputError):  # reported where it becomes a frame
+                image = read_image(pair.color)
+                if image.dtype == np.uint16:
+                    bits.append(bits_of(image))
+        return max(bits)
 
     def _depth(self, path: Path, size: tuple[int, int]) -> Float32:
         image = self._decoded(path, size)
         if image.ndim == 3 and image.dtype.kind == "f":
             image = _one_of_equal_channels(image)
-        if image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f"):
+        if image.ndim != 2 or image.dtype.kind not in "iuf" or image.dtype.itemsize == 1:
             raise InputError(
                 path,
                 f"is {image.dtype} of shape {image.shape}, not a depth image",
-                "give depth as 16-bit grey PNG, or as TIFF, EXR or NPY of metres",
+                "give depth as 16-bit grey PNG, or as NPY, TIFF or EXR of metres",
             )
         return self.encoding.metres(image)
 
@@ -241,7 +267,7 @@ def _one_of_equal_channels(image: NDArray[Any]) -> NDArray[Any]:
 
 def _holds_whole_numbers(path: Path) -> bool:
     try:
-        return read_image(path).dtype.kind == "u"
+        return read_image(path).dtype.kind in "iu"
     except InputError:
         return False  # reported where it is read
 
@@ -253,9 +279,27 @@ def read_image(path: Path) -> NDArray[Any]:
         InputError: the file is missing, damaged, or not an image.
     """
     data = read_bytes(path, MAX_IMAGE)
+    refuse_stand_in(data, path)
     if path.suffix.lower() == ".npy":
         return _of_array(_array(data, path), path)
     return decode(data, str(path))
+
+
+def first_readable(pairs: Iterable[ImagePair]) -> tuple[ImagePair, NDArray[Any], NDArray[Any]]:
+    """The first frame of which both images can be read, with colour and depth as in their files.
+
+    Raises:
+        InputError: there is none; about the first image that cannot be read.
+    """
+    first: InputError | None = None
+    for pair in pairs:
+        try:
+            color, depth = read_image(pair.color), read_image(pair.depth)
+        except InputError as error:
+            first = first or error
+            continue
+        return pair, color, depth
+    raise first or InputError("frames", "there are none", "give a recording")
 
 
 def _array(data: bytes, path: Path) -> NDArray[Any]:
@@ -294,7 +338,7 @@ def to_rgb(image: NDArray[Any], where: str) -> UInt8:
         raise InputError(
             where,
             f"is {image.dtype} with {channels} channels, not a colour image",
-            "give colour as 8-bit PNG or JPEG",
+            "give colour as PNG of 8 or 16 bits, or JPEG",
         )
     conversion = _TO_RGB[channels]
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import open_file
+from rgbd_glue_ros.files.reading import open_file, refuse_stand_in, visible
 
 SEE = "docs/data.md lists the supported formats"
 
@@ -73,7 +73,7 @@ def explain_unknown(path: Path, recordings: Iterable[Path]) -> InputError:
     below = sorted(child.name for child in recordings)
     if below:
         return _of_parent(path, below)
-    if not any(path.iterdir()):
+    if not any(visible(path)):
         return InputError(
             path, "is not a recording in a known format: it is empty", "give the folder of one"
         )
@@ -91,7 +91,7 @@ def _of_parent(path: Path, below: list[str]) -> InputError:
 
 
 def _of_other(path: Path) -> InputError:
-    held = ", ".join(sorted(child.name for child in islice(path.iterdir(), 5)))
+    held = ", ".join(sorted(child.name for child in islice(visible(path), 5)))
     return InputError(
         path,
         f"is not a recording in a known format; it holds {held}",
@@ -121,7 +121,8 @@ def _of_incomplete(path: Path, layout: Layout, missing: list[str]) -> InputError
 
 def _of_file(path: Path) -> InputError:
     with open_file(path) as file:
-        head = file.read(8)
+        head = file.read(256)
+    refuse_stand_in(head, path)
     kind = next((name for magic, name in _ARCHIVES if head.startswith(magic)), None)
     if path.suffix.lower() == ".r3d":
         return InputError(
@@ -149,4 +150,4 @@ def _nearest(folder: Path) -> tuple[Layout, list[str]] | None:
 
 
 def _is_there(folder: Path, pattern: str) -> bool:
-    return next(folder.glob(pattern), None) is not None
+    return next(visible(folder, pattern), None) is not None

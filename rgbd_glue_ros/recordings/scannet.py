@@ -5,17 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import MAX_IMAGE, read_bytes
-from rgbd_glue_ros.messages.image_codecs import decode
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
     ImagePair,
+    ImagePairs,
     ImageSequence,
     camera_of_matrix,
+    first_readable,
     ground_truth,
     matrix,
 )
+from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
 from rgbd_glue_ros.recordings.sens import SUFFIX, SensSequence, is_sens
 from rgbd_glue_ros.types import CameraIntrinsics
 
@@ -51,7 +53,7 @@ def open_scannet(
 
 
 def _streams(folder: Path) -> list[Path]:
-    return [path for path in folder.glob(f"*{SUFFIX}") if is_sens(path)]
+    return [path for path in visible(folder, f"*{SUFFIX}") if is_sens(path)]
 
 
 def _is_exported(folder: Path) -> bool:
@@ -59,24 +61,34 @@ def _is_exported(folder: Path) -> bool:
 
 
 def _open_exported(folder: Path, calibration: CameraIntrinsics | None) -> ImageSequence:
-    """Frame i of a scan is in files named i; frames without a finite pose have no ground truth."""
-    files = [p for p in (folder / "color").iterdir() if p.suffix in _COLOR_TYPES]
+    """Frame i of a scan is in files named i; those without depth are left out.
+
+    Those without a finite pose have no ground truth.
+    """
+    files = [p for p in visible(folder / "color") if p.suffix in _COLOR_TYPES]
     pairs: list[ImagePair] = []
     poses: list[tuple[int, Path]] = []
     for number, color in sorted((_number(path), path) for path in files):
         stamp = frame_stamp_ns(number)
         depth, pose = folder / f"depth/{number}.png", folder / f"pose/{number}.txt"
-        if not depth.is_file():
-            raise InputError(depth, "is missing", f"restore it, or remove {color.name}")
-        pairs.append(ImagePair(stamp, color, stamp, depth))
-        poses.append((stamp, pose))
+        if depth.is_file():
+            pairs.append(ImagePair(stamp, color, stamp, depth))
+            poses.append((stamp, pose))
     if not pairs:
-        raise InputError(folder / "color", "holds no images", "export the scan again")
-    truth = ground_truth(poses)
-    camera = calibration or _camera(folder, pairs[0].depth)
-    color_size = _size(pairs[0].color)
+        raise InputError(
+            folder, "has no colour image with depth of its number", "export the scan again"
+        )
+    images = {COLOR: len(files), DEPTH: len(list(visible(folder / "depth", "*.png")))}
+    found = ImagePairs.of(pairs, images, 0)
+    _, color_image, depth_image = first_readable(found.pairs)
     return ImageSequence(
-        folder.resolve().name, tuple(pairs), MILLIMETRES, camera, truth, color_size
+        folder.resolve().name,
+        found.pairs,
+        MILLIMETRES,
+        calibration or _camera(folder, *depth_image.shape[1::-1]),
+        ground_truth(poses),
+        color_image.shape[1::-1],
+        left_out=found.left_out,
     )
 
 
@@ -89,15 +101,6 @@ def _number(path: Path) -> int:
         ) from error
 
 
-def _camera(folder: Path, depth: Path) -> CameraIntrinsics:
+def _camera(folder: Path, width: int, height: int) -> CameraIntrinsics:
     path = folder / _INTRINSICS
-    return camera_of_matrix(path, matrix(path, 4), *_size(depth))
-
-
-def _size(path: Path) -> tuple[int, int]:
-    """Width and height of an image."""
-    try:
-        height, width = decode(read_bytes(path, MAX_IMAGE), str(path)).shape[:2]
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", "restore the file") from error
-    return width, height
+    return camera_of_matrix(path, matrix(path, 4), width, height)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import open_file
+from rgbd_glue_ros.files.reading import open_file, refuse_stand_in
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
 from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
@@ -157,6 +157,7 @@ class SensSequence(Closing):
         return os.pread(self._file, size, position)
 
     def _read_header(self) -> SensHeader:
+        refuse_stand_in(self._bytes(0, 256), self.path)
         start = self._bytes(0, _START.size)
         if len(start) < _START.size:
             raise self._unusable("is truncated in its header", "download it again")

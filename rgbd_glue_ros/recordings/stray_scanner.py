@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import open_file
+from rgbd_glue_ros.files.reading import open_file, refuse_stand_in, visible
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
 from rgbd_glue_ros.recordings.faults import Faults
@@ -140,7 +140,7 @@ def _video(folder: Path) -> Path | None:
 
 def _depth_images(folder: Path) -> dict[int, Path]:
     """The depth images in the folder, in the order of their numbers."""
-    numbered = {_number(path): path for path in (folder / "depth").glob("*.png")}
+    numbered = {_number(path): path for path in visible(folder / "depth", "*.png")}
     return {number: numbered[number] for number in sorted(n for n in numbered if n >= 0)}
 
 
@@ -167,9 +167,10 @@ def _frames(video: Path) -> Iterator[UInt8]:
         InputError: OpenCV cannot decode it.
     """
     with open_file(video) as file:
-        head = file.read(len(_MP4) + 4)
+        head = file.read(256)
+    refuse_stand_in(head, video)
     # otherwise OpenCV would accept a list of videos, and fetch what it names
-    if head[4:] != _MP4:
+    if head[4:8] != _MP4:
         raise InputError(video, "is not an MP4 video", "restore the file")
     capture = cv2.VideoCapture(str(video))
     # phones record how they were held, which depth does not follow

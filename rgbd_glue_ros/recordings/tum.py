@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, finite_numbers, read_lines
 from rgbd_glue_ros.messages.imu import ImuReading, imu_samples
@@ -95,7 +96,7 @@ def has_lost_its_lists(folder: Path) -> bool:
 
     Others use these names too, with millimetres: TUM's other files decide, or its name.
     """
-    depth = next((folder / "depth").glob("*"), None)
+    depth = next(visible(folder / "depth", "*"), None)
     if depth is None or not (_STAMPED.fullmatch(depth.name) and (folder / "rgb").is_dir()):
         return False
     if lists_in(folder) or association_in(folder):

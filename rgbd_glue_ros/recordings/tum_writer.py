@@ -31,15 +31,29 @@ logger = logging.getLogger(__name__)
 
 _COLOR_FOLDER, _DEPTH_FOLDER = "rgb", "depth"
 
+# The largest number of 16 bits stands for none
+_FARTHEST_UNITS = np.iinfo(np.uint16).max - 1
+
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """The files of a frame: PNG."""
+    """The files of a frame: PNG.
+
+    Attributes:
+        stamp_ns: of colour.
+        color: the image.
+        depth_stamp_ns: of depth.
+        depth: the image.
+        known: pixels of known depth.
+        too_far: those of them that the unit of depth does not reach, unknown in the image.
+    """
 
     stamp_ns: int
     color: bytes
     depth_stamp_ns: int
     depth: bytes
+    known: int
+    too_far: int
 
 
 class TumFolderWriter(Closing):
@@ -51,6 +65,7 @@ class TumFolderWriter(Closing):
         camera: CameraIntrinsics,
         truth: Trajectory | None,
         imu: ImuSamples | None = None,
+        units_per_metre: int = TUM_UNITS_PER_METRE,
     ) -> None:
         """Creates the folder, with the calibration, the true poses and the accelerations.
 
@@ -61,11 +76,15 @@ class TumFolderWriter(Closing):
             camera: of all frames.
             truth: T_world_camera of the optical frame, None if not known.
             imu: samples in the axes of the optical frame, None if there are none.
+            units_per_metre: of depth; one that is not TUM's is in a comment of the list of depth
+                images.
 
         Raises:
             InputError: the folder exists or cannot be written.
         """
         self._folder = folder
+        self._units_per_metre = units_per_metre
+        self._known = self._too_far = 0
         try:
             folder.mkdir(parents=True)
             for name in (_COLOR_FOLDER, _DEPTH_FOLDER):
@@ -81,11 +100,19 @@ class TumFolderWriter(Closing):
             self._write_accelerations(imu)
         self._colors = (folder / COLOR_LIST).open("w", encoding="ascii", buffering=1)
         self._depths = (folder / DEPTH_LIST).open("w", encoding="ascii", buffering=1)
+        if units_per_metre != TUM_UNITS_PER_METRE:
+            self._depths.write(f"# depth scale: {units_per_metre}\n")
+
+    @property
+    def farthest_m(self) -> float:
+        """The largest depth that can be written."""
+        return _FARTHEST_UNITS / self._units_per_metre
 
     def encode(self, frame: RgbdFrame) -> FrameFiles:
         """Does the slow part of writing a frame; any thread may call it.
 
-        Depth is rounded to a fifth of a millimetre, and unknown beyond 13 m.
+        Depth is rounded to the unit, TUM's a fifth of a millimetre, and unknown beyond
+        ``farthest_m``, with TUM's 13.1 m.
         """
         color = frame.color
         if color.ndim == 3:
@@ -94,7 +121,9 @@ class TumFolderWriter(Closing):
             frame.stamp_ns,
             encode_png(color),
             frame.stamp_ns + frame.depth_delay_ns,
-            encode_png(quantised(frame.depth, TUM_UNITS_PER_METRE)),
+            encode_png(quantised(frame.depth, self._units_per_metre)),
+            int(np.count_nonzero(frame.depth > 0)),
+            int(np.count_nonzero(frame.depth > self.farthest_m)),
         )
 
     def write(self, frame: FrameFiles) -> None:
@@ -107,6 +136,18 @@ class TumFolderWriter(Closing):
             name = f"{folder}/{stamp}.png"
             (self._folder / name).write_bytes(data)
             names.write(f"{stamp} {name}\n")
+        self._known += frame.known
+        self._too_far += frame.too_far
+
+    def say_what_is_lost(self) -> None:
+        """Logs how much depth of the frames so far was too far."""
+        if self._too_far:
+            logger.warning(
+                "%s: %.2g %% of its depth is beyond %.1f m, where whole units of 1/%d m end, and "
+                "was left out",
+                *(self._folder.name, 100 * self._too_far / self._known),
+                *(self.farthest_m, self._units_per_metre),
+            )
 
     def _write_accelerations(self, imu: ImuSamples) -> None:
         if np.isfinite(imu.linear_acceleration).any():

@@ -192,6 +192,58 @@ def test_a_list_of_videos_is_no_video(content: str, tmp_path: Path) -> None:
         open_recording(tmp_path)
 
 
+STAND_INS = {
+    "a pointer": b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614\nsize 12345\n",
+    "a page": b"\n<!DOCTYPE html><html><head><title>Virus scan warning</title></head></html>",
+    "a page after a mark": b"\xef\xbb\xbf<HTML>\n<body>Please log in</body></HTML>",
+    "an error": b'<?xml version="1.0" encoding="UTF-8"?>\n<Error><Code>AccessDenied</Code></Error>',
+}
+STAND_IN_SAID = (
+    r"is a (pointer of Git LFS|web page) in place of the file; download the file again, from a "
+    r"clone by: git lfs pull$"
+)
+
+
+@pytest.mark.parametrize("kind", STAND_INS)
+@pytest.mark.parametrize(
+    "name",
+    ["run.bag", "run.mcap", "run.db3", "run", "scan.sens", "folder/run_0.mcap", "set/rgb.zip"],
+)
+def test_what_was_downloaded_in_place_of_a_recording_is_said(
+    kind: str, name: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(STAND_INS[kind])
+    with pytest.raises(InputError, match=STAND_IN_SAID) as error:
+        open_recording(path.parent if name.startswith("folder") else path)
+    assert error.value.where == str(path)
+
+
+@pytest.mark.parametrize("kind", STAND_INS)
+def test_what_was_downloaded_in_place_of_images_videos_and_texts_is_said(
+    kind: str, tmp_path: Path
+) -> None:
+    for i in range(3):
+        for place in ("rgb", "depth"):
+            (tmp_path / place).mkdir(exist_ok=True)
+            (tmp_path / f"{place}/{i}.png").write_bytes(STAND_INS[kind])
+    (tmp_path / "K.txt").write_text("60 0 31.5\n0 61 23.5\n0 0 1\n")
+    with pytest.raises(InputError, match=rf"rgb/0\.png: {STAND_IN_SAID}"):
+        open_recording(tmp_path)
+    (tmp_path / "poses.txt").write_bytes(STAND_INS[kind])
+    for read in (read_tum, read_calibration):
+        with pytest.raises(InputError, match=rf"poses\.txt: {STAND_IN_SAID}"):
+            read(tmp_path / "poses.txt")
+    scan = tmp_path / "scan"
+    (scan / "depth").mkdir(parents=True)
+    assert cv2.imwrite(str(scan / "depth/000000.png"), np.ones((48, 64), np.uint16))
+    (scan / "camera_matrix.csv").write_text("60, 0, 31.5\n0, 61, 23.5\n0, 0, 1\n")
+    (scan / "rgb.mp4").write_bytes(STAND_INS[kind])
+    with pytest.raises(InputError, match=rf"rgb\.mp4: {STAND_IN_SAID}"):
+        open_recording(scan)
+
+
 # What reads files of its own, or of the system, and none that input names
 _OWN = {"code_cache.py", "download.py", "fetch.py", "weights.py", "writer.py", "map_file.py"}
 _READS = re.compile(r"\.read_text\(|\.read_bytes\(|safe_load|loadtxt|imread\(|np\.load\(")

@@ -24,6 +24,7 @@ from rigs.bags import (
     write_rosbag1,
     write_rosbag2,
 )
+from rigs.layouts import APPLE_DOUBLE
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
@@ -31,7 +32,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.fields import header, pose_stamped
 from rgbd_glue_ros.parameters import InputConfig
-from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings import open_recording, recordings
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.recordings.bag.recording import BagRecording, Topics
 from rgbd_glue_ros.recordings.left_out import LeftOut
@@ -117,6 +118,43 @@ def test_the_storage_file_alone_or_a_folder_without_metadata_will_do(
     for path in (file, folder):
         with BagRecording(path) as sequence:
             assert len(list(sequence)) == len(FRAMES)
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize("has_metadata", [True, False])
+def test_what_macos_leaves_beside_the_files_of_a_bag_is_no_part_of_it(
+    parts: int, has_metadata: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    messages = recorded(FRAMES)
+    for i, some in enumerate(np.array_split(np.arange(len(messages)), parts)):
+        part = write_rosbag2(tmp_path / f"run_{i}", [messages[j] for j in some])
+        (part / f"run_{i}.mcap").rename(folder / f"run_{i}.mcap")
+        if has_metadata:
+            (part / "metadata.yaml").replace(folder / "metadata.yaml")
+        shutil.rmtree(part)
+    for path in [*folder.iterdir()]:
+        path.with_name(f"._{path.name}").write_bytes(APPLE_DOUBLE)
+    assert recordings([tmp_path]) == [folder]
+    with open_recording(folder) as recording:
+        assert len(list(recording)) == len(FRAMES)
+    assert not caplog.messages
+
+
+def test_of_a_bag_with_a_pointer_of_git_lfs_for_a_part_the_others_are_read(
+    tmp_path: Path,
+) -> None:
+    folder = write_rosbag2(tmp_path / "run", recorded(FRAMES))
+    (folder / "run.mcap").rename(folder / "run_0.mcap")
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a21461\nsize 12345\n"
+    (folder / "run_1.mcap").write_text(pointer)
+    said = r"run_1\.mcap: it is a pointer of Git LFS in place of the file; what could be read"
+    with open_recording(folder) as recording:
+        frames = iter(recording)
+        assert len([next(frames) for _ in FRAMES]) == len(FRAMES)
+        with pytest.raises(InputError, match=said):
+            next(frames)
 
 
 def test_every_iteration_gives_the_same_frames_from_the_beginning(bag: Path) -> None:

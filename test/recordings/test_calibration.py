@@ -162,6 +162,19 @@ d400_gyroscope:
 AZURE_BY_OPEN3D = """{"color_mode": "MJPG_3072P", "depth_mode": "NFOV_UNBINNED", "height": 480,
 "intrinsic_matrix": [600.0, 0, 0, 0, 601.0, 0, 320.5, 240.5, 1], "serial_number_": "000266700112",
 "stream_length_usec": 2666689, "width": 640}"""
+BUNDLE_FUSION = """m_versionNumber = 4
+m_sensorName = StructureSensor
+m_colorWidth = 640
+m_colorHeight = 480
+m_depthWidth = 320
+m_depthHeight = 240
+m_depthShift = 1000
+m_calibrationColorIntrinsic = 600 0 320.5 0 0 601 240.5 0 0 0 1 0 0 0 0 1\x20
+m_calibrationColorExtrinsic = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\x20
+m_calibrationDepthIntrinsic = 300 0 160 0 0 300 120 0 0 0 1 0 0 0 0 1\x20
+m_calibrationDepthExtrinsic = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\x20
+m_frames.size = 20
+"""
 ROWS = "600 0 320.5\n0 601 240.5\n0 0 1\n"
 
 # text, size, coefficients and metres per unit
@@ -200,6 +213,7 @@ FILES: dict[str, tuple[str, tuple[int, int], tuple[float, ...], float | None]] =
     "ETH3D.txt": ("600.0 601.0 320.5 240.5\n", (0, 0), (), None),
     "ost.txt": (OST, SIZE, D, None),
     "cameras.txt": (COLMAP, SIZE, (*D[:4], 0, 0, 0, 0), None),
+    "info.txt": (BUNDLE_FUSION, SIZE, (), 0.001),
     "mtx and dist.json": (OPENCV_JSON, (0, 0), D, None),
     "commented.txt": ("# fx fy cx cy\n600.0 601.0 320.5 240.5\n", (0, 0), (), None),
 }
@@ -257,6 +271,8 @@ def test_a_fisheye_lens_is_known_as_one(tmp_path: Path, name: str) -> None:
         ("model_type: MEI\nfx: 600", "camera model 'MEI' is not supported"),
         (COLMAP + COLMAP.replace("1 OPENCV", "2 OPENCV"), "keep only the colour camera"),
         (COLMAP.replace(" -0.002", ""), "cannot be read"),
+        (BUNDLE_FUSION.replace("m_colorW", "m_w"), "cannot be read ('colorWidth')"),
+        (BUNDLE_FUSION.replace("= 600 0", "= 600"), "a camera matrix of 15 numbers"),
         ("1 2 3", "a camera matrix of 3 numbers"),
         ("", "is not a camera calibration"),
         ("nothing: of that", "is not a camera calibration"),

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -182,6 +183,66 @@ def test_distortion_survives_the_way_through_a_folder(tmp_path: Path) -> None:
             convert(source, tmp_path / f"folder{count}", compressed=False)
         with open_recording(tmp_path / f"folder{count}") as folder:
             assert [frame.intrinsics for frame in folder] == [camera]
+
+
+def far(frame: RgbdFrame, metres: float, columns: int) -> RgbdFrame:
+    depth = frame.depth.copy()
+    depth[:, :columns] = metres
+    return replace(frame, depth=depth)
+
+
+def converted(frames: list[RgbdFrame], folder: Path) -> list[RgbdFrame]:
+    """The frames as a bag of floats, from it as a folder, and read from that."""
+    convert(Listed(frames), folder / "bag", compressed=False)
+    with open_recording(folder / "bag") as bag:
+        convert(bag, folder / "tum", compressed=False)
+    assert {path.name for path in folder.iterdir()} == {"bag", "tum"}
+    with open_recording(folder / "tum") as recording:
+        return list(recording)
+
+
+def test_depth_beyond_tums_unit_is_written_in_millimetres_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = [*FRAMES[:9], *(far(frame, 40.0 + i, 8) for i, frame in enumerate(FRAMES[9:]))]
+    got = converted(frames, tmp_path)
+    assert (tmp_path / "tum/depth.txt").read_text().startswith("# depth scale: 1000\n")
+    assert "tum: depth goes beyond 13.1 m, where TUM's unit of 1/5000 m ends" in caplog.text
+    assert "left out" not in caplog.text
+    same(iter(got), frames)
+
+
+@pytest.mark.parametrize(
+    ("metres", "columns", "scale", "said"),
+    [
+        (12.0, 64, None, None),
+        (14.0, 0, None, None),
+        (14.0, 1, None, r"0\.0\d+ % of its depth is beyond 13\.1 m"),
+        (70.0, 16, "# depth scale: 1000", r"2\.3 % of its depth is beyond 65\.5 m"),
+    ],
+)
+def test_of_depth_that_the_unit_does_not_reach_the_share_is_said(
+    metres: float,
+    columns: int,
+    scale: str | None,
+    said: str | None,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Of single pixels the unit stays TUM's."""
+    frames = [*FRAMES]
+    frames[3] = far(frames[3], metres, columns)
+    if columns == 1:
+        frames[3].depth[1:, 0] = frames[4].depth[1:, 0]
+    got = converted(frames, tmp_path)
+    first, *_ = (tmp_path / "tum/depth.txt").read_text().splitlines()
+    assert first == scale if scale else first.endswith(".png")
+    is_lost = frames[3].depth > (65.5 if scale else 13.1)
+    np.testing.assert_array_equal(np.isnan(got[3].depth), np.isnan(frames[3].depth) | is_lost)
+    if said is None:
+        assert not caplog.text
+    else:
+        assert re.search(said, caplog.text)
 
 
 def test_grey_images_stay_grey_in_a_bag(tmp_path: Path) -> None:

@@ -19,6 +19,24 @@ def test_nothing_and_overflow_are_no_depth_in_whole_numbers_of_any_unit(
     np.testing.assert_allclose(metres[0, 1:3], np.array([1, 65534]) / encoding.units_per_metre)
 
 
+@pytest.mark.parametrize("kind", [np.int16, np.int32, np.int64, np.uint32])
+def test_whole_numbers_of_any_size_are_as_those_of_16_bits(kind: type[np.generic]) -> None:
+    values = np.array([[0, 1, 1500, 32767]])
+    expected = MILLIMETRES.metres(values.astype(np.uint16))
+    np.testing.assert_array_equal(MILLIMETRES.metres(values.astype(kind)), expected)
+    if kind is np.int16:
+        return
+    many = MILLIMETRES.metres(np.array([[65535, 1000]], kind))
+    np.testing.assert_array_equal(many, np.array([[np.nan, 1]], np.float32))
+    tenths_of_mm = DepthEncoding(10_000.0).metres(np.array([[90_000, 65_535]], kind))
+    np.testing.assert_allclose(tenths_of_mm, [[9.0, 6.5535]])
+
+
+def test_negative_whole_numbers_are_no_depth() -> None:
+    got = MILLIMETRES.metres(np.array([[-1, -(2**31), 1500]], np.int32))
+    np.testing.assert_array_equal(got, np.array([[np.nan, np.nan, 1.5]], np.float32))
+
+
 def test_numbers_that_were_rotated_are_rotated_back() -> None:
     rotated = replace(MILLIMETRES, rotation=3)
     metres = rotated.metres(np.array([[1500 << 3, 0, 65535]], np.uint16))

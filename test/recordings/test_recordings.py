@@ -318,10 +318,19 @@ def test_a_pose_that_is_not_finite_is_not_known_and_one_of_other_size_is_refused
         open_recording(folder, calibration=CAMERA)
 
 
-def test_seven_scenes_without_depth_is_refused(tmp_path: Path) -> None:
+def test_of_seven_scenes_a_frame_without_depth_is_left_out_and_without_any_it_is_refused(
+    tmp_path: Path,
+) -> None:
     folder = write_seven_scenes_folder(tmp_path / "seq-01")
+    (folder / "frame-000001.depth.png").unlink()
+    (folder / "frame-000003.color.png").unlink()
+    with open_recording(folder, calibration=CAMERA) as sequence:
+        assert [frame.stamp_ns for frame in sequence] == [33333333]
+        assert left_out_of(sequence).unpaired == {"color": 1, "depth": 1}
+        assert sequence.ground_truth is not None
+        assert list(sequence.ground_truth.stamps_ns) == [33333333]
     (folder / "frame-000000.depth.png").unlink()
-    with pytest.raises(InputError, match=r"frame-000000\.depth\.png: is missing"):
+    with pytest.raises(InputError, match=r"seq-01: has no colour image with depth beside it"):
         open_recording(folder, calibration=CAMERA)
 
 

@@ -18,6 +18,7 @@ from rigs.scan import DEPTH, Scan
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.types import CameraIntrinsics
 
 
@@ -190,11 +191,27 @@ def test_a_stream_with_a_wrong_byte_is_read_or_refused_and_nothing_else(
         pass
 
 
+def test_of_an_export_frames_without_depth_are_left_out_and_damaged_ones_skipped(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = Scan().export(tmp_path / "scan")
+    (folder / "depth/3.png").unlink()
+    (folder / "color/0.jpg").write_bytes((folder / "color/0.jpg").read_bytes()[:300])
+    with open_recording(folder) as scan:
+        assert [frame.stamp_ns for frame in scan] == [66666666, 100000000, 166666666]
+        assert left_out_of(scan).unpaired == {"color": 1, "depth": 0}
+    assert "1 of 5 color images have no partner" in caplog.text
+    assert "1 frames skipped of 4" in caplog.text
+
+
 def test_an_export_without_depth_numbers_or_camera_is_refused(tmp_path: Path) -> None:
     folder = Scan().export(tmp_path / "scan")
-    (folder / "depth/1.png").unlink()
-    with pytest.raises(InputError, match=r"depth/1\.png: is missing"):
+    (folder / "depth").rename(tmp_path / "elsewhere")
+    (folder / "depth").mkdir()
+    with pytest.raises(InputError, match="scan: has no colour image with depth of its number"):
         open_recording(folder)
+    (folder / "depth").rmdir()
+    (tmp_path / "elsewhere").rename(folder / "depth")
     (folder / "color/1.jpg").rename(folder / "color/one.jpg")
     with pytest.raises(InputError, match="is not a number"):
         open_recording(folder)

@@ -21,6 +21,9 @@ START_NS = 1_305_031_453_000_000_000
 PERIOD_NS = 100_000_000
 POSES = np.stack([se3.exp(np.array([0.1 * i, 0.2, 0.3, 0, 0.1 * i, 0])) for i in range(FRAMES)])
 
+# What macOS keeps of a file beside it, on disks of other systems
+APPLE_DOUBLE = b"\0\5\x16\7\0\2\0\0Mac OS X        " + bytes(4000)
+
 
 def stamp_s(i: int) -> str:
     return f"{(START_NS + i * PERIOD_NS) / 1e9:.6f}"

@@ -25,7 +25,7 @@ from rosbags.typesys import Stores, get_typestore
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.bounded_yaml import document
-from rgbd_glue_ros.files.reading import read_text
+from rgbd_glue_ros.files.reading import read_text, refuse_stand_in, stand_in
 from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.recordings.bag.layout import (
     MCAP_MAGIC,
@@ -89,6 +89,8 @@ class BagFile(Closing):
         self._files = storage_files(path)
         if not self._files:
             raise InputError(path, "is not a bag", f"looked for {SIGNATURE}")
+        if all(stand_in(first_bytes(file)) for file in self._files):
+            refuse_stand_in(first_bytes(self._files[0]), self._files[0])
         _say_what_is_missing(path, self._files)
         self._plain_files = PlainFiles()
         self._plain = self._unpacked()

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from rgbd_glue_ros.files.reading import visible
+
 METADATA = "metadata.yaml"
 
 SUFFIXES = (".mcap", ".db3", ".bag")
@@ -30,7 +32,7 @@ def storage_files(path: Path) -> list[Path]:
     """The files with the messages of the bag at ``path``; none if it is not a bag."""
     if not path.is_dir():
         return [path] if path.is_file() and _is_storage(path) else []
-    files = sorted(file for file in path.iterdir() if _NAME.fullmatch(file.name))
+    files = sorted(file for file in visible(path) if _NAME.fullmatch(file.name))
     # an unfinished recorder may leave an empty file beside the one that counts
     return [file for file in files if file.is_file()]
 
@@ -56,7 +58,7 @@ def first_bytes(path: Path) -> bytes:
     """The bytes that identify a file's type; none if it cannot be read."""
     try:
         with path.open("rb") as file:
-            return file.read(64)
+            return file.read(256)
     except OSError:
         return b""
 

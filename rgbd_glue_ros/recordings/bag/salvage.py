@@ -18,6 +18,7 @@ from typing import IO
 
 from backports import zstd
 
+from rgbd_glue_ros.files.reading import stand_in
 from rgbd_glue_ros.recordings.bag.layout import (
     MCAP_MAGIC,
     ROS1_MAGIC,
@@ -82,7 +83,7 @@ def salvage(path: Path) -> Iterator[RecordedMessage]:
                 for message in _noticing_damage(read(plain)):
                     yield replace(message, data=unpacked_message(message.data))
                 return
-    raise DamagedError("it does not start like a bag")
+    raise DamagedError(f"it {stand_in(magic) or 'does not start like a bag'}")
 
 
 def _exactly(file: IO[bytes], size: int) -> bytes:

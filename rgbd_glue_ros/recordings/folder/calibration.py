@@ -6,6 +6,7 @@ import logging
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.recordings.calibration import Calibration, read_calibration
 
 logger = logging.getLogger(__name__)
@@ -69,12 +70,12 @@ def _read(path: Path) -> Calibration | None:
 
 
 def _of_first_frame(folder: Path) -> Calibration | None:
-    first = min(folder.glob(_FOR_EACH_FRAME), default=None)
+    first = min(visible(folder, _FOR_EACH_FRAME), default=None)
     return None if first is None else _read(first)
 
 
 def _the_only(folder: Path) -> Calibration | None:
-    paths = sorted({path for pattern in _OTHERS for path in folder.glob(pattern)})
+    paths = sorted({path for pattern in _OTHERS for path in visible(folder, pattern)})
     read = {path.name: _read(path) for path in paths}
     found = {name: calibration for name, calibration in read.items() if calibration is not None}
     if len({calibration.intrinsics for calibration in found.values()}) > 1:

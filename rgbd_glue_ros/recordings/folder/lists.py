@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.reading import inside
+from rgbd_glue_ros.files.reading import inside, visible
 from rgbd_glue_ros.files.stamp_text import stamps_ns
 from rgbd_glue_ros.files.text_lines import Line, read_lines
 from rgbd_glue_ros.parameters import metres_per_unit
@@ -55,7 +55,7 @@ def lists_in(folder: Path) -> tuple[Path, Path] | None:
 
 def association_in(folder: Path) -> Path | None:
     """The file in a folder that lists both images of every frame; None if there is none."""
-    names = sorted(p for p in folder.glob("*.txt") if ASSOCIATIONS.fullmatch(p.name))
+    names = sorted(p for p in visible(folder, "*.txt") if ASSOCIATIONS.fullmatch(p.name))
     return next((path for path in names if _is_association(path)), None)
 
 
@@ -100,7 +100,7 @@ def read_list(path: Path) -> ListedImages:
     rows = _rows(path, 2)
     files: dict[int, Path] = {}
     for stamp, (_, name) in zip(stamps_ns([stamp for stamp, _ in rows]), rows, strict=True):
-        files.setdefault(stamp, inside(path.parent, name))
+        files.setdefault(stamp, _listed(path, name))
     stamps = np.array(list(files), np.int64)
     return ListedImages(stamps, tuple(files.values()), len(rows) - len(files))
 
@@ -132,11 +132,18 @@ def read_association(path: Path) -> ImagePairs:
     )
     frames: dict[int, ImagePair] = {}
     for c, d, row in zip(color_ns, depth_ns, rows, strict=True):
-        of_color, of_depth = (inside(path.parent, row[at + 1]) for at in (color, depth))
+        of_color, of_depth = (_listed(path, row[at + 1]) for at in (color, depth))
         frames.setdefault(c, ImagePair(c, of_color, d, of_depth))
     in_order = sorted(frames.values(), key=lambda pair: pair.stamp_ns)
     images = {COLOR: len(frames), DEPTH: len(frames)}
     return ImagePairs.of(in_order, images, len(rows) - len(frames))
+
+
+def _listed(path: Path, name: str) -> Path:
+    """The file that a list names, which may have been written on Windows."""
+    file = inside(path.parent, name)
+    is_from_windows = "\\" in name and not file.exists()
+    return inside(path.parent, name.replace("\\", "/")) if is_from_windows else file
 
 
 def _rows(path: Path, columns: int) -> list[tuple[str, ...]]:

@@ -15,6 +15,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.calibration import Calibration, say_unit
@@ -26,7 +27,7 @@ from rgbd_glue_ros.recordings.image_sequence import (
     ImagePair,
     ImagePairs,
     ImageSequence,
-    read_image,
+    first_readable,
 )
 from rgbd_glue_ros.types import CameraIntrinsics
 
@@ -73,7 +74,7 @@ def open_folder(
     found, encoding = _frames(folder, color, depth)
     pairs = found.pairs
     told = _calibration(folder) if calibration is None else Calibration(calibration)
-    color_shape, depth_shape = _first_readable(pairs)
+    color_shape, depth_shape = _sizes(pairs)
     if depth_camera is None:
         camera = _fitted(told, color_shape, depth_shape, pairs[0])
     else:
@@ -107,14 +108,14 @@ def _frames(folder: Path, color: str | None, depth: str | None) -> tuple[ImagePa
             return lists.read_association(association), TUM
     found = streams.color_and_depth(folder, color, depth)
     if found is None:
-        names = ", ".join(f"{s.name} ({len(s.files)})" for s in streams.streams_in(folder))
+        names = streams.named(streams.streams_in(folder))
         raise InputError(
             folder,
             f"has no colour and depth images; its images are {names or 'none'}",
             "name them (--color-topic NAME --depth-topic NAME)",
         )
     is_sun3d = any(
-        _SUN3D_EXTRINSICS.fullmatch(p.name) for p in (folder / "extrinsics").glob("*.txt")
+        _SUN3D_EXTRINSICS.fullmatch(p.name) for p in visible(folder / "extrinsics", "*.txt")
     )
     return streams.paired(folder, *found), _SUN3D if is_sun3d else MILLIMETRES
 
@@ -145,24 +146,17 @@ def _fitted(
     return of_image_size(camera, depth, str(pair.color), str(pair.depth))
 
 
-def _first_readable(pairs: tuple[ImagePair, ...]) -> tuple[tuple[int, int], tuple[int, int]]:
+def _sizes(pairs: tuple[ImagePair, ...]) -> tuple[tuple[int, int], tuple[int, int]]:
     """Height and width of colour and depth images, from the first readable frame."""
-    first: InputError | None = None
-    for pair in pairs:
-        try:
-            color, depth = (read_image(path) for path in (pair.color, pair.depth))
-        except InputError as error:
-            first = first or error
-            continue
-        if pair.depth.suffix.lower() == ".pgm" and _holds_disparities(depth):
-            raise InputError(
-                pair.depth,
-                "holds disparities of a Kinect, as NYU Depth dumps them, in the view of its "
-                "infrared camera",
-                "project them with the data set's toolbox, and save depth as 16-bit PNG",
-            )
-        return (color.shape[0], color.shape[1]), (depth.shape[0], depth.shape[1])
-    raise first or InputError("frames", "there are none", "give a recording")
+    pair, color, depth = first_readable(pairs)
+    if pair.depth.suffix.lower() == ".pgm" and _holds_disparities(depth):
+        raise InputError(
+            pair.depth,
+            "holds disparities of a Kinect, as NYU Depth dumps them, in the view of its "
+            "infrared camera",
+            "project them with the data set's toolbox, and save depth as 16-bit PNG",
+        )
+    return (color.shape[0], color.shape[1]), (depth.shape[0], depth.shape[1])
 
 
 def _holds_disparities(depth: NDArray[Any]) -> bool:

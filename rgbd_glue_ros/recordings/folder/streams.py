@@ -1,20 +1,17 @@
-"""Numbered or stamped image files: which are colour or depth, and which belong together.
-
-Files of a stream share a folder, and a name except for a number in it.
-"""
+"""Numbered or stamped image files: which are colour or depth, and which belong together."""
 
 from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.files.stamp_text import stamps_ns
+from rgbd_glue_ros.files.reading import visible
+from rgbd_glue_ros.recordings.folder.names import Stream, streams_of
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import IMAGE_TYPES, ImagePair, ImagePairs
 from rgbd_glue_ros.recordings.left_out import COLOR, DEPTH
@@ -27,74 +24,54 @@ _COLOR = re.compile(r"rgb|colou?r|(?<![a-z])images?(?![a-z])|frames?|(?<![a-z])l
 _DEPTH = re.compile(r"depth|(?<![a-z])d(?![a-z])", re.I)
 _REGISTERED = re.compile(r"align|regist|_to_|filtered", re.I)
 _OTHER = re.compile(
-    r"conf|mask|label|semantic|instance|segm|normal|infra|thermal|vis|flow|preview|thumb"
-    r"|(?<![a-z])(ir|right|calib\w*|debug)(?![a-z])",
+    r"conf|mask|label|semantic|instance|segm|normal|thermal|vis|flow|preview|thumb"
+    r"|(?<![a-z])(right|calib\w*|debug)(?![a-z])",
     re.I,
 )
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_INFRARED = re.compile(r"infra|(?<![a-z])ir(?![a-z])", re.I)
+# Of a pair of cameras, depth is in the view of the left one
+_SECOND = re.compile(r"(infra(red)?|ir)_?2", re.I)
 
-# Seconds since 1970 and a fraction
-_STAMP = re.compile(r"\d{9,10}\.\d+")
+# Numbers of images are without gaps if more than this share of them is there
+_WITHOUT_GAPS = 0.9
+# At the end of a recording, fewer images of one kind than of the other by this factor, and by more
+# than this many, are of another rate
+_OTHER_RATE, _A_FEW = 1.5, 3
 
-# Redwood and SUN3D name a file by its number and when it was taken, in microseconds
-_NUMBER_AND_TIME = re.compile(r"(\d{5,7})-(\d{12})")
-
-_FIRST_STAMP = 10**8
-"""Numbers from here on are seconds, or finer, since 1970 or the start of a machine."""
-
-
-@dataclass(frozen=True)
-class Stream:
-    """Images of one camera.
-
-    Attributes:
-        name: as its folder and the name of a file, with # for the number.
-        files: by the number in their names, as text.
-    """
-
-    name: str
-    files: Mapping[str, Path]
+# Of kinds of images that are ambiguous, this many are named
+_NAMED = 6
 
 
 def streams_in(folder: Path) -> list[Stream]:
     """The streams of images in a folder and those directly below."""
-    found: dict[str, dict[str, Path]] = defaultdict(dict)
-    for path in _images(folder):
-        numbers = list(_NUMBER.finditer(path.stem))
-        if not numbers:
-            continue
-        timed = _NUMBER_AND_TIME.fullmatch(path.stem)
-        stamps = [number for number in numbers if _STAMP.fullmatch(number.group())]
-        if timed:
-            key, name = timed.group(), "#"
-        elif len(stamps) == 1:
-            # what other numbers there are, as of a clock of the camera, differ too
-            key, name = stamps[0].group(), _NUMBER.sub("#", path.stem)
-        else:
-            start, end = numbers[-1].span()
-            key, name = numbers[-1].group(), f"{path.stem[:start]}#{path.stem[end:]}"
-        name += path.suffix
-        found[(path.parent / name).relative_to(folder).as_posix()][key] = path
-    streams = [Stream(name, files) for name, files in sorted(found.items())]
-    return [stream for stream in streams if not _is_of_another(stream, streams)]
+    streams = streams_of(_images(folder), folder)
+    others = _other_recordings(streams)
+    return [stream for stream in streams if _place(stream) not in others]
 
 
 def _images(folder: Path) -> Iterator[Path]:
-    for path in folder.iterdir():
+    for path in visible(folder):
         if path.suffix.lower() in IMAGE_TYPES:
             yield path
-        elif path.is_dir() and not path.name.startswith("."):
-            yield from (p for p in path.iterdir() if p.suffix.lower() in IMAGE_TYPES)
+        elif path.is_dir():
+            yield from (p for p in visible(path) if p.suffix.lower() in IMAGE_TYPES)
 
 
-def _is_of_another(stream: Stream, streams: list[Stream]) -> bool:
-    """Whether a stream is in a folder that is a separate recording."""
-    place, _, _ = stream.name.rpartition("/")
-    if not place or _BOTH.fullmatch(place):
-        return False
-    beside = [s.name.rpartition("/")[2] for s in streams if s.name.startswith(f"{place}/")]
-    depth = [bool(_DEPTH.search(name)) for name in beside]
-    return any(depth) and not all(depth)
+def _other_recordings(streams: list[Stream]) -> set[str]:
+    """The folders of streams that are separate recordings."""
+    are_depth = defaultdict(set)
+    for stream in streams:
+        are_depth[_place(stream)].add(bool(_DEPTH.search(stream.name.rpartition("/")[2])))
+    return {
+        place
+        for place, found in are_depth.items()
+        if place and not _BOTH.fullmatch(place) and len(found) > 1
+    }
+
+
+def _place(stream: Stream) -> str:
+    """The folder of a stream, below that of the recording."""
+    return stream.name.rpartition("/")[0]
 
 
 def color_and_depth(
@@ -122,39 +99,48 @@ def _chosen(folder: Path, streams: list[Stream], what: str, wanted: str | None) 
     if wanted is not None:
         found = [s for s in streams if wanted.strip("/") in s.name]
     elif what == "depth":
-        found = [s for s in streams if _DEPTH.search(s.name) and not _OTHER.search(s.name)]
+        found = [s for s in _of_cameras(streams) if _DEPTH.search(s.name)]
+        found = [s for s in found if not _INFRARED.search(s.name)]
         found = [s for s in found if _REGISTERED.search(s.name)] or found
     else:
-        found = [s for s in streams if not (_DEPTH.search(s.name) or _OTHER.search(s.name))]
+        views = [s for s in _of_cameras(streams) if not _DEPTH.search(s.name)]
+        found = [s for s in views if not _INFRARED.search(s.name)]
         found = [s for s in found if _COLOR.search(s.name)] or found
+        found = found or [s for s in views if not _SECOND.search(s.name)]
     if not found and (wanted is None or not streams):
         return None
     if len(found) == 1:
         return found[0]
-    names = ", ".join(f"{s.name} ({len(s.files)})" for s in found or streams)
+    names = named(found or streams)
     cause = f"{len(found)} kinds of images may be {what}: {names}"
     if not found:
         cause = f"no images of {wanted}; there are {names}"
     raise InputError(folder, cause, f"give one of them (--{what}-topic NAME)")
 
 
+def _of_cameras(streams: list[Stream]) -> list[Stream]:
+    """Those that are no pictures of other things, as confidences or labels."""
+    return [stream for stream in streams if not _OTHER.search(stream.name)]
+
+
+def named(streams: list[Stream]) -> str:
+    """The names of streams in words, each with the number of its images; not all of very many."""
+    names = [f"{stream.name} ({len(stream.files)})" for stream in streams]
+    more = f" and {len(names) - _NAMED} others" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
 def paired(folder: Path, color: Stream, depth: Stream) -> ImagePairs:
     """The frames of two streams: by the numbers in the names, or by time if these are stamps.
 
     Raises:
-        InputError: no images belong together.
+        InputError: no images belong together, or their numbers do not tell which.
     """
-    color_ns, depth_ns = _stamps(color), _stamps(depth)
-    color_files, depth_files = list(color.files.values()), list(depth.files.values())
-    if color_ns is None or depth_ns is None:
-        pairs = _by_number(color, depth)
+    if color.is_stamped and depth.is_stamped:
+        pairs = _by_time(color, depth)
     else:
-        rows = zip(
-            *associate(np.array(color_ns, np.int64), np.array(depth_ns, np.int64)), strict=True
-        )
-        pairs = [
-            ImagePair(color_ns[i], color_files[i], depth_ns[j], depth_files[j]) for i, j in rows
-        ]
+        _refuse_numbers_of_other_rates(folder, color, depth)
+        pairs = _by_number(color, depth)
     if not pairs:
         raise InputError(
             folder,
@@ -162,32 +148,46 @@ def paired(folder: Path, color: Stream, depth: Stream) -> ImagePairs:
             "give both images of a frame the same number, or list them in associations.txt "
             "(stamp color stamp depth)",
         )
-    images = {COLOR: len(color_files), DEPTH: len(depth_files)}
+    images = {COLOR: len(color.files), DEPTH: len(depth.files)}
     return ImagePairs.of(sorted(pairs, key=lambda pair: pair.stamp_ns), images, 0)
 
 
+def _by_time(color: Stream, depth: Stream) -> list[ImagePair]:
+    color_ns, depth_ns = list(color.files), list(depth.files)
+    rows = zip(*associate(np.array(color_ns, np.int64), np.array(depth_ns, np.int64)), strict=True)
+    times = [(color_ns[i], depth_ns[j]) for i, j in rows]
+    return [ImagePair(c, color.files[c], d, depth.files[d]) for c, d in times]
+
+
+def _refuse_numbers_of_other_rates(folder: Path, color: Stream, depth: Stream) -> None:
+    """Refuses images of two rates, where each kind counts its own."""
+    fewer, more = sorted((color, depth), key=lambda stream: len(stream.files))
+    spans = [max(stream.files) - min(stream.files) + 1 for stream in (fewer, more)]
+    are_whole = [
+        len(stream.files) > _WITHOUT_GAPS * span
+        for stream, span in zip((fewer, more), spans, strict=True)
+    ]
+    begin_alike = abs(min(fewer.files) - min(more.files)) <= 1
+    if not (all(are_whole) and begin_alike):
+        return
+    if spans[1] >= _OTHER_RATE * spans[0] and spans[1] - spans[0] > _A_FEW:
+        raise InputError(
+            folder,
+            f"{more.name} has {spans[1] / spans[0]:.3g} times as many images as {fewer.name} "
+            f"({len(more.files)} and {len(fewer.files)}), and both count from the same number, so "
+            "they seem to be numbered apart, at two rates",
+            "list those that belong together in associations.txt (stamp color stamp depth), or, if "
+            f"the last ones are missing, remove those of {more.name} after {max(fewer.files)}",
+        )
+
+
 def _by_number(color: Stream, depth: Stream) -> list[ImagePair]:
-    colors = {_whole(text): path for text, path in color.files.items()}
-    depths = {_whole(text): path for text, path in depth.files.items()}
+    colors, depths = color.files, depth.files
     if not colors.keys() & depths.keys() and len(colors) == len(depths):
         # for example if one counts from 0 and the other continues after it
         depths = dict(zip(sorted(colors), (depths[n] for n in sorted(depths)), strict=True))
+    times = {n: n if color.is_stamped else frame_stamp_ns(n) for n in colors}
     return [
-        ImagePair(frame_stamp_ns(n), colors[n], frame_stamp_ns(n), depths[n])
+        ImagePair(times[n], colors[n], times[n], depths[n])
         for n in sorted(colors.keys() & depths.keys())
     ]
-
-
-def _whole(text: str) -> int:
-    return int(text.partition(".")[0].partition("-")[0])
-
-
-def _stamps(stream: Stream) -> list[int] | None:
-    """When the images were taken; None if their names contain numbers of frames."""
-    texts = list(stream.files)
-    timed = [_NUMBER_AND_TIME.fullmatch(text) for text in texts]
-    if all(timed):
-        return [1000 * int(match[2]) for match in timed if match]
-    if any(timed) or not all("." in text or int(text) >= _FIRST_STAMP for text in texts):
-        return None
-    return stamps_ns(texts)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import visible
 from rgbd_glue_ros.files.text_lines import Line, read_lines
+from rgbd_glue_ros.recordings.folder.names import frames_of
 from rgbd_glue_ros.recordings.image_sequence import ImagePair
 from rgbd_glue_ros.trajectories.pose_text import MATRIX_SHAPES, parse_matrix
 from rgbd_glue_ros.trajectories.tum import read_tum
@@ -35,7 +36,6 @@ NAMES = (
 )
 FOLDERS = ("pose", "poses", "camera_pose")
 _EXTRINSICS = "extrinsics"  # SUN3D: a file of all poses; the newest is the best
-_NUMBER = re.compile(r"\d+")
 
 
 def truth_of(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
@@ -48,7 +48,7 @@ def truth_of(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
         frames: of the recording, in order of time; poses without stamps belong to these in turn.
     """
     found = [folder / name for name in NAMES if (folder / name).is_file()]
-    found += sorted((folder / _EXTRINSICS).glob("*.txt"), reverse=True)[:1]
+    found += sorted(visible(folder / _EXTRINSICS, "*.txt"), reverse=True)[:1]
     try:
         if found:
             return _of_file(found[0], frames)
@@ -68,7 +68,7 @@ def _of_file(path: Path, frames: Sequence[ImagePair]) -> Trajectory:
     if len(poses) == len(frames):
         return Trajectory(_stamps(frames), np.stack(poses))
     # missing images show in the numbers of the others
-    numbers = [_number(pair.color) for pair in frames]
+    numbers = frames_of([pair.color for pair in frames])
     if None in numbers or max(filter(None, numbers), default=0) >= len(poses):
         raise InputError(
             path,
@@ -102,10 +102,11 @@ def _are_matrices(words: list[str], size: int) -> bool:
 
 
 def _of_files(folder: Path, frames: Sequence[ImagePair]) -> Trajectory | None:
-    by_number = {_number(path): path for path in folder.glob("*.txt")}
+    files = list(visible(folder, "*.txt"))
+    by_frame = dict(zip(frames_of(files), files, strict=True))
     stamps, poses = [], []
-    for pair in frames:
-        path = by_number.get(_number(pair.color))
+    for pair, frame in zip(frames, frames_of([pair.color for pair in frames]), strict=True):
+        path = None if frame is None else by_frame.get(frame)
         pose = None if path is None else _of_frame(path)
         if pose is not None:
             stamps.append(pair.stamp_ns)
@@ -126,11 +127,6 @@ def _of_frame(path: Path) -> Float64 | None:
         return parse_matrix([word for line in lines for word in line.words])
     except ValueError:
         return None
-
-
-def _number(path: Path) -> int | None:
-    numbers = _NUMBER.findall(path.stem)
-    return int(numbers[-1]) if numbers else None
 
 
 def _stamps(frames: Sequence[ImagePair]) -> Int64:
