@@ -33,7 +33,7 @@ _TEXTURE = 0.3
 _MOTION = 0.25
 # Visual matches decide between two poses from this number on, if this many times as many agree with
 # one of them. Planes then overrule them only by this further fraction, and the motion only if one
-# pose is likely and the other is not.
+# pose is likely and the other is not; neither does if the finest level is clearly for that pose.
 _DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
 _PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
 # Blur and fast motion displace some planes; if more than this fraction agree, or matches decide, no
@@ -47,8 +47,8 @@ class Candidate:
 
     Attributes:
         estimate: the pose.
-        coarse: the pose after the coarse levels alone, by which candidates are compared: the final
-            level rarely changes which is better.
+        coarse: the pose after the coarse levels alone, by which candidates are compared unless
+            matches and the final level say otherwise.
         distance_squared: Mahalanobis distance of the pose from the predicted one, squared.
         milliseconds: duration of its refinement.
     """
@@ -129,21 +129,32 @@ def _is_better(
     T, T_other = candidate.estimate.T_track_camera, than.estimate.T_track_camera
     if se3.difference(T, T_other) <= _SAME:
         return False
+    agreeing, agreeing_with_other = (
+        int(np.count_nonzero(distances(pose, matches) <= inlier_threshold)) for pose in (T, T_other)
+    )
+    has_matches = _decide(agreeing, agreeing_with_other)
+    # The light of a lamp on the camera is smooth: at the coarse levels it correlates at any pose.
+    finest = fit(candidate.refinement) - fit(than.refinement)
+    if has_matches and finest > CLEARLY_BETTER:
+        return True
+    if _decide(agreeing_with_other, agreeing) and finest < -CLEARLY_BETTER:
+        return False
     by_images = fit(candidate.coarse) - fit(than.coarse)
     by_motion = _unlikeliness(than) - _unlikeliness(candidate)
     if by_images + _MOTION * by_motion > 0:
         return True
-    agreeing, agreeing_with_other = (
-        np.count_nonzero(distances(pose, matches) <= inlier_threshold) for pose in (T, T_other)
-    )
     more = candidate.coarse.plane_agreement - than.coarse.plane_agreement
     return bool(
-        agreeing >= _DECIDING_MATCHES
-        and agreeing > _CLEARLY_MORE * agreeing_with_other
+        has_matches
         and candidate.coarse.brightness_correlation >= than.coarse.brightness_correlation
         and more > -_PLANES_CONTRADICT
         and by_motion > -_MOTION_CONTRADICTS
     )
+
+
+def _decide(agreeing: int, agreeing_with_other: int) -> bool:
+    """Whether matches decide for the pose that so many of them agree with."""
+    return agreeing >= _DECIDING_MATCHES and agreeing > _CLEARLY_MORE * agreeing_with_other
 
 
 def _unlikeliness(candidate: Candidate) -> float:

@@ -68,6 +68,19 @@ def test_along_a_blank_wall_the_matches_decide() -> None:
     assert chosen([walked, stuck], along_wall) is walked
 
 
+def test_matches_and_the_finest_level_outvote_coarse_levels_and_motion() -> None:
+    along_wall = problem(blank_wall(), blank_wall(), moved_matches(0.1, 30))
+    # as if a lamp on the camera lit the wall: its light correlates where the camera was
+    walked, stuck = candidate(along(0.1), along_wall, 40.0), candidate(along(0.0), along_wall, 1.0)
+    lit = replace(stuck.coarse, brightness_correlation=0.9)
+    unlit = replace(stuck.refinement, brightness_correlation=0.0)
+    sharp = replace(walked.refinement, brightness_correlation=0.8, pixels_seen=1000)
+    wrong = replace(stuck, coarse=lit, estimate=PoseEstimate(unlit))
+    right = replace(walked, estimate=PoseEstimate(sharp))
+    assert chosen([wrong, right], along_wall) is right
+    assert chosen([right, wrong], along_wall) is right
+
+
 def test_if_nothing_else_differs_the_expected_pose_is_chosen() -> None:
     along_wall = problem(blank_wall(), blank_wall())
     far, near = candidate(along(0.3), along_wall, 20.0), candidate(along(0.0), along_wall, 1.0)
