@@ -92,11 +92,11 @@ def sample_depth(depth: Float32, u: float, v: float) -> float:
 
 
 @compiled
-def depth_at(depth: Float32, uv: Float32) -> Float64:
-    """``sample_depth`` at each of the pixels uv [N, 2]; float64 [N]."""
-    z = np.empty(len(uv))
-    for i in range(len(uv)):
-        z[i] = sample_depth(depth, uv[i, 0], uv[i, 1])
+def depth_at(depth: Float32, u: Float64, v: Float64) -> Float64:
+    """``sample_depth`` at each of the pixels u, v [N]; float64 [N]."""
+    z = np.empty(len(u))
+    for i in range(len(u)):
+        z[i] = sample_depth(depth, u[i], v[i])
     return z
 
 

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
-from rgbd_glue_ros.geometry.depth import SURFACE_SIGMAS, depth_sigma
+from rgbd_glue_ros.geometry.depth import SURFACE_SIGMAS, depth_at, depth_sigma
 from rgbd_glue_ros.geometry.motion_compensation import displaced_point
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.projection import Projection, as_numbers, project
-from rgbd_glue_ros.refinement.sampling import depths_at, sample_visible
+from rgbd_glue_ros.refinement.sampling import sample_visible
 from rgbd_glue_ros.types import Float64
 
 # Lateral accuracy of depth, limited by blurred depth edges and the lens.
@@ -73,7 +73,7 @@ def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Residuals, Float
         The residuals; their squares in units of their variance, float64 [N]; and how planes fit.
     """
     seen = project(T, problem.points, problem.depth_exposure)
-    measured = depths_at(problem.depth, seen.u, seen.v)
+    measured = depth_at(problem.depth, seen.u, seen.v)
     residuals, squared = _distances(T, problem, seen, measured)
     return residuals, squared, _plane_fit(seen.z, measured, residuals.weight, squared)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled, inlined
-from rgbd_glue_ros.geometry.depth import sample_depth, surface_tolerance
+from rgbd_glue_ros.geometry.depth import surface_tolerance
 from rgbd_glue_ros.geometry.motion_compensation import displaced_point
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.projection import NEAREST_M, Projection
@@ -44,15 +44,6 @@ def brightness_and_gradient(image: UInt8, u: float, v: float) -> tuple[float, fl
 def _bilinear(a: float, b: float, c00: float, c01: float, c10: float, c11: float) -> float:
     """The value between those of four pixels, a to the right and b below the first."""
     return (1 - b) * ((1 - a) * c00 + a * c01) + b * ((1 - a) * c10 + a * c11)
-
-
-@compiled
-def depths_at(depth: Float32, u: Float64, v: Float64) -> Float64:
-    """``sample_depth`` at the pixels u, v [N]; float64 [N]."""
-    z = np.empty(len(u))
-    for i in range(len(u)):
-        z[i] = sample_depth(depth, u[i], v[i])
-    return z
 
 
 @compiled

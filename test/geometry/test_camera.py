@@ -151,8 +151,9 @@ def test_there_is_no_depth_between_two_surfaces_but_on_a_slope_there_is() -> Non
 def test_depth_at_many_pixels_is_that_at_each() -> None:
     depth = sloped()
     depth[5] = NAN
-    uv = np.random.default_rng(0).uniform(-2, 32, (200, 2)).astype(np.float32)
-    np.testing.assert_array_equal(depth_at(depth, uv), [sample_depth(depth, u, v) for u, v in uv])
+    u, v = np.random.default_rng(0).uniform(-2, 32, (2, 200))
+    each = [sample_depth(depth, *pixel) for pixel in zip(u, v, strict=True)]
+    np.testing.assert_array_equal(depth_at(depth, u, v), each)
 
 
 def test_points_of_late_depth_lie_where_the_camera_sees_them_at_the_time_of_colour() -> None:
@@ -167,7 +168,7 @@ def test_points_of_late_depth_lie_where_the_camera_sees_them_at_the_time_of_colo
     points, known = keypoints_to_points(uv, then)
     at_once, seen = keypoints_to_points(uv, replace(then, depth_delay=0.0))
     assert known.mean() > 0.8
-    truth = depth_at(now.depth, uv)
+    truth = depth_at(now.depth, *uv.T.astype(np.float64))
     error = np.abs(points[:, 2] - truth[known])
     ignored = np.abs(at_once[:, 2] - truth[seen])
     # what is left is quadratic in the angle: 0.024²/2 of some 3 m

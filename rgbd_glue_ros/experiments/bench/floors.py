@@ -107,7 +107,7 @@ class Inputs:
         )
         uv = self.uv[[m.queryIdx for m in matches]]
         uv_before = self.before.uv[[m.trainIdx for m in matches]]
-        z = depth_at(self.before.depth, uv_before)
+        z = depth_at(self.before.depth, *uv_before.T.astype(np.float64))
         known = np.isfinite(z)
         points = back_project(uv_before[known], z[known], self.frame.intrinsics)
         return points, uv[known].astype(np.float64)
