@@ -24,15 +24,28 @@ logger = logging.getLogger(__name__)
 # Larger images are reduced first: what is tried is meant for images of about 640 columns.
 _MAX_WIDTH_PX = 848
 _SHIFTS_PX = np.linspace(-15.0, 15.0, 11)
-# What is tried first: depth of one device, in pixels of its own camera.
-_NEAR = Placements((Turn.NONE,), np.linspace(0.85, 1.15, 11), _SHIFTS_PX)
+
+
+@dataclass(frozen=True)
+class Search:
+    """Placements that are tried together, and what it takes to decide for one.
+
+    Attributes:
+        placements: of depth on colour.
+        views: the number of views that decide.
+        sigmas: by how many standard deviations of all scores the best one has to stand out.
+    """
+
+    placements: Placements
+    views: int
+    sigmas: float
+
+
+# What is tried first: depth of one device, in pixels of its own camera. Other rooms reached 3.9.
+_NEAR = Search(Placements((Turn.NONE,), np.linspace(0.85, 1.15, 11), _SHIFTS_PX), 8, 4.0)
 # What is tried if depth does not fit as it is, nor nearly so: cameras of other fields of view, and
-# drivers that mirror or turn one of the images.
-_FAR = Placements(tuple(Turn), np.geomspace(1 / 1.8, 1.8, 23), _SHIFTS_PX)
-# Views that decide, and by how many standard deviations of all scores the best one has to stand
-# out: of what is tried first, and of the rest. Other rooms reached 3.9 and 6.1.
-_VIEWS, _FAR_VIEWS = 8, 4
-_OUTSTANDING_SIGMAS, _FAR_SIGMAS = 4.0, 6.5
+# drivers that mirror or turn one of the images. Other rooms reached 6.1.
+_FAR = Search(Placements(tuple(Turn), np.geomspace(1 / 1.8, 1.8, 23), _SHIFTS_PX), 4, 6.5)
 # After so many views the rest is tried, unless there are signs of registered depth.
 _SUSPICIOUS_VIEWS = 3
 # Least motion between two such views, metres and radians added.
@@ -48,25 +61,25 @@ class DepthColorCheck:
     """How well depth edges fit colour edges, for each placement, over several views.
 
     Attributes:
-        placements: that are being tried.
-        score: float64 of their shape, mean over the views.
+        search: what is being tried.
+        score: float64 of the shape of its placements, mean over the views.
         views: the number of views.
         T_track_camera: pose of the last view, float64 [4, 4]; None before the first.
     """
 
-    placements: Placements
+    search: Search
     score: Float64
     views: int = 0
     T_track_camera: Float64 | None = None
 
     @staticmethod
-    def start() -> DepthColorCheck:
+    def start(search: Search = _NEAR) -> DepthColorCheck:
         """The check before any view."""
-        return DepthColorCheck(_NEAR, np.zeros(_NEAR.shape))
+        return DepthColorCheck(search, np.zeros(search.placements.shape))
 
     def needs(self, view: View, T_track_camera: Float64) -> bool:
         """Whether a view from that pose would add information."""
-        if self.views >= self._enough or not _is_of_one_moment(view):
+        if self.views >= self.search.views or not _is_of_one_moment(view):
             return False
         if self.T_track_camera is None:
             return True
@@ -75,35 +88,28 @@ class DepthColorCheck:
     def after_view(self, view: View, T_track_camera: Float64) -> DepthColorCheck:
         """The check after another view. Logs a warning once depth is known to be unregistered."""
         view, pixels_per_pixel = _reduced(view)
-        score = overlay_scores(view, self.placements)
+        score = overlay_scores(view, self.search.placements)
         if score is None:
             return replace(self, T_track_camera=T_track_camera)
         views = self.views + 1
         mean = self.score + (score - self.score) / views
-        after = DepthColorCheck(self.placements, mean, views, T_track_camera)
+        after = DepthColorCheck(self.search, mean, views, T_track_camera)
         if after.placement is not None:
             logger.warning("%s", _fault(after.placement, pixels_per_pixel))
-        is_suspicious = (
-            views >= _SUSPICIOUS_VIEWS and after._at_identity < _LEAST_SCORE * views / _VIEWS
-        )
-        if after.placement is None and self.placements is _NEAR and is_suspicious:
-            return DepthColorCheck(_FAR, np.zeros(_FAR.shape), 0, T_track_camera)
+        elif self.search is _NEAR and after._is_suspicious:
+            return replace(DepthColorCheck.start(_FAR), T_track_camera=T_track_camera)
         return after
 
     @property
-    def _enough(self) -> int:
-        """The number of views that decide."""
-        return _VIEWS if self.placements is _NEAR else _FAR_VIEWS
-
-    @property
-    def _sigmas(self) -> float:
-        """By how many standard deviations of all scores the best one has to stand out."""
-        return _OUTSTANDING_SIGMAS if self.placements is _NEAR else _FAR_SIGMAS
+    def _is_suspicious(self) -> bool:
+        """Whether there is too little sign of registered depth for so many views."""
+        least = _LEAST_SCORE * self.views / self.search.views
+        return self.views >= _SUSPICIOUS_VIEWS and self._at_identity < least
 
     @property
     def _at_identity(self) -> float:
         """The score of registered depth."""
-        turn, scale, right, down = self.placements.identity
+        turn, scale, right, down = self.search.placements.identity
         # images that are not taken at exactly the same time differ by a few pixels
         return float(self.score[turn, scale, right - 1 : right + 2, down - 1 : down + 2].max())
 
@@ -116,12 +122,12 @@ class DepthColorCheck:
         index = int(np.argmax(self.score))
         best = float(self.score.flat[index])
         if (
-            self.views < self._enough
+            self.views < self.search.views
             or best < max(_LEAST_SCORE, _BETTER * self._at_identity)
-            or best < self.score.mean() + self._sigmas * self.score.std()
+            or best < self.score.mean() + self.search.sigmas * self.score.std()
         ):
             return None
-        return self.placements.at(index)
+        return self.search.placements.at(index)
 
 
 def _fault(placement: Placement, pixels_per_pixel: int) -> str:
