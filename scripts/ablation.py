@@ -24,8 +24,8 @@ from rgbd_glue_ros import Odometry, Trajectory, evaluate, load_preset, open_reco
 from rgbd_glue_ros.experiments.bench.degraded import every
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
 from rgbd_glue_ros.odometry import tracking
+from rgbd_glue_ros.odometry.candidates import turned_candidates
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose
-from rgbd_glue_ros.odometry.tracking import turned_candidates
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.parameters.files import parse_assignment

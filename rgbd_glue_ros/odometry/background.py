@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from threading import Lock
 from typing import Concatenate, Generic, ParamSpec, TypeVar
 
 from rgbd_glue_ros.errors import InputError
@@ -34,6 +36,16 @@ class BackgroundThread:
         self.check_open()
         return self._executor.submit(function, *args, **kwargs)
 
+    def start(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Once[R]:
+        """As ``submit``; but if the thread has other jobs first, who asks for it does it.
+
+        Raises:
+            InputError: the thread has ended.
+        """
+        once = Once(function, *args, **kwargs)
+        self.submit(once.result)
+        return once
+
     def check_open(self) -> None:
         """Checks that jobs can still be submitted.
 
@@ -50,6 +62,25 @@ class BackgroundThread:
         """Ends the thread once its jobs are done; nothing can be submitted after that."""
         self._is_closed = True
         self._executor.shutdown()
+
+
+class Once(Generic[R]):
+    """The result of a function that is called once, by the first thread that asks for it.
+
+    Others wait for that call. If it fails, the next to ask calls the function again.
+    """
+
+    def __init__(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> None:
+        self._call = partial(function, *args, **kwargs)
+        self._lock = Lock()
+        self._results: list[R] = []
+
+    def result(self) -> R:
+        """The result; calls the function if no thread has."""
+        with self._lock:
+            if not self._results:
+                self._results.append(self._call())
+            return self._results[0]
 
 
 class BackgroundValue(Generic[V]):

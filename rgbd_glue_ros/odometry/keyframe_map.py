@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes, Recent
 from rgbd_glue_ros.odometry.motion_filter import Motion, lost_spread
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.refinement.model import Model, model_of
+from rgbd_glue_ros.refinement.model import LastBlend, Model, model_of
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge
@@ -40,6 +41,7 @@ class KeyframeMap:
         self._background = background
         self._config = config
         self._keyframes = Keyframes(config.odometry, glue.without_images)
+        self._last_blend = LastBlend()
         self._edges: list[PoseGraphEdge] = []
         self._drift = BackgroundValue(background, DriftCorrection.at(np.eye(4)))
 
@@ -54,6 +56,10 @@ class KeyframeMap:
     def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
         """The keyframes that a frame at a pose is compared with, the nearest first."""
         return self._keyframes.nearest(T_track_camera)[: self._config.odometry.references]
+
+    def model_shown_by(self, references: Sequence[Keyframe]) -> Model:
+        """The planes and pixels that some of the keyframes show together, in the track frame."""
+        return self._last_blend.of([keyframe.model for keyframe in references])
 
     def in_turn(self, turn: int) -> list[Keyframe]:
         """The keyframes for relocalisation: the latest first, then different ones at every turn."""

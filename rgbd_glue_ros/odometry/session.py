@@ -22,7 +22,6 @@ from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracked_pose import TrackedPose
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.refinement.model import blend
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.stopwatch import timed
 from rgbd_glue_ros.types import (
@@ -125,7 +124,7 @@ class Session:
     def _find_pose(self, view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
         """Tracks a frame against the nearest keyframes; failing that, relocalises it."""
         references = self.keyframes.nearest(predicted.T_track_camera)
-        model = blend([keyframe.model for keyframe in references])
+        model = self.keyframes.model_shown_by(references)
         config, refine_config = self._config.odometry, self.calibration.refine_config()
         basin, radius = Basin.of(config), config.prior_radius
         problem = PoseProblem(model, view, refine_config, predicted=predicted, basin=basin)

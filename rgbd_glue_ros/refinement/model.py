@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from operator import is_
 from typing import TypeVar
 
 import numpy as np
@@ -158,6 +159,21 @@ def blend(models: Sequence[Model]) -> Model:
         blended([model.planes for model in models]),
         tuple(blended([model.pixels[level] for model in models]) for level in range(LEVELS)),
     )
+
+
+class LastBlend:
+    """Blends models, and keeps the last blend: most frames are compared with the same keyframes."""
+
+    def __init__(self) -> None:
+        self._models: tuple[Model, ...] = ()
+        self._blend: Model | None = None
+
+    def of(self, models: Sequence[Model]) -> Model:
+        """The blend of these models."""
+        are_the_same = len(models) == len(self._models) and all(map(is_, models, self._models))
+        if self._blend is None or not are_the_same:
+            self._models, self._blend = tuple(models), blend(models)
+        return self._blend
 
 
 def _planes(view: View, grid_step: int) -> Planes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -50,6 +51,39 @@ class FrameFeatures:
     def points_at(self, uv: Float32) -> tuple[Float64, Mask]:
         """Points [M, 3] at pixels uv [N, 2], metres, and which pixels [N] have one."""
         return keypoints_to_points(uv, self.view)
+
+
+@dataclass(frozen=True)
+class FeaturesInProgress:
+    """A frame whose geometric features another thread extracts; ``Described``.
+
+    Attributes:
+        view: the frame as the features see it.
+        timed_visual: features of the configured visual kind, and the milliseconds they took.
+        timed_geometric: waits for those of the configured geometric kind, and their milliseconds.
+    """
+
+    view: View
+    timed_visual: tuple[Any, float]
+    timed_geometric: Callable[[], tuple[Any, float]]
+
+    @property
+    def visual(self) -> Any:
+        """Features of the configured visual kind."""
+        return self.timed_visual[0]
+
+    @property
+    def geometric(self) -> Any:
+        """Features of the configured geometric kind; waits for them."""
+        return self.timed_geometric()[0]
+
+    def points_at(self, uv: Float32) -> tuple[Float64, Mask]:
+        """Points [M, 3] at pixels uv [N, 2], metres, and which pixels [N] have one."""
+        return keypoints_to_points(uv, self.view)
+
+    def complete(self) -> FrameFeatures:
+        """All features; waits for them."""
+        return FrameFeatures.timed(self.view, self.timed_visual, self.timed_geometric())
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,9 @@ One function per equation; ``Glue.register`` follows section 3 of the paper.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,12 @@ from rgbd_glue_ros.geometry.fitting import (
 )
 from rgbd_glue_ros.parameters import SC2_PCR, Config
 from rgbd_glue_ros.registration.fits import FITS
-from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures, KeypointFeatures
+from rgbd_glue_ros.registration.frame_features import (
+    Described,
+    FeaturesInProgress,
+    FrameFeatures,
+    KeypointFeatures,
+)
 from rgbd_glue_ros.registration.sc2_pcr import INLIER_M, sc2_pcr
 from rgbd_glue_ros.stopwatch import Stopwatch, timed
 from rgbd_glue_ros.types import (
@@ -33,8 +39,6 @@ from rgbd_glue_ros.types import (
     View,
     stages,
 )
-
-R = TypeVar("R")
 
 
 def assumed_inliers(
@@ -138,7 +142,22 @@ class Glue:
     def extract(self, view: View) -> FrameFeatures:
         """Section 3.1: visual and geometric features."""
         visual = timed(self.visual.extract, view)
-        return FrameFeatures.timed(view, visual, timed(self.geometric.extract, view))
+        return FrameFeatures.timed(view, visual, self.extract_geometric(view))
+
+    def extract_visual(
+        self, view: View, timed_geometric: Callable[[], tuple[Any, float]]
+    ) -> FeaturesInProgress:
+        """Section 3.1, with geometric features from another thread.
+
+        Args:
+            view: the frame.
+            timed_geometric: waits for the result of ``extract_geometric``.
+        """
+        return FeaturesInProgress(view, timed(self.visual.extract, view), timed_geometric)
+
+    def extract_geometric(self, view: View) -> tuple[Any, float]:
+        """Geometric features, and the milliseconds that they took."""
+        return timed(self.geometric.extract, view)
 
     def with_other_depth(self, features: FrameFeatures, view: View) -> FrameFeatures:
         """The features of a view with the same colours but other depth."""

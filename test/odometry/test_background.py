@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
+from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue, Once
 
 PATIENCE_S = 10.0
 
@@ -26,6 +26,41 @@ def test_jobs_run_in_the_order_of_submission(background: BackgroundThread) -> No
         last = background.submit(done.append, i)
     last.result(PATIENCE_S)
     assert done == list(range(5))
+
+
+def test_what_a_busy_thread_has_not_begun_is_done_by_who_asks_for_it(
+    background: BackgroundThread,
+) -> None:
+    may_finish = threading.Event()
+    busy = background.submit(may_finish.wait, PATIENCE_S)
+    doing = background.start(threading.current_thread)
+    assert doing.result() is threading.current_thread()
+    may_finish.set()
+    assert busy.result(PATIENCE_S)
+
+
+def test_what_an_idle_thread_has_begun_is_done_once_and_waited_for(
+    background: BackgroundThread,
+) -> None:
+    has_begun, may_finish, calls = threading.Event(), threading.Event(), []
+
+    def work(value: int) -> int:
+        calls.append(value)
+        has_begun.set()
+        may_finish.wait(PATIENCE_S)
+        return 2 * value
+
+    doing = background.start(work, 3)
+    assert has_begun.wait(PATIENCE_S)
+    threading.Timer(0.01, may_finish.set).start()
+    assert (doing.result(), doing.result(), calls) == (6, 6, [3])
+
+
+def test_work_that_fails_raises_for_everyone_who_asks() -> None:
+    failing = Once(lambda: 1 // 0)
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError):
+            failing.result()
 
 
 def test_a_value_waits_for_its_update(background: BackgroundThread) -> None:

@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import islice, pairwise
 from pathlib import Path
+from typing import Any
 from weakref import ref
 
 import numpy as np
@@ -43,6 +44,7 @@ from rgbd_glue_ros.types import (
     NANOSECONDS,
     CameraIntrinsics,
     OdometryEstimate,
+    RegistrationResult,
     RgbdFrame,
     TrackingState,
     Trajectory,
@@ -248,15 +250,15 @@ def test_an_interrupt_waits_for_the_current_frame_and_the_odometry_continues(
 ) -> None:
     frames = recorded_frames()[:6]
     glue = Glue(PATIENT)
-    extract = glue.extract
+    register = glue.register
 
-    def interrupted(view: View) -> FrameFeatures:
+    def interrupted(*arguments: Any) -> RegistrationResult:
         signal.raise_signal(signal.SIGINT)
-        return extract(view)
+        return register(*arguments)
 
     with Odometry(PATIENT, glue) as odometry:
         track(frames[:3], odometry=odometry)
-        monkeypatch.setattr(glue, "extract", interrupted)
+        monkeypatch.setattr(glue, "register", interrupted)
         with pytest.raises(KeyboardInterrupt):
             odometry.process(frames[3])
         monkeypatch.undo()

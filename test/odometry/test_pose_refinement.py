@@ -11,9 +11,9 @@ from rigs.scenes import SCENES
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.candidates import refined_candidate
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS
-from rgbd_glue_ros.odometry.tracking import _candidate
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.image_pyramid import ImagePyramid
 
@@ -29,7 +29,7 @@ def test_a_pose_that_slides_along_a_corridor_at_the_coarse_levels_is_refined_wit
     problem = problem_of(before, now, truth, config)
     slid = problem.refined(truth, COARSE_LEVELS)
     assert se3.difference(slid.T_model_source, truth) > 0.05
-    candidate = _candidate(truth, problem, Acceptance.of(config.odometry))
+    candidate = refined_candidate(truth, problem, Acceptance.of(config.odometry))
     assert se3.difference(candidate.estimate.T_track_camera, truth) < 0.005
 
 

@@ -15,7 +15,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose, refine
-from rgbd_glue_ros.refinement.model import LEVELS, Model, Pixels, Planes, blend, model_of
+from rgbd_glue_ros.refinement.model import LEVELS, LastBlend, Model, Pixels, Planes, blend, model_of
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.types import Float64, UInt8, View
 
@@ -212,6 +212,15 @@ def test_a_blend_of_models_has_every_other_plane_and_pixel_of_both() -> None:
             both.pixels[level].brightness,
             np.concatenate([one.pixels[level].brightness[::2], two.pixels[level].brightness[::2]]),
         )
+
+
+def test_the_same_models_are_blended_once_and_others_anew() -> None:
+    one, two, blends = the_model(), model_of(the_source(), STEP), LastBlend()
+    first = blends.of([one, two])
+    assert blends.of([one, two]) is first
+    for others in ([two, one], [one], [one, two, two]):
+        expected = blend(others).planes.points
+        np.testing.assert_array_equal(blends.of(others).planes.points, expected)
 
 
 def test_a_blend_evaluates_a_pose_like_its_models() -> None:
