@@ -9,6 +9,7 @@ from typing import Any
 
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.geometry.reduction import reduced
+from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, StampSource
@@ -65,7 +66,12 @@ class RgbdInput(Closing):
         )
         self._used_bits = UsedBits()
         self._depth_camera = DepthCameraInput(node, config, transforms)
-        self._background = ThreadPoolExecutor(1, thread_name_prefix="depth")
+        # raw depth is converted sooner than handed to another thread
+        self._background = (
+            None
+            if config.depth_transport == topics.RAW
+            else ThreadPoolExecutor(1, thread_name_prefix="depth")
+        )
         self._inputs: tuple[NodeInput, ...] = ()
         self.watch = NodeWatch(
             node, self.synchronizer, node.monitor, self._stamps, learned, with_two_clocks
@@ -129,4 +135,5 @@ class RgbdInput(Closing):
 
     def close(self) -> None:
         """Ends the thread that decodes depth; ``frame`` must not be called after this."""
-        self._background.shutdown()
+        if self._background is not None:
+            self._background.shutdown()
