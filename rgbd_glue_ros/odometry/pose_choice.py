@@ -32,10 +32,13 @@ _TEXTURE = 0.3
 # A pose that the camera can hardly reach is penalised by this fraction of the planes.
 _MOTION = 0.25
 # Visual matches decide between two poses from this number on, if this many times as many agree with
-# one of them. Planes then overrule them only by this further fraction, and the motion only if one
-# pose is likely and the other is not; neither does if the finest level is clearly for that pose.
+# one of them. If the finest level is for that pose as well, nothing overrules them. Otherwise it
+# does if it is clearly against it, planes by this further fraction, and the motion if one pose is
+# likely and the other is not.
 _DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
 _PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
+# If no more than this fraction of the planes agrees with a pose, matches may be with a passer-by.
+_MOST_PLANES = 0.5
 # Blur and fast motion displace some planes; if more than this fraction agree, or matches decide, no
 # further start is needed. Poses were up to 29 cm off with 77 % of the planes agreeing.
 _CLEAR_AGREEMENT = 0.85
@@ -132,29 +135,51 @@ def _is_better(
     agreeing, agreeing_with_other = (
         int(np.count_nonzero(distances(pose, matches) <= inlier_threshold)) for pose in (T, T_other)
     )
-    has_matches = _decide(agreeing, agreeing_with_other)
     # The light of a lamp on the camera is smooth: at the coarse levels it correlates at any pose.
-    finest = fit(candidate.refinement) - fit(than.refinement)
-    if has_matches and finest > CLEARLY_BETTER:
+    if _decided(candidate, agreeing, than, agreeing_with_other):
         return True
-    if _decide(agreeing_with_other, agreeing) and finest < -CLEARLY_BETTER:
+    if _decided(than, agreeing_with_other, candidate, agreeing):
         return False
     by_images = fit(candidate.coarse) - fit(than.coarse)
-    by_motion = _unlikeliness(than) - _unlikeliness(candidate)
+    by_motion = _likelier(candidate, than)
     if by_images + _MOTION * by_motion > 0:
         return True
     more = candidate.coarse.plane_agreement - than.coarse.plane_agreement
     return bool(
-        has_matches
+        _decide(agreeing, agreeing_with_other)
+        and fit(candidate.refinement) > fit(than.refinement) - CLEARLY_BETTER
         and candidate.coarse.brightness_correlation >= than.coarse.brightness_correlation
         and more > -_PLANES_CONTRADICT
         and by_motion > -_MOTION_CONTRADICTS
     )
 
 
+def _decided(
+    candidate: Candidate, agreeing: int, than: Candidate, agreeing_with_other: int
+) -> bool:
+    """Whether matches decide for a pose and the finest level is for it, too.
+
+    The finest level has to be clearly for it if few planes agree with it, as with a pose that
+    follows a passer-by, or if the motion contradicts.
+    """
+    if not _decide(agreeing, agreeing_with_other):
+        return False
+    is_supported = (
+        candidate.refinement.plane_agreement > _MOST_PLANES
+        and _likelier(candidate, than) > -_MOTION_CONTRADICTS
+    )
+    least = 0.0 if is_supported else CLEARLY_BETTER
+    return fit(candidate.refinement) - fit(than.refinement) > least
+
+
 def _decide(agreeing: int, agreeing_with_other: int) -> bool:
     """Whether matches decide for the pose that so many of them agree with."""
     return agreeing >= _DECIDING_MATCHES and agreeing > _CLEARLY_MORE * agreeing_with_other
+
+
+def _likelier(candidate: Candidate, than: Candidate) -> float:
+    """How much likelier a pose is than another one, by the motion alone; from -1 to 1."""
+    return _unlikeliness(than) - _unlikeliness(candidate)
 
 
 def _unlikeliness(candidate: Candidate) -> float:

@@ -81,6 +81,55 @@ def test_matches_and_the_finest_level_outvote_coarse_levels_and_motion() -> None
     assert chosen([right, wrong], along_wall) is right
 
 
+def with_figures(found: Candidate, finest: tuple[float, float], coarse: float) -> Candidate:
+    """A candidate as if so large a part of its planes agreed, and brightness correlated so well."""
+    agreement, correlation = finest
+    agreeing = round(agreement * found.refinement.planes_seen)
+    refinement = replace(
+        found.refinement,
+        planes_agreeing=agreeing,
+        pixels_seen=1000,
+        brightness_correlation=correlation,
+    )
+    lit = replace(found.coarse, brightness_correlation=coarse)
+    return replace(found, estimate=PoseEstimate(refinement), coarse=lit)
+
+
+@pytest.mark.parametrize(
+    ("agreement", "distance_squared", "follows_matches"),
+    [(0.9, 6.0, True), (0.4, 6.0, False), (0.9, 21.0, False)],
+)
+def test_matches_decide_where_the_finest_level_planes_and_motion_are_not_against_them(
+    agreement: float, distance_squared: float, follows_matches: bool
+) -> None:
+    along_wall = problem(blank_wall(), blank_wall(), moved_matches(0.1, 30))
+    walked = candidate(along(0.1), along_wall, distance_squared)
+    stuck = candidate(along(0.0), along_wall, 6.0 if distance_squared == 6.0 else 0.1)
+    with_matches = with_figures(walked, (agreement, 0.9), coarse=0.3)
+    without = with_figures(stuck, (agreement - 0.05, 0.9), coarse=0.9)
+    found = chosen([without, with_matches], along_wall)
+    assert found is (with_matches if follows_matches else without)
+    assert found is chosen([with_matches, without], along_wall)
+
+
+@pytest.mark.parametrize(("agreement", "follows_matches"), [(0.85, True), (0.75, False)])
+def test_matches_do_not_decide_against_a_finest_level_that_is_clearly_against_them(
+    agreement: float, follows_matches: bool
+) -> None:
+    # as with a passer-by who has the texture, in front of walls that have the surface
+    along_wall = problem(blank_wall(), blank_wall(), moved_matches(0.1, 30))
+    walked, stuck = candidate(along(0.1), along_wall), candidate(along(0.0), along_wall)
+    with_matches = with_figures(walked, (agreement, 0.9), coarse=0.8)
+    without = with_figures(stuck, (0.9, 0.9), coarse=0.75)
+    less = replace(
+        with_matches.coarse, planes_agreeing=round(0.9 * with_matches.coarse.planes_agreeing)
+    )
+    with_matches = replace(with_matches, coarse=less)
+    assert chosen([without, with_matches], along_wall) is (
+        with_matches if follows_matches else without
+    )
+
+
 def test_if_nothing_else_differs_the_expected_pose_is_chosen() -> None:
     along_wall = problem(blank_wall(), blank_wall())
     far, near = candidate(along(0.3), along_wall, 20.0), candidate(along(0.0), along_wall, 1.0)
