@@ -64,6 +64,8 @@ class Matching:
         self._source = stamps
         self._faults = faults
         self._calibration = calibration
+        # of each topic; when messages are read a second time, so are these
+        self._known_unreadable: Counter[str] = Counter()
         self._is_unstamped_said = False
         self.sync = self._new_synchronizer()
 
@@ -84,17 +86,13 @@ class Matching:
             return
         logger.debug("%s: its topics are read beside each other", self._bag.path)
         self.sync = self._new_synchronizer()
-        yield from islice(self._beside(unreadable), given, None)
+        yield from islice(self._beside(), given, None)
 
-    def _beside(self, known: Counter[str]) -> Iterator[Match[Any]]:
-        """All matches, from topics that are read beside each other.
-
-        Args:
-            known: how many messages of each topic are known not to be readable.
-        """
+    def _beside(self) -> Iterator[Match[Any]]:
+        """All matches, from topics that are read beside each other."""
+        unreadable: Counter[str] = Counter()
         stamps = StampSource[Any](self._source)
         self._add_calibration()
-        unreadable = Counter({topic: -count for topic, count in known.items()})
         with ExitStack() as opened:
             streams = {}
             for topic, channel in self._channels.items():
@@ -114,12 +112,20 @@ class Matching:
     def _matches(
         self, stamps: StampSource[Any], recorded: RecordedMessage, unreadable: Counter[str]
     ) -> Iterator[Match[Any]]:
-        """The matches that a message completes; one that cannot be read is counted by its topic."""
+        """The matches that a message completes; one that cannot be read is a fault, but once.
+
+        Args:
+            stamps: of this reading of the bag.
+            recorded: its next message.
+            unreadable: how many messages of each topic it could not read; this one is added.
+        """
         try:
             message = self._bag.deserialize(recorded)
         except InputError as error:
-            unreadable[recorded.topic] += 1
-            if unreadable[recorded.topic] > 0:
+            topic = recorded.topic
+            unreadable[topic] += 1
+            if unreadable[topic] > self._known_unreadable[topic]:
+                self._known_unreadable[topic] = unreadable[topic]
                 self._faults.add(error)
             return
         channel = self._channels[recorded.topic]
