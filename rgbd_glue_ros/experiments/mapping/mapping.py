@@ -146,11 +146,6 @@ class MapOutputs:
     shown: RerunRecording | None = None
     files: tuple[Path, ...] = ()
 
-    @property
-    def places(self) -> tuple[Path, ...]:
-        """All files that are written."""
-        return self.files if self.save_map is None else (*self.files, self.save_map)
-
 
 def map_recording(
     sequence: Recording,
@@ -189,7 +184,7 @@ def map_recording(
     odometry = Odometry(config, glue)
     sink, shown = MappingSink(odometry, partial(_new_mapper, config, glue, before)), outputs.shown
     names = (ODOMETRY, CLOUD)
-    beside = outputs.places
+    beside = (*outputs.files, outputs.save_map)
     with (
         results_of(sequence.name, config, folder, provenance.inputs, names, beside) as results,
         ExitStack() as end,

@@ -44,15 +44,17 @@ def say_what_is_replaced(folder: Path, before: str | None, name: str, stale: lis
     logger.log(level, "%s", text)
 
 
-def stale_files(folder: Path, results: Collection[str], written: Collection[Path]) -> list[str]:
+def stale_files(
+    folder: Path, results: Collection[str], written: Collection[Path | None]
+) -> list[str]:
     """Names of files and bags of runs in a folder that the next one does not replace.
 
     Args:
         folder: of the results.
         results: names of what the next run writes there.
-        written: what it writes elsewhere, or beside these.
+        written: what it writes elsewhere, or beside these; None stands for nothing.
     """
-    own = {os.path.realpath(path) for path in written}
+    own = {os.path.realpath(path) for path in written if path is not None}
     return [
         f"{path.name}/" if path.is_dir() else path.name
         for path in sorted(folder.iterdir())

@@ -23,8 +23,3 @@ class FurtherOutputs:
     sinks: Sequence[FrameSink] = ()
     cloud: Path | None = None
     files: tuple[Path, ...] = ()
-
-    @property
-    def places(self) -> tuple[Path, ...]:
-        """All files and folders that are written."""
-        return self.files if self.cloud is None else (*self.files, self.cloud)

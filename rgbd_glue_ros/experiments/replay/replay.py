@@ -80,7 +80,7 @@ def replay(
             frame cannot be read, or none was tracked.
     """
     check_places(folder, RESULTS, {"cloud": outputs.cloud})
-    beside = outputs.places
+    beside = (*outputs.files, outputs.cloud)
     with results_of(sequence.name, config, folder, provenance.inputs, (), beside) as results:
         return replay_into(
             results,
@@ -202,7 +202,7 @@ def results_of(
     folder: Path,
     inputs: InputConfig,
     further: Sequence[str] = (),
-    beside: Collection[Path] = (),
+    beside: Collection[Path | None] = (),
 ) -> ResultFolder:
     """The folder for the results of a recording, with what is known before the first frame.
 
@@ -212,7 +212,8 @@ def results_of(
         folder: created if it does not exist; results in it are removed.
         inputs: how the recording was opened.
         further: names of further files besides the results of a replay.
-        beside: files and folders that the run writes beside these, maybe into the folder.
+        beside: files and folders that the run writes beside these, maybe into the folder; None
+            stands for one that is not asked for.
 
     Raises:
         InputError: the folder cannot be written, is a recording, or another run is writing to it.
