@@ -76,7 +76,7 @@ def _play(
     from rgbd_glue_ros.cli.progress import bar
     from rgbd_glue_ros.cli.replay import interrupted, summary
     from rgbd_glue_ros.experiments.demo.demo import Progress, demo
-    from rgbd_glue_ros.experiments.replay.replay import REPORT
+    from rgbd_glue_ros.experiments.replay.result_names import REPORT
 
     waiting = "waiting for the node (compiling once)"
     with bar(" frames", desc=waiting) as shown:

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli.arguments import path
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.replay.result_names import ODOMETRY, TRAJECTORY
 from rgbd_glue_ros.files.writing import json_text
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation
 
-
-ESTIMATES = ("trajectory.txt", "odometry.txt", "groundtruth.txt")
-REFERENCES = ("groundtruth.txt", "trajectory.txt")
+# GROUND_TRUTH of recordings/tum.py, which takes too long to load for a help text
+_GROUND_TRUTH = "groundtruth.txt"
+ESTIMATES = (TRAJECTORY, ODOMETRY, _GROUND_TRUTH)
+REFERENCES = (_GROUND_TRUTH, TRAJECTORY)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

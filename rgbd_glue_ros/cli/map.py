@@ -40,14 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> str:
     """Builds the map and returns the figures."""
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.experiments.mapping.mapping import (
-        CLOUD,
-        MAP_RESULTS,
-        ODOMETRY,
-        MapOutputs,
-        map_recording,
-    )
-    from rgbd_glue_ros.experiments.replay.replay import REPORT, TRAJECTORY
+    from rgbd_glue_ros.experiments.mapping.mapping import MAP_RESULTS, MapOutputs, map_recording
+    from rgbd_glue_ros.experiments.replay.result_names import CLOUD, ODOMETRY, REPORT, TRAJECTORY
     from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
     from rgbd_glue_ros.slam.map_file import read_map
 

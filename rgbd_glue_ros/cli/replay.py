@@ -87,7 +87,8 @@ def _replay_many(args: argparse.Namespace, sources: list[Path], folder: Path) ->
 
 def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
     from rgbd_glue_ros.cli.progress import tracking_bar
-    from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, RESULTS, TRAJECTORY, replay
+    from rgbd_glue_ros.experiments.replay.replay import replay
+    from rgbd_glue_ros.experiments.replay.result_names import METRICS, REPORT, RESULTS, TRAJECTORY
     from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 
     config = given_parameters.config(args)
@@ -115,7 +116,7 @@ def _replay_one(args: argparse.Namespace, source: Path, folder: Path) -> str:
 
 def interrupted(folder: Path) -> str:
     """What an interrupted run has left in its folder."""
-    from rgbd_glue_ros.experiments.replay.replay import METRICS
+    from rgbd_glue_ros.experiments.replay.result_names import METRICS
 
     if not (folder / METRICS).is_file():
         return "interrupted before the first frame was done; there are no results"

@@ -18,7 +18,8 @@ from rgbd_glue_ros.experiments.compare.comparison import (
 )
 from rgbd_glue_ros.experiments.compare.finished_run import read_runs
 from rgbd_glue_ros.experiments.compare.report import write_report
-from rgbd_glue_ros.experiments.replay.replay import METRICS, PARAMETERS, REPORT, TRAJECTORY, replay
+from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.result_names import METRICS, PARAMETERS, REPORT, TRAJECTORY
 from rgbd_glue_ros.parameters import Config, with_values
 
 LENGTH = 40

@@ -13,15 +13,14 @@ from rigs.pan import Pan
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
-from rgbd_glue_ros.experiments.replay.replay import (
-    INTERRUPTED,
+from rgbd_glue_ros.experiments.replay.replay import INTERRUPTED, replay
+from rgbd_glue_ros.experiments.replay.result_names import (
     KEYFRAMES,
     KEYFRAMES_GTSAM,
     METRICS,
     PARAMETERS,
     REPORT,
     TRAJECTORY,
-    replay,
 )
 from rgbd_glue_ros.experiments.replay.run_record import Provenance
 from rgbd_glue_ros.parameters import Config, InputConfig, load_yaml, with_values

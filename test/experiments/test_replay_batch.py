@@ -17,7 +17,7 @@ from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.batch.opening import Opening
 from rgbd_glue_ros.experiments.replay.batch import FIGURES, JOURNAL, TABLE, named, run_replays
-from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, TRAJECTORY
+from rgbd_glue_ros.experiments.replay.result_names import METRICS, REPORT, TRAJECTORY
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.recordings import Calibration, Topics
 from rgbd_glue_ros.types import RgbdFrame

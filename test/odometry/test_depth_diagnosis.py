@@ -10,7 +10,8 @@ import pytest
 from rigs.bag_frames import recorded_frames, write_small_bag
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT, TRAJECTORY, replay
+from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.result_names import METRICS, REPORT, TRAJECTORY
 from rgbd_glue_ros.odometry.depth_diagnosis import (
     doubt_at_start,
     explain_no_pose,

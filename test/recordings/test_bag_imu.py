@@ -15,7 +15,8 @@ from rigs.room import room_frame, true_pose
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
+from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.result_names import METRICS
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.parameters import InputConfig, load_preset

@@ -10,7 +10,7 @@ from typing import Any
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.replay.batch import FIGURES, named
-from rgbd_glue_ros.experiments.replay.replay import METRICS, PARAMETERS, TRAJECTORY
+from rgbd_glue_ros.experiments.replay.result_names import METRICS, PARAMETERS, TRAJECTORY
 from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.parameters import parameter_values
 from rgbd_glue_ros.trajectories.tum import read_tum

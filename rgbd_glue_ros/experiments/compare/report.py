@@ -7,7 +7,7 @@ from pathlib import Path
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.compare.comparison import Comparison
 from rgbd_glue_ros.experiments.compare.page import render
-from rgbd_glue_ros.experiments.replay.replay import METRICS, REPORT
+from rgbd_glue_ros.experiments.replay.result_names import METRICS, REPORT
 from rgbd_glue_ros.files.writing import ResultFolder, write_whole
 from rgbd_glue_ros.recordings import refuse_recording
 

@@ -14,12 +14,8 @@ from typing import TYPE_CHECKING, Any
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.experiments.demo.played import Played, transport
-from rgbd_glue_ros.experiments.replay.replay import (
-    INTERRUPTED,
-    TRAJECTORY,
-    results_of,
-    write_results,
-)
+from rgbd_glue_ros.experiments.replay.replay import INTERRUPTED, results_of, write_results
+from rgbd_glue_ros.experiments.replay.result_names import LOG, TRAJECTORY
 from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.thumbnails import thumbnail
 from rgbd_glue_ros.files.writing import write_whole
@@ -46,7 +42,6 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 PRESET = "live"
-LOG = "node.log"
 THUMBNAILS = 60
 # Compiling for the first time takes this long on a slow machine.
 READY_S = 300.0

@@ -17,13 +17,8 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory_errors import error_figures, evaluated
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
-from rgbd_glue_ros.experiments.replay.replay import (
-    RESULTS,
-    TRAJECTORY,
-    replay_into,
-    results_of,
-    write_results,
-)
+from rgbd_glue_ros.experiments.replay.replay import replay_into, results_of, write_results
+from rgbd_glue_ros.experiments.replay.result_names import CLOUD, ODOMETRY, RESULTS, TRAJECTORY
 from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run
 from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
 from rgbd_glue_ros.odometry.odometry import Odometry
@@ -49,9 +44,6 @@ from rgbd_glue_ros.types import (
     Trajectory,
 )
 from rgbd_glue_ros.viz.rerun_recording import RerunRecording
-
-ODOMETRY, CLOUD = "odometry.txt", "map.ply"
-"""The trajectory before loops were closed, and the coloured cloud."""
 
 UNCORRECTED = (
     f"No loop is closed: path ({ODOMETRY}) and figures are those of the odometry alone, and there "

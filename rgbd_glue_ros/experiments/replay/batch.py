@@ -14,7 +14,8 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.batch.journal import Journal
 from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.batch.workers import Failure, Pool, Serial
-from rgbd_glue_ros.experiments.replay.replay import METRICS, replay
+from rgbd_glue_ros.experiments.replay.replay import replay
+from rgbd_glue_ros.experiments.replay.result_names import METRICS
 from rgbd_glue_ros.experiments.replay.run_record import Provenance
 from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings, named_warnings
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, bullets, table

@@ -9,12 +9,13 @@ from collections.abc import Collection
 from pathlib import Path
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.experiments.replay.result_names import OF_SOME_RUNS
 from rgbd_glue_ros.files.reading import read_text
+from rgbd_glue_ros.recordings.bag.layout import METADATA
 
 logger = logging.getLogger(__name__)
 
-# What only some runs write: others leave it as it is
-_OF_SOME = ("odometry.txt", "map.ply", "node.log")
+# Of what runs write elsewhere if asked to, and maybe here.
 _SUFFIXES = (".ply", ".rrd", ".rgbdmap")
 
 
@@ -64,5 +65,5 @@ def stale_files(
 
 def _is_of_a_run(path: Path) -> bool:
     if path.is_dir():
-        return not path.name.startswith(".") and (path / "metadata.yaml").is_file()
-    return path.name in _OF_SOME or path.suffix in _SUFFIXES
+        return not path.name.startswith(".") and (path / METADATA).is_file()
+    return path.name in OF_SOME_RUNS or path.suffix in _SUFFIXES

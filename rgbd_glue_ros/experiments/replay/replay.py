@@ -22,6 +22,15 @@ from rgbd_glue_ros.experiments.replay.keyframe_clouds import KeyframeClouds
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.report import render
+from rgbd_glue_ros.experiments.replay.result_names import (
+    KEYFRAMES,
+    KEYFRAMES_GTSAM,
+    METRICS,
+    PARAMETERS,
+    REPORT,
+    RESULTS,
+    TRAJECTORY,
+)
 from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run, metrics
 from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
@@ -46,11 +55,7 @@ from rgbd_glue_ros.types import (
 
 logger = logging.getLogger(__name__)
 
-TRAJECTORY, METRICS, PARAMETERS = "trajectory.txt", "metrics.json", "params.yaml"
-REPORT = "report.html"
-KEYFRAMES, KEYFRAMES_GTSAM = "keyframes.g2o", "keyframes_gtsam.g2o"
 INTERRUPTED = "The run was interrupted: these are the frames until then."
-RESULTS = (TRAJECTORY, METRICS, PARAMETERS, REPORT, KEYFRAMES, KEYFRAMES_GTSAM)
 
 
 def replay(
