@@ -12,7 +12,6 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from rgbd_glue_ros.live.first_publishers import FirstPublishers, Silence
 from rgbd_glue_ros.live.input_faults import (
     Input,
     explain_gaps,
@@ -25,10 +24,10 @@ from rgbd_glue_ros.live.input_faults import (
     explain_waiting,
 )
 from rgbd_glue_ros.live.monitor import Drop, Monitor
-from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import PAIRED, Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
+from rgbd_glue_ros.node.silence import SilenceLog
 from rgbd_glue_ros.parameters import PROFILES_VARIABLE, profiles_file
 
 # Period of the checks.
@@ -113,8 +112,7 @@ class NodeWatch:
         self._synchronizer = synchronizer
         self._before = self._counts()
         self._warned: set[str] = set()
-        self._silences = FaultNews()
-        self._first = FirstPublishers()
+        self._silence_log = SilenceLog(node, "publishers")
 
     def start(self, inputs: Sequence[NodeInput]) -> None:
         """Starts to check subscriptions."""
@@ -141,23 +139,21 @@ class NodeWatch:
         self._before = now
         since, synchronizer = now.minus(before), self._synchronizer
         self._look_for_losses(since)
-        verdict = self._first.judge(
-            has_publishers=any(i.publishers or i.other for i in inputs),
-            has_messages=any(since.received.values()),
-        )
         self._warn_if_new(
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
         self._warn_if_new("name", explain_namesakes(self._node))
-        if not since.matches:
-            self._explain_no_frame(inputs, since, verdict)
-            return
-        # without matches it is part of the reason for silence
-        queue_needed = synchronizer.queue_needed
-        self._warn_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
-        self.silence = ""
-        self._silences.forget()
-        synchronizer.forget_misses()
+        if since.matches:
+            # without matches it is part of the reason for silence
+            queue_needed = synchronizer.queue_needed
+            self._warn_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
+            synchronizer.forget_misses()
+        self.silence = "" if since.matches else self._explain_silence(inputs, since)
+        self._silence_log.look(
+            f"No frame for {LOOK_S:.0f} s: {self.silence}" if self.silence else None,
+            has_publishers=any(i.publishers or i.other for i in inputs),
+            has_messages=any(since.received.values()),
+        )
 
     def _look_for_losses(self, since: _Counts) -> None:
         """Explains messages and frames that were lost or left out since the last check."""
@@ -187,24 +183,7 @@ class NodeWatch:
             processed, left_out, period_ns, since.waited_ns, monitor.waited_for
         ) or explain_slowness(processed, left_out, period_ns, monitor.width, self._learned)
 
-    def _explain_no_frame(
-        self, inputs: Sequence[NodeInput], since: _Counts, verdict: Silence
-    ) -> None:
-        self.silence = self._explain_silence(inputs, since)
-        line = f"No frame for {LOOK_S:.0f} s: {self.silence}"
-        # a line that differs only in its counts is not news
-        if verdict is Silence.TOO_EARLY or not self._silences.is_news(verdict.name, self.silence):
-            return
-        if verdict is Silence.WAITING:
-            self._node.get_logger().info(f"Waiting for publishers. {line}")
-        else:
-            self._node.get_logger().warning(line)
-
-    def _explain_silence(
-        self,
-        inputs: Sequence[NodeInput],
-        since: _Counts,
-    ) -> str:
+    def _explain_silence(self, inputs: Sequence[NodeInput], since: _Counts) -> str:
         received = since.received
         seen = [
             Input(

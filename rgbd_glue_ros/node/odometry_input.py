@@ -12,11 +12,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.first_publishers import FirstPublishers, Silence
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
-from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.node.input_watch import LOOK_S
 from rgbd_glue_ros.node.inputs import describe_publishers
+from rgbd_glue_ros.node.silence import SilenceLog
 
 # Queued messages of each topic, at most.
 _QUEUE_SIZE = 100
@@ -54,8 +53,7 @@ class OdometryInput:
                 has nothing to say.
         """
         self._node = node
-        self._news = FaultNews()
-        self._first = FirstPublishers()
+        self._silence_log = SilenceLog(node, "images")
         self._has_images = has_images
         self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
         self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
@@ -79,22 +77,15 @@ class OdometryInput:
         return subscribed
 
     def _look(self) -> None:
-        """Logs why there are no keyframes, once for each cause."""
+        """Logs why there are no keyframes."""
         subscribed = (self._pose, self._keyframe, self._edge)
         line = explain_no_keyframes(*map(self._seen, subscribed))
         self._pose.received_before = self._pose.received
-        verdict = self._first.judge(
+        self._silence_log.look(
+            line,
             has_publishers=self._has_images(),
             has_messages=any(each.received for each in subscribed),
         )
-        if line is None:
-            self._news.forget()
-        elif verdict is Silence.TOO_EARLY or not self._news.is_news(verdict.name, line):
-            return
-        elif verdict is Silence.WAITING:
-            self._node.get_logger().info(f"Waiting for images. {line}")
-        else:
-            self._node.get_logger().warning(line)
 
     def _seen(self, subscribed: _Subscribed) -> OdometryTopic:
         publishers = describe_publishers(self._node, subscribed.topic, subscribed.type)
