@@ -5,10 +5,9 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import CameraInfo
 
 from rgbd_glue_ros.errors import InputError
@@ -18,7 +17,7 @@ from rgbd_glue_ros.messages.depth_camera import GivenDepthCamera, find_depth_cam
 from rgbd_glue_ros.messages.frame import FrameTopics
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.synchronizer import Channel, Match
-from rgbd_glue_ros.node.inputs import offered_durability
+from rgbd_glue_ros.node.following import FollowingSubscription, offered_durability
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
@@ -52,27 +51,9 @@ class DepthCameraInput:
         self._info: CameraInfo | None = None
         self._came = threading.Event()
         self._has_waited = self._has_noted = False
-        self._durability = DurabilityPolicy.VOLATILE
-        self._subscription = self._subscribe()
-
-    def _subscribe(self) -> Subscription:
-        # best effort matches every publisher, and losing a single info does no harm
-        qos = QoSProfile(
-            depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=self._durability
+        self._subscription = FollowingSubscription(
+            node, CameraInfo, self.topic, self._receive, _qos([]), _qos
         )
-        events = SubscriptionEventCallbacks(matched=self._publishers_changed)
-        return self._node.create_subscription(
-            CameraInfo, self.topic, self._receive, qos, event_callbacks=events
-        )
-
-    def _publishers_changed(self, _event: object) -> None:
-        """Resubscribes if the info is offered transient local: it may be sent only once."""
-        publishers = self._node.get_publishers_info_by_topic(self.topic)
-        if not publishers or offered_durability(publishers) == self._durability:
-            return
-        self._durability = offered_durability(publishers)
-        self._node.destroy_subscription(self._subscription)
-        self._subscription = self._subscribe()
 
     def _receive(self, info: CameraInfo) -> None:
         self._info = info
@@ -111,6 +92,16 @@ class DepthCameraInput:
         if self._transforms is None:
             return None
         return self._transforms.lookup(color_frame, depth_frame, None, self._wait_s)
+
+
+def _qos(publishers: list[TopicEndpointInfo]) -> QoSProfile:
+    """Transient local if the info is offered so: it may be sent only once."""
+    # best effort matches every publisher, and losing a single info does no harm
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+        durability=offered_durability(publishers),
+    )
 
 
 def _info_topic(node: Node, config: NodeConfig) -> str:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.transports import OtherTransport, other_transport
 from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.node.following import FollowingSubscription, offered_durability
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.parameters import NodeConfig
 
@@ -25,7 +24,7 @@ class NodeInput:
     """A subscription with the reliability that its publishers offer, unless a parameter sets it.
 
     A reliable subscription gets nothing from a best-effort publisher, and a best-effort one may
-    lose images of a reliable publisher. Which kind it will be is known only when one appears.
+    lose images of a reliable publisher.
     """
 
     def __init__(
@@ -54,7 +53,6 @@ class NodeInput:
         self._base, self._transport = topic, transport
         self._node = node
         self._type = message_type
-        self._receive = receive
         self._depth = config.topic_queue_size
         self._parameter = "qos_camera_info" if channel is Channel.INFO else "qos"
         qos = config.qos_camera_info if channel is Channel.INFO else config.qos
@@ -62,37 +60,28 @@ class NodeInput:
         self._reliability = (
             ReliabilityPolicy.RELIABLE if qos == 1 else ReliabilityPolicy.BEST_EFFORT
         )
-        self._durability = DurabilityPolicy.VOLATILE
-        self._subscription = self._subscribe()
-
-    def _subscribe(self) -> Subscription:
-        return self._node.create_subscription(
-            self._type,
+        self._subscription = FollowingSubscription(
+            node,
+            message_type,
             self.topic,
-            lambda message: self._receive(self.channel, message),
-            QoSProfile(
-                depth=self._depth, reliability=self._reliability, durability=self._durability
-            ),
-            event_callbacks=SubscriptionEventCallbacks(
-                matched=self._publishers_changed, incompatible_qos=self._publishers_changed
-            ),
+            lambda message: receive(channel, message),
+            self._qos(self._reliability, DurabilityPolicy.VOLATILE),
+            self._wanted,
+            self._say_change,
         )
 
-    def _publishers_changed(self, _event: object) -> None:
-        publishers = self._node.get_publishers_info_by_topic(self.topic)
-        if not publishers:
-            return
+    def _qos(self, reliability: ReliabilityPolicy, durability: DurabilityPolicy) -> QoSProfile:
+        return QoSProfile(depth=self._depth, reliability=reliability, durability=durability)
+
+    def _wanted(self, publishers: list[TopicEndpointInfo]) -> QoSProfile:
         if len(publishers) > 1:
             self._node.get_logger().warning(describe_mixture(self.topic, self.publishers))
-        durability = offered_durability(publishers)
-        reliability = self._offered_reliability(publishers)
-        if (reliability, durability) == (self._reliability, self._durability):
-            return
-        settings = f"{_policy_name(reliability)}, {_policy_name(durability)}"
-        self._node.get_logger().info(f"{self.topic}: subscribing as {settings}, like its publisher")
-        self._reliability, self._durability = reliability, durability
-        self._node.destroy_subscription(self._subscription)
-        self._subscription = self._subscribe()
+        return self._qos(self._offered_reliability(publishers), offered_durability(publishers))
+
+    def _say_change(self, qos: QoSProfile) -> None:
+        self._node.get_logger().info(
+            f"{self.topic}: subscribing as {describe_qos(qos)}, like its publisher"
+        )
 
     def _offered_reliability(self, publishers: list[TopicEndpointInfo]) -> ReliabilityPolicy:
         """What all publishers offer, or what a parameter sets, which may match none of them."""
@@ -178,14 +167,6 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeI
         topic = node.resolve_topic_name(topics.SUBSCRIBED[channel])
         inputs.append(NodeInput(node, channel, message_type, topic, receive, config, transport))
     return tuple(inputs)
-
-
-def offered_durability(publishers: list[TopicEndpointInfo]) -> DurabilityPolicy:
-    """Transient local if all publishers offer it, so that earlier messages are received too."""
-    offered = {info.qos_profile.durability for info in publishers}
-    if offered == {DurabilityPolicy.TRANSIENT_LOCAL}:
-        return DurabilityPolicy.TRANSIENT_LOCAL
-    return DurabilityPolicy.VOLATILE
 
 
 def describe_qos(profile: QoSProfile) -> str:
