@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
+from rigs.pose_problems import problem_at_rest
 from rigs.room import room_view, true_pose
 
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
@@ -13,13 +14,11 @@ from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.alternative import Alternative, find_alternative, is_contradicted
 from rgbd_glue_ros.odometry.contradiction import doubt
-from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, Basin, PoseProblem
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
-from rgbd_glue_ros.refinement.model import model_of
-from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, RgbdFrame, View
+from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, View
 
 CONFIG = Config()
 ACCEPTANCE = Acceptance.of(CONFIG.odometry)
@@ -70,12 +69,6 @@ def prepared(frame: RgbdFrame) -> View:
     return view_of(frame, CONFIG.camera)
 
 
-def problem(before: View, now: View) -> PoseProblem:
-    predicted = Motion.start(0, np.eye(4)).predicted(NANOSECONDS // 30, CONFIG.motion)
-    basin = Basin.of(CONFIG.odometry)
-    return PoseProblem(model_of(before, 8), now, CONFIG.refine, predicted=predicted, basin=basin)
-
-
 def alternative(of: PoseProblem, T: Float64) -> Alternative | None:
     pose = evaluate_pose(T, of, COARSE_LEVELS[-1])
     return find_alternative(of, pose, None, ACCEPTANCE)
@@ -83,7 +76,7 @@ def alternative(of: PoseProblem, T: Float64) -> Alternative | None:
 
 def test_the_room_behind_a_person_is_found_and_is_the_larger_part() -> None:
     frames = crossed(IN_FRONT, 1, 5)
-    of = problem(prepared(frames[0]), prepared(frames[4]))
+    of = problem_at_rest(prepared(frames[0]), prepared(frames[4]))
     truth = true_poses()[4]
     carried_along = of.refined(np.eye(4), COARSE_LEVELS).T_model_source
     assert np.linalg.norm((carried_along - truth)[:3, 3]) > 0.05
@@ -95,14 +88,14 @@ def test_the_room_behind_a_person_is_found_and_is_the_larger_part() -> None:
 
 def test_a_person_in_view_contradicts_the_pose_and_noise_does_not() -> None:
     frames = crossed(IN_FRONT, 1, 5)
-    of = problem(prepared(frames[0]), prepared(frames[4]))
+    of = problem_at_rest(prepared(frames[0]), prepared(frames[4]))
     assert is_contradicted(evaluate_pose(true_poses()[4], of))
-    of = problem(prepared(recorded_frames()[0]), prepared(recorded_frames()[4]))
+    of = problem_at_rest(prepared(recorded_frames()[0]), prepared(recorded_frames()[4]))
     assert not is_contradicted(evaluate_pose(true_poses()[4], of))
 
 
 def test_a_view_that_agrees_with_its_pose_has_no_alternative() -> None:
-    of = problem(room_view(0.0), room_view(0.3))
+    of = problem_at_rest(room_view(0.0), room_view(0.3))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     assert alternative(of, truth) is None
     pose = evaluate_pose(truth, of)
@@ -111,7 +104,7 @@ def test_a_view_that_agrees_with_its_pose_has_no_alternative() -> None:
 
 @pytest.mark.parametrize("share", [0.2, 0.5])
 def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
-    of = problem(room_view(0.0), room_view(0.3))
+    of = problem_at_rest(room_view(0.0), room_view(0.3))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     pose = evaluate_pose(truth, of)
     apart = np.array([0.2, 0.0, -0.1, 0.0, 0.03, 0.0])
@@ -123,7 +116,7 @@ def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
 
 
 def test_a_pose_that_most_planes_contradict_gets_the_covariance_of_its_reach() -> None:
-    of = problem(room_view(0.0), room_view(0.0))
+    of = problem_at_rest(room_view(0.0), room_view(0.0))
     wrong = evaluate_pose(se3.exp(np.array([0, 0, 0.5, 0, 0, 0])), of)
     assert wrong.planes_agreeing < wrong.planes_visible / 2
     spread = np.diag([1.0] * 3 + [0.1] * 3)
