@@ -20,8 +20,10 @@ from rgbd_glue_ros.messages.camera_info import (
 from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.messages.images import (
     AnyImage,
+    ToEightBits,
     color_from_message,
     depth_from_message,
+    in_8_bits,
 )
 from rgbd_glue_ros.messages.reading import frame_of, stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Match
@@ -46,7 +48,7 @@ def frame_from_messages(
     depth_camera: DepthCamera | None = None,
     depth_scale: float | None = None,
     background: Executor | None = None,
-    color_bits: int = 16,
+    to_8_bits: ToEightBits = in_8_bits,
 ) -> RgbdFrame:
     """Converts three messages to a frame.
 
@@ -63,14 +65,14 @@ def frame_from_messages(
         depth_scale: as for ``depth_from_message``.
         background: decodes depth while this thread decodes colour. Decoding a compressed image
             takes milliseconds and releases the interpreter lock. None decodes one after the other.
-        color_bits: as ``bits`` for ``color_from_message``.
+        to_8_bits: as for ``color_from_message``.
 
     Raises:
         InputError: a message cannot be used, or the aspect ratios differ.
     """
     decode_depth = partial(depth_from_message, depth, topics.depth, depth_scale)
     decoded = None if background is None else background.submit(decode_depth)
-    color_pixels = color_from_message(color, topics.color, color_bits)
+    color_pixels = color_from_message(color, topics.color, to_8_bits)
     depth_pixels = decode_depth() if decoded is None else decoded.result()
     size = color_pixels.shape[0], color_pixels.shape[1]
     intrinsics = intrinsics_of(info, topics.color, topics.info)
@@ -146,7 +148,7 @@ def frame_of_match(
     depth_camera: DepthCamera | None,
     depth_scale: float | None,
     background: Executor | None = None,
-    color_bits: int = 16,
+    to_8_bits: ToEightBits = in_8_bits,
 ) -> RgbdFrame:
     """``frame_from_messages`` of a match, with the stamps that its messages were paired by."""
     frame = frame_from_messages(
@@ -157,7 +159,7 @@ def frame_of_match(
         depth_camera,
         depth_scale,
         background,
-        color_bits,
+        to_8_bits,
     )
     return replace(frame, stamp_ns=match.stamp_ns, depth_delay_ns=match.interval_ns)
 

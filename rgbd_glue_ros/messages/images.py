@@ -25,6 +25,7 @@ from rgbd_glue_ros.messages.rvl import decode_rvl
 from rgbd_glue_ros.types import Float32, UInt8
 
 AnyImage = Image | CompressedImage
+ToEightBits = Callable[[NDArray[Any]], UInt8]
 Found = TypeVar("Found")
 
 # image_transport appends these to the image's topic
@@ -111,14 +112,25 @@ _VIDEO = re.compile(r"h\.?26[45]|hevc|vp[89]|av1", re.IGNORECASE)
 _PNG_BITS = len(PNG_SIGNATURE) + 16
 
 
-def color_from_message(msg: AnyImage, where: str, bits: int = 16) -> UInt8:
+def in_8_bits(pixels: NDArray[Any], bits: int = 16) -> UInt8:
+    """Scales an image of 16 bits; one of 8 bits is returned as it is.
+
+    Args:
+        pixels: uint8 or uint16, of any shape.
+        bits: how many of 16 are used: the largest value of so many is white, as are values beyond.
+    """
+    if pixels.dtype == UINT8:
+        return pixels
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / (2**bits - 1)), np.uint8)
+
+
+def color_from_message(msg: AnyImage, where: str, to_8_bits: ToEightBits = in_8_bits) -> UInt8:
     """The pixels of a colour or grey image.
 
     Args:
         msg: sensor_msgs/msg/Image or CompressedImage.
         where: its topic, for errors.
-        bits: of an image of 16 bits, how many are used: the largest value of so many is white, as
-            are values beyond it.
+        to_8_bits: scales the pixels, uint8 or uint16.
 
     Returns:
         uint8 [H, W, 3] RGB or [H, W]. It shares the message's memory if no conversion is needed.
@@ -126,19 +138,12 @@ def color_from_message(msg: AnyImage, where: str, bits: int = 16) -> UInt8:
     Raises:
         InputError: it has another type or encoding, or is truncated or damaged.
     """
-    return in_8_bits(pixels_of_color(msg, where), bits)
+    return to_8_bits(pixels_of_color(msg, where))
 
 
 def pixels_of_color(msg: AnyImage, where: str) -> NDArray[Any]:
     """As ``color_from_message``, but uint16 if the image has 16 bits."""
     return reader_of(_COLOR_READERS, msg, where)(msg, where)
-
-
-def in_8_bits(pixels: NDArray[Any], bits: int) -> UInt8:
-    """Scales an image of 16 bits, of which so many are used; one of 8 bits is returned as it is."""
-    if pixels.dtype == UINT8:
-        return pixels
-    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / (2**bits - 1)), np.uint8)
 
 
 def may_have_16_bits(msg: AnyImage) -> bool:

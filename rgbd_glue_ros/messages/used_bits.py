@@ -7,13 +7,21 @@ of the first image, to the next power of two, and it only grows.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.images import AnyImage, may_have_16_bits, pixels_of_color
+from rgbd_glue_ros.messages.images import (
+    UINT16,
+    AnyImage,
+    in_8_bits,
+    may_have_16_bits,
+    pixels_of_color,
+)
+from rgbd_glue_ros.types import UInt8
 
 # The range holds all values of the first image but so many: hot pixels, and those that sparkle.
 _OUTLIERS = 0.001
@@ -30,6 +38,8 @@ _STRIDE = 4
 class UsedBits:
     """The number of bits that the images of a run use, given in their order.
 
+    Each image is given once: to ``scaled``, or to ``of`` if it is to be decoded elsewhere.
+
     Attributes:
         bits: of the images so far; 8 before the first image with more.
     """
@@ -37,6 +47,12 @@ class UsedBits:
     def __init__(self) -> None:
         self.bits = FEWEST_BITS
         self._has_seen_any = False
+
+    def scaled(self, pixels: NDArray[Any]) -> UInt8:
+        """Scales the next image, uint8 or uint16, by the bits used so far and by itself."""
+        if pixels.dtype == UINT16:
+            self._look(pixels)
+        return in_8_bits(pixels, self.bits)
 
     def of(self, msg: AnyImage, where: str) -> int:
         """The bits to scale an image by, after a look at it; those of 8 bits are not looked at.
@@ -47,14 +63,14 @@ class UsedBits:
         """
         if not may_have_16_bits(msg):
             return self.bits
-        try:
-            pixels = pixels_of_color(msg, where)
-        except InputError:
-            return self.bits  # reported where it becomes a frame
+        with suppress(InputError):  # reported where it becomes a frame
+            self._look(pixels_of_color(msg, where))
+        return self.bits
+
+    def _look(self, pixels: NDArray[Any]) -> None:
         beyond = _MOST_WHITE if self._has_seen_any else _OUTLIERS
         self._has_seen_any = True
         self.bits = max(self.bits, bits_of(pixels, beyond))
-        return self.bits
 
 
 def bits_of(pixels: NDArray[Any], beyond: float = _OUTLIERS) -> int:

@@ -127,8 +127,8 @@ class RgbdInput(Closing):
         names = FrameTopics(color, depth, info, self._depth_camera.topic)
         taken_by = self._depth_camera.of(match, names)
         unit = self._config.metres_per_unit
-        bits = self._used_bits.of(match.color, color)
-        frame = frame_of_match(match, names, taken_by, unit, self._background, bits)
+        to_8_bits = self._used_bits.scaled
+        frame = frame_of_match(match, names, taken_by, unit, self._background, to_8_bits)
         frame = reduced(frame, self._config.max_width)
         self._node.monitor.width = frame.intrinsics.width
         return frame

@@ -37,9 +37,10 @@ def test_infrared_of_any_number_of_bits_has_the_texture_of_8_bits(bits: int) -> 
         raw(pixels, "mono16", is_bigendian=True, padding=6),
         CompressedImage(HEAD, "mono16; png compressed mono16", png(pixels)),
     ):
-        used = UsedBits().of(message, "/ir")
-        assert used == bits
-        image = color_from_message(message, "/ir", used)
+        assert UsedBits().of(message, "/ir") == bits
+        used = UsedBits()
+        image = color_from_message(message, "/ir", used.scaled)
+        assert used.bits == bits
         assert np.abs(image.astype(int) - GREY).max() <= 1
 
 
@@ -52,7 +53,7 @@ def test_colour_of_12_bits_is_scaled_alike_in_all_channels_whatever_the_opacity(
     if encoding == "rgba16":
         pixels = np.dstack([pixels, np.full(pixels.shape[:2], 65535, np.uint16)])
     message = raw(pixels, encoding)
-    image = color_from_message(message, "/color", UsedBits().of(message, "/color"))
+    image = color_from_message(message, "/color", UsedBits().scaled)
     assert np.abs(image[1:].astype(int) - VIEW[1:]).max() <= 1
     # the name of the format need not tell how many bits there are
     named = CompressedImage(HEAD, "png", png(pixels[..., [2, 1, 0]]))
@@ -71,6 +72,8 @@ def test_the_range_holds_while_a_view_becomes_darker_or_a_light_enters_it() -> N
     assert used.of(raw(pixels // 20, "mono16"), "/ir") == 10
     pixels[:6, :12] = 9000  # a fortieth of the view
     assert used.of(raw(pixels, "mono16"), "/ir") == 10
+    assert used.scaled(pixels)[0, 0] == 255
+    assert used.bits == 10
 
 
 def test_the_range_grows_when_much_of_a_view_would_be_white() -> None:
@@ -91,6 +94,7 @@ def test_a_hot_pixel_does_not_set_the_range() -> None:
 def test_images_of_8_bits_and_unusable_ones_change_nothing() -> None:
     used = UsedBits()
     assert used.of(raw(RGB, "rgb8"), "/color") == 8
+    np.testing.assert_array_equal(used.scaled(RGB), RGB)
     assert used.of(raw(RGB[..., 0], "mono16"), "/color") == 8  # half of its bytes are missing
     assert used.of(CompressedImage(HEAD, "mono16; png compressed", flat(b"")), "/color") == 8
     assert used.of(raw(counts(GREY, 12), "mono16"), "/color") == 12

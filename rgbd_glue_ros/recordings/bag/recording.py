@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
 from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, camera_info, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
-from rgbd_glue_ros.messages.images import holds_whole_numbers
+from rgbd_glue_ros.messages.images import holds_whole_numbers, in_8_bits
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import explain_miss
@@ -295,8 +295,9 @@ class BagRecording(Closing):
     def _frame(self, paired: tuple[Match[Any], DepthCamera | None, int]) -> RgbdFrame | InputError:
         match, taken_by, bits = paired
         unit = self._depth_camera.metres_per_unit
+        to_8_bits = partial(in_8_bits, bits=bits)
         try:
-            return frame_of_match(match, self._topics, taken_by, unit, color_bits=bits)
+            return frame_of_match(match, self._topics, taken_by, unit, to_8_bits=to_8_bits)
         except InputError as error:
             return error
 
