@@ -1,4 +1,4 @@
-"""Parses the command line; errors are reported in one line."""
+"""Parses the command line; errors are reported in one line, after the help if nothing is given."""
 
 from __future__ import annotations
 
@@ -76,8 +76,9 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     known = {command.name: command for command in COMMANDS}
     name = next((word for word in words if not word.startswith("-")), None)
     if not words:
-        names = ", ".join(known)
-        parser.error(f"give a COMMAND ({names}), such as `{PROGRAM} demo`")
+        _add_commands(parser, None)
+        parser.print_help(sys.stderr)
+        parser.exit(BAD_INPUT, f"\n{PROGRAM}: give a COMMAND, such as `{PROGRAM} demo`\n")
     if name is None and words[0] not in parser.options:
         parser.refuse(words[0])
     if name is not None and name not in known:

@@ -53,6 +53,21 @@ def test_help_names_every_command_and_loads_nothing_heavy() -> None:
         assert f"    {known.name} " in done.stdout
 
 
+def test_without_a_command_all_are_listed_on_stderr_with_exit_code_2(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")  # a command a line
+    with pytest.raises(SystemExit) as end:
+        main([])
+    assert end.value.code == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    *lines, last = said.err.splitlines()
+    for known in commands.COMMANDS:
+        assert [known.name, *known.summary.split()] in [line.split() for line in lines]
+    assert last == "rgbd-glue: give a COMMAND, such as `rgbd-glue demo`"
+
+
 @pytest.mark.parametrize("name", [known.name for known in commands.COMMANDS])
 def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
@@ -64,8 +79,6 @@ def test_every_command_has_a_help(name: str, capsys: pytest.CaptureFixture[str])
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "COMMAND"),
-        ([], "give a COMMAND (demo, odometry, mapping, watch, play, replay, map,"),
         (["odometry", "-p", "frame_id:=x"], "follows --ros-args: --ros-args -p frame_id:=x; see"),
         (["mapping", "--params-file", "a b"], "--ros-args --params-file 'a b'; see"),
         (
