@@ -58,6 +58,8 @@ class FollowingSubscription:
                 matched=self._publishers_changed,
                 # a publisher that offers less than those before does not match
                 incompatible_qos=self._publishers_changed,
+                # others would be looked at before each message that the node receives
+                use_default_callbacks=False,
             ),
         )
 

@@ -71,8 +71,9 @@ class NodeOutputs:
                 f"and a subscription that asks for more gets nothing; subscribed by {asked}"
             )
 
+        # rclpy looks at every callback before each message that the node receives
         callbacks = PublisherEventCallbacks(
-            incompatible_qos=lambda _: say_later(self._node, refusal)
+            incompatible_qos=lambda _: say_later(self._node, refusal), use_default_callbacks=False
         )
         publisher = self._node.create_publisher(message_type, topic, 10, event_callbacks=callbacks)
         return publisher
