@@ -31,9 +31,10 @@ the node say more about the other processes than about these.**"""
 
 _STAGES = """\
 Median milliseconds of each stage of this odometry, and its floor: the cost of its core in C++ on
-frames of the same run (least of three in a row, on every fiftieth frame). The refinement runs on a
-second thread in parallel with features and registration, so that the stages add up to more than a
-frame. If a floor is above the stage, the stage is faster than that library."""
+frames of the same run (least of three in a row, on every fiftieth frame). Refinement and geometric
+features run on a second thread in parallel with visual features and registration, so that the
+stages add up to more than a frame; geometric matching includes the wait for these features. If a
+floor is above the stage, the stage is faster than that library."""
 
 _HONESTY = """\
 Normalised error (NEES) of the transform from every frame to its keyframe: its mean is 6 if the
