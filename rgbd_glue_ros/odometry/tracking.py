@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
@@ -99,9 +100,9 @@ def track(
     uses_prior = prior_radius > 0
     predicted = background.start(predicted_candidate, problem, acceptance) if uses_prior else None
     geometric = background.start(glue.extract_geometric, problem.view)
-    given = nearest, problem, last, acceptance
+    fix = partial(_pose_fix, nearest=nearest, problem=problem, last=last, acceptance=acceptance)
     # in most frames this is the pose that is chosen
-    predicted_fix = None if predicted is None else background.start(_fix_of, predicted, *given)
+    predicted_fix = None if predicted is None else background.start(lambda: fix(predicted.result()))
     features = glue.extract_visual(problem.view, geometric.result)
     prior = _prior(problem.predicted, nearest, prior_radius) if uses_prior else None
     result = glue.register(features, nearest.features, prior)
@@ -117,7 +118,7 @@ def track(
         return Attempt(described, result.refused(RegistrationStatus.INCONSISTENT))
     if predicted_fix is not None and chosen is candidates[0]:
         return Attempt(described, result, predicted_fix.result())
-    return Attempt(described, result, _pose_fix(chosen, *given))
+    return Attempt(described, result, fix(chosen))
 
 
 def _prior(predicted: PredictedMotion, keyframe: Keyframe, radius: float) -> TransformPrior:
@@ -154,16 +155,6 @@ def _where_expected(candidates: Sequence[Candidate], problem: PoseProblem) -> li
         distance_squared = problem.predicted.distance_squared(estimate.T_track_camera)
         put_back.append(replace(candidate, estimate=estimate, distance_squared=distance_squared))
     return put_back
-
-
-def _fix_of(
-    predicted: Once[Candidate],
-    nearest: Keyframe,
-    problem: PoseProblem,
-    last: LastPose,
-    acceptance: Acceptance,
-) -> PoseFix:
-    return _pose_fix(predicted.result(), nearest, problem, last, acceptance)
 
 
 def _pose_fix(

@@ -27,7 +27,22 @@ class Described(Protocol):
 
 
 @dataclass(frozen=True)
-class FrameFeatures:
+class _OfView:
+    """What is known of a frame whose images are there.
+
+    Attributes:
+        view: the frame as the features see it.
+    """
+
+    view: View
+
+    def points_at(self, uv: Float32) -> tuple[Float64, Mask]:
+        """Points [M, 3] at pixels uv [N, 2], metres, and which pixels [N] have one."""
+        return keypoints_to_points(uv, self.view)
+
+
+@dataclass(frozen=True)
+class FrameFeatures(_OfView):
     """A frame and what was extracted from it; ``Described``.
 
     Attributes:
@@ -37,33 +52,21 @@ class FrameFeatures:
         stages_ms: wall time of each extraction, milliseconds.
     """
 
-    view: View
     visual: Any
     geometric: Any
     stages_ms: dict[str, float]
 
-    @staticmethod
-    def timed(view: View, visual: tuple[Any, float], geometric: tuple[Any, float]) -> FrameFeatures:
-        """Features of a view, each with the milliseconds that its extraction took."""
-        times = {stages.VISUAL_FEATURES: visual[1], stages.GEOMETRIC_FEATURES: geometric[1]}
-        return FrameFeatures(view, visual[0], geometric[0], times)
-
-    def points_at(self, uv: Float32) -> tuple[Float64, Mask]:
-        """Points [M, 3] at pixels uv [N, 2], metres, and which pixels [N] have one."""
-        return keypoints_to_points(uv, self.view)
-
 
 @dataclass(frozen=True)
-class FeaturesInProgress:
-    """A frame whose geometric features another thread extracts; ``Described``.
+class FeaturesInProgress(_OfView):
+    """A frame whose geometric features may still be extracted; ``Described``.
 
     Attributes:
         view: the frame as the features see it.
         timed_visual: features of the configured visual kind, and the milliseconds they took.
-        timed_geometric: waits for those of the configured geometric kind, and their milliseconds.
+        timed_geometric: gives those of the configured geometric kind, and their milliseconds.
     """
 
-    view: View
     timed_visual: tuple[Any, float]
     timed_geometric: Callable[[], tuple[Any, float]]
 
@@ -77,13 +80,11 @@ class FeaturesInProgress:
         """Features of the configured geometric kind; waits for them."""
         return self.timed_geometric()[0]
 
-    def points_at(self, uv: Float32) -> tuple[Float64, Mask]:
-        """Points [M, 3] at pixels uv [N, 2], metres, and which pixels [N] have one."""
-        return keypoints_to_points(uv, self.view)
-
     def complete(self) -> FrameFeatures:
         """All features; waits for them."""
-        return FrameFeatures.timed(self.view, self.timed_visual, self.timed_geometric())
+        (visual, visual_ms), (geometric, geometric_ms) = self.timed_visual, self.timed_geometric()
+        times = {stages.VISUAL_FEATURES: visual_ms, stages.GEOMETRIC_FEATURES: geometric_ms}
+        return FrameFeatures(self.view, visual, geometric, times)
 
 
 @dataclass(frozen=True)

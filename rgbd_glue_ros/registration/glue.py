@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -141,17 +142,16 @@ class Glue:
 
     def extract(self, view: View) -> FrameFeatures:
         """Section 3.1: visual and geometric features."""
-        visual = timed(self.visual.extract, view)
-        return FrameFeatures.timed(view, visual, self.extract_geometric(view))
+        return self.extract_visual(view, partial(self.extract_geometric, view)).complete()
 
     def extract_visual(
         self, view: View, timed_geometric: Callable[[], tuple[Any, float]]
     ) -> FeaturesInProgress:
-        """Section 3.1, with geometric features from another thread.
+        """Section 3.1, with geometric features from elsewhere, such as another thread.
 
         Args:
             view: the frame.
-            timed_geometric: waits for the result of ``extract_geometric``.
+            timed_geometric: gives the result of ``extract_geometric``, maybe after waiting for it.
         """
         return FeaturesInProgress(view, timed(self.visual.extract, view), timed_geometric)
 

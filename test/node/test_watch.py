@@ -265,6 +265,21 @@ def feed_until(rig: Rig, watch: NodeProcess, text: str) -> str:
     return watch.wait_for_line(text, PATIENCE_S)
 
 
+def recorded_stamps_ns(path: Path) -> list[int]:
+    stamps_ns: list[int] = read_tum(path).stamps_ns.tolist()
+    return stamps_ns
+
+
+def feed_recorded(rig: Rig, path: Path) -> list[int]:
+    """Stamps of ten more frames, once the pose of the last one is recorded."""
+    stamps_ns = []
+    for _ in range(10):
+        stamps_ns.append(time.time_ns())
+        rig.pose_of(corner_frame(stamps_ns[-1]))
+    rig.wait(lambda: recorded_stamps_ns(path)[-1] == stamps_ns[-1], "the last pose in the record")
+    return stamps_ns
+
+
 @pytest.mark.every_python
 def test_the_node_is_watched_from_before_its_start_until_after_its_restart(
     ros_domain: int, tmp_path: Path
@@ -278,14 +293,17 @@ def test_the_node_is_watched_from_before_its_start_until_after_its_restart(
             line = feed_until(rig, watch, "tracking, ")
             assert "latency " in line
             assert "path 0.0 m, turn 0°" in line
+            before = feed_recorded(rig, path)
         watch.wait_for_line("no pose for ", PATIENCE_S)
         with running_node(ros_domain) as node, Rig(ros_domain) as rig:
             node.wait_for_line("Subscribed", COMPILE_S)
             rig.wait_until_matched()
-            restarted_ns = time.time_ns()
             feed_until(rig, watch, "the odometry began anew")
+            after = feed_recorded(rig, path)
         assert watch.stop() == 0
-        recorded = read_tum(path)
-        count = len(recorded)
-        assert watch.lines[-1] == f"{count} poses, path 0.0 m; {count} poses in {path}"
-    assert recorded.stamps_ns[0] < restarted_ns < recorded.stamps_ns[-1]
+        recorded = recorded_stamps_ns(path)
+        last = f"{len(recorded)} poses, path 0.0 m; {len(recorded)} poses in {path}"
+        assert watch.lines[-1] == last
+    # none is missing from when the watch was matched
+    assert recorded[recorded.index(before[0]) :][:10] == before
+    assert recorded[-10:] == after

@@ -96,9 +96,8 @@ class GlueMethod:
 
     def _extract(self, view: View) -> FrameFeatures:
         """Like ``Glue.extract``, with geometric features extracted by the second thread."""
-        geometric = self._second_thread.submit(timed, self._glue.geometric.extract, view)
-        visual = timed(self._glue.visual.extract, view)
-        return FrameFeatures.timed(view, visual, geometric.result())
+        geometric = self._second_thread.submit(self._glue.extract_geometric, view)
+        return self._glue.extract_visual(view, geometric.result).complete()
 
     def register(self, source: Described, target: Described) -> RegistrationResult:
         """Sections 3.1 to 3.3 of the paper."""
