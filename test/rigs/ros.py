@@ -118,13 +118,16 @@ class Rig(Closing):
         self.keyframes: list[PoseStamped] = []
         self.odoms: list[OdometryMessage] = []
         self.diagnostics: list[DiagnosticArray] = []
-        for kind, topic, received in (
+        listened = (
             (PoseStamped, POSE, self.poses),
             (OdometryMessage, ODOM, self.odoms),
             (PoseStamped, KEYFRAME_POSE, self.keyframes),
             (DiagnosticArray, DIAGNOSTICS, self.diagnostics),
-        ):
+        )
+        self._listeners = [
             self.node.create_subscription(kind, topic, received.append, 10)
+            for kind, topic, received in listened
+        ]
 
     def close(self) -> None:
         """Leaves the domain, as a driver that ends."""
@@ -183,8 +186,8 @@ class Rig(Closing):
                     return False
                 if publisher.get_subscription_count() != 1:
                     return False
-            published = self.node.count_publishers(POSE), self.node.count_publishers(ODOM)
-            return published == (1, 1)
+            # a publisher is in the graph before it is matched, and what it sends until then is lost
+            return all(listener.get_publisher_count() == 1 for listener in self._listeners)
 
         self.wait(is_matched, "the node's subscriptions", START_S)
 
