@@ -56,30 +56,29 @@ class Acceptance:
         """One that accepts no pose that the camera can hardly reach."""
         return replace(self, includes_jumps=False)
 
-    def is_plausible(self, pose: Refinement, planes: int) -> bool:
-        """Whether planes or pixels support a pose and the planes do not contradict it.
-
-        Args:
-            pose: with what its frame shows of it.
-            planes: number of planes of which a fraction has to agree: the visible ones, or also
-                those that may be occluded.
-        """
-        enough = planes >= self.min_planes
-        agreement = pose.planes_agreeing / max(planes, 1)
-        if enough and agreement < self.plane_agreement / 2:
+    def is_plausible(self, pose: Refinement) -> bool:
+        """Whether planes or pixels support a pose, and the visible planes do not contradict it."""
+        planes, agreement = pose.planes_visible, pose.visible_agreement
+        if self._planes_contradict(planes, agreement):
             return False
-        return (enough and agreement >= self.plane_agreement) or self.correlates(pose)
+        return self._planes_support(planes, agreement) or self.correlates(pose)
+
+    def is_plausible_place(self, pose: Refinement) -> bool:
+        """Whether a pose is plausible though no prediction leads to it.
+
+        Pixels have to support it, and planes must not contradict it. Occluded planes count too: a
+        person in front of the camera is not evidence for a place.
+        """
+        is_contradicted = self._planes_contradict(pose.planes_seen, pose.plane_agreement)
+        return self.correlates(pose) and not is_contradicted
 
     def is_conclusive(self, pose: Refinement) -> bool:
-        """Whether to accept an unlikely pose: one hardly within reach, or where the camera was.
+        """Whether planes and pixels both support a pose, so that it need not be a likely one.
 
-        Both planes and pixels must support it, including those that may be occluded.
+        Occluded planes count too.
         """
-        return (
-            pose.planes_seen >= self.min_planes
-            and pose.plane_agreement >= self.plane_agreement
-            and self.correlates(pose)
-        )
+        is_supported = self._planes_support(pose.planes_seen, pose.plane_agreement)
+        return is_supported and self.correlates(pose)
 
     def correlates(self, pose: Refinement) -> bool:
         """Whether the brightness of model and image correlates at a pose."""
@@ -91,3 +90,11 @@ class Acceptance:
     def allows_jump(self, pose: Refinement) -> bool:
         """Whether to accept a pose that the camera can hardly reach."""
         return self.includes_jumps and self.is_conclusive(pose)
+
+    def _planes_support(self, planes: int, agreement: float) -> bool:
+        """Whether enough of so many planes agree."""
+        return planes >= self.min_planes and agreement >= self.plane_agreement
+
+    def _planes_contradict(self, planes: int, agreement: float) -> bool:
+        """Whether so few of so many planes agree that the pose is wrong, whatever pixels say."""
+        return planes >= self.min_planes and agreement < self.plane_agreement / 2

@@ -133,7 +133,7 @@ def _refined(
         return estimate, coarse
     near = problem.refined(T_track_camera, [FINAL_LEVEL])
     is_better = (
-        acceptance.is_plausible(near, near.planes_visible)
+        acceptance.is_plausible(near)
         and 2 * near.pixels_seen >= acceptance.min_pixels
         and fit(near) > fit(estimate.refinement) + CLEARLY_BETTER
     )

@@ -71,7 +71,7 @@ def settle_contradiction(
     has_witness = last.alternative is not None or is_likelier
     if alternative.is_larger and has_witness:
         larger = _refined_alternative(problem, alternative, chosen.coarse, acceptance)
-        if acceptance.is_plausible(larger.refinement, larger.refinement.planes_visible):
+        if acceptance.is_plausible(larger.refinement):
             alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
             pose = larger
     T, T_other = pose.T_track_camera, alternative.T_track_camera

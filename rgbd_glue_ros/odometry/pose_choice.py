@@ -66,9 +66,9 @@ class Candidate:
         """The pose, and how well the frame agrees with it."""
         return self.estimate.refinement
 
-    def is_believed(self, acceptance: Acceptance) -> bool:
+    def is_accepted(self, acceptance: Acceptance) -> bool:
         """Whether the pose is plausible, and within reach of the camera or conclusive."""
-        if not acceptance.is_plausible(self.refinement, self.refinement.planes_visible):
+        if not acceptance.is_plausible(self.refinement):
             return False
         return self.distance_squared < POSE_GATE or acceptance.allows_jump(self.refinement)
 
@@ -87,11 +87,11 @@ def choose(
         inlier_threshold: distance within which a match agrees with a pose, metres.
         acceptance: the evidence that it takes.
     """
-    believed = [c for c in candidates if c.is_believed(acceptance)]
-    if not believed:
+    accepted = [c for c in candidates if c.is_accepted(acceptance)]
+    if not accepted:
         return None
-    best = believed[0]
-    for candidate in believed[1:]:
+    best = accepted[0]
+    for candidate in accepted[1:]:
         if _is_better(candidate, best, matches, inlier_threshold):
             best = candidate
     return best

@@ -107,7 +107,7 @@ class PoseProblem(RefinementProblem):
         twist = twist_from_distortion(finer, moving, VELOCITY_LEVEL)
         moving = self.with_twist_of(PoseEstimate(finer, twist))
         final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
-        if acceptance.is_plausible(final, final.planes_visible):
+        if acceptance.is_plausible(final):
             return PoseEstimate(final, twist, moving.view.twist)
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 

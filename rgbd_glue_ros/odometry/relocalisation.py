@@ -29,7 +29,7 @@ def relocalise(
         keyframes: to try, in this order.
         problem: the frame, its predicted motion, and how poses are refined.
         glue: registers the frame.
-        acceptance: the evidence that a pose needs, here of planes and pixels both.
+        acceptance: the evidence that a pose needs.
 
     Returns:
         None if no keyframe gives one.
@@ -42,21 +42,16 @@ def relocalise(
             continue
         T_track_camera = keyframe.T_track_camera @ T_keyframe_camera
         refinement = refine(T_track_camera, replace(problem, model=keyframe.model))
-        if _is_believed(refinement, problem.predicted, acceptance):
+        if _is_accepted(refinement, problem.predicted, acceptance):
             fix = PoseFix(PoseEstimate(refinement), keyframe, keyframe.model)
             return Attempt(features, registration, fix)
     return None
 
 
-def _is_believed(
+def _is_accepted(
     refinement: Refinement, predicted: PredictedMotion, acceptance: Acceptance
 ) -> bool:
-    """Whether planes and pixels both support a pose.
-
-    Occluded planes count too: a person in front of the camera is not evidence for a place.
-    """
-    return (
-        acceptance.is_plausible(refinement, refinement.planes_seen)
-        and acceptance.correlates(refinement)
-        and (predicted.reaches(refinement.T_model_source) or acceptance.allows_jump(refinement))
+    """Whether a pose is plausible, and within reach of the camera or conclusive."""
+    return acceptance.is_plausible_place(refinement) and (
+        predicted.reaches(refinement.T_model_source) or acceptance.allows_jump(refinement)
     )

@@ -1,6 +1,8 @@
-"""What planes and pixels must say of a pose before it is believed."""
+"""What planes and pixels must say of a pose before it is is_plausible."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,12 +29,8 @@ def found(planes: int, agreement: float, pixels: int, correlation: float) -> Ref
     )
 
 
-def plausible(pose: Refinement, acceptance: Acceptance) -> bool:
-    return acceptance.is_plausible(pose, pose.planes_visible)
-
-
 @pytest.mark.parametrize(
-    ("pose", "believed", "conclusive"),
+    ("pose", "is_plausible", "is_conclusive"),
     [
         (found(MANY, 0.9, MANY, 0.9), True, True),
         (found(MANY, 0.9, 0, 0.0), True, False),
@@ -46,20 +44,20 @@ def plausible(pose: Refinement, acceptance: Acceptance) -> bool:
     ],
 )
 def test_planes_or_pixels_support_a_pose_and_decide_together(
-    pose: Refinement, believed: bool, conclusive: bool
+    pose: Refinement, is_plausible: bool, is_conclusive: bool
 ) -> None:
-    assert plausible(pose, USUAL) is believed
-    assert USUAL.is_conclusive(pose) is conclusive
+    assert USUAL.is_plausible(pose) is is_plausible
+    assert USUAL.is_conclusive(pose) is is_conclusive
 
 
 def test_after_a_gap_a_few_planes_or_pixels_are_not_enough() -> None:
     few_planes, few_pixels = found(MANY - 1, 0.9, 0, 0.0), found(0, 0.0, MANY - 1, 0.9)
     alike = found(0, 0.0, MANY, 0.7)
     for pose in few_planes, few_pixels, alike:
-        assert plausible(pose, USUAL)
-        assert not plausible(pose, USUAL.sceptical())
+        assert USUAL.is_plausible(pose)
+        assert not USUAL.sceptical().is_plausible(pose)
     for pose in found(MANY, 0.6, 0, 0.0), found(0, 0.0, MANY, 0.9):
-        assert plausible(pose, USUAL.sceptical())
+        assert USUAL.sceptical().is_plausible(pose)
 
 
 @pytest.mark.parametrize(
@@ -70,3 +68,21 @@ def test_a_jump_takes_a_conclusive_pose_where_jumps_are_accepted_at_all(
 ) -> None:
     assert USUAL.allows_jump(pose) is allowed
     assert not USUAL.without_jumps().allows_jump(pose)
+
+
+@pytest.mark.parametrize(
+    ("pose", "is_plausible"),
+    [
+        (found(MANY, 0.9, MANY, 0.9), True),
+        (found(MANY, 0.4, MANY, 0.9), True),
+        (found(0, 0.0, MANY, 0.9), True),
+        (found(MANY, 0.9, MANY, 0.5), False),
+        (found(MANY, 0.1, MANY, 0.9), False),
+        # half of the visible planes agree
+        (replace(found(5 * MANY, 0.1, MANY, 0.9), planes_occluded=4 * MANY), False),
+    ],
+)
+def test_a_pose_without_prediction_takes_pixels_that_no_planes_contradict_not_even_occluded_ones(
+    pose: Refinement, is_plausible: bool
+) -> None:
+    assert USUAL.is_plausible_place(pose) is is_plausible
