@@ -13,7 +13,7 @@ from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.pose_choice import CLEARLY_BETTER, Candidate, fit
+from rgbd_glue_ros.odometry.pose_choice import CLEARLY_BETTER, Candidate, image_agreement
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,
     FINAL_LEVEL,
@@ -134,8 +134,9 @@ def _refined(
     near = problem.refined(T_track_camera, [FINAL_LEVEL])
     is_better = (
         acceptance.is_plausible(near)
+        # with hardly a pixel to hold it, this pose may have slid as well
         and 2 * near.pixels_seen >= acceptance.min_pixels
-        and fit(near) > fit(estimate.refinement) + CLEARLY_BETTER
+        and image_agreement(near) > image_agreement(estimate.refinement) + CLEARLY_BETTER
     )
     if not is_better:
         return estimate, coarse

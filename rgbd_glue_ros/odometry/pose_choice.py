@@ -20,25 +20,27 @@ from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Correspondences
 
 CLEARLY_BETTER = 0.1
-"""A difference of fits that decides.
+"""A difference of ``image_agreement`` that decides.
 
 From a wrong start, refinement also ends in places that fit a little better.
 """
 # Poses refined from distant starts that end nearer than this, metres and radians added, are equal.
-_SAME = 0.01
+_SAME_POSE = 0.01
 # The weight of brightness correlation relative to the agreement of planes: surfaces fill an image,
 # but all its texture may be on a passer-by.
-_TEXTURE = 0.3
+_CORRELATION_WEIGHT = 0.3
 # A pose that the camera can hardly reach is penalised by this fraction of the planes.
-_MOTION = 0.25
-# Visual matches decide between two poses from this number on, if this many times as many agree with
-# one of them. If the finest level is for that pose as well, nothing overrules them. Otherwise it
-# does if it is clearly against it, planes by this further fraction, and the motion if one pose is
-# likely and the other is not.
-_DECIDING_MATCHES, _CLEARLY_MORE = 20, 1.3
-_PLANES_CONTRADICT, _MOTION_CONTRADICTS = 0.25, 0.5
-# If no more than this fraction of the planes agrees with a pose, matches may be with a passer-by.
-_MOST_PLANES = 0.5
+_MOTION_WEIGHT = 0.25
+# Visual matches tell two poses apart if at least this number agree with one of them,
+_DECIDING_MATCHES = 20
+# and this many times as many as with the other.
+_CLEARLY_MORE_MATCHES = 1.3
+# If at most this fraction of the planes agrees with a pose, its matches may be with a passer-by.
+_FEW_PLANES = 0.5
+# Matches do not decide against planes of which this further fraction agrees with the other pose,
+_PLANES_CONTRADICT = 0.25
+# nor against the motion if one pose is likely and the other is not: see ``_likelier``.
+_MOTION_CONTRADICTS = 0.5
 # Blur and fast motion displace some planes; if more than this fraction agree, or matches decide, no
 # further start is needed. Poses were up to 29 cm off with 77 % of the planes agreeing.
 _CLEAR_AGREEMENT = 0.85
@@ -112,6 +114,7 @@ def is_clear(
         acceptance: how many planes count.
     """
     coarse = candidate.coarse
+    # a coarse level has every 2^level-th plane
     visible = coarse.planes_visible * 2 ** COARSE_LEVELS[-1]
     if visible >= acceptance.min_planes and coarse.visible_agreement >= _CLEAR_AGREEMENT:
         return True
@@ -119,10 +122,10 @@ def is_clear(
     return bool(np.count_nonzero(agreeing) >= _DECIDING_MATCHES)
 
 
-def fit(refinement: Refinement) -> float:
+def image_agreement(refinement: Refinement) -> float:
     """How well planes and pixels agree with a pose."""
     correlation = max(refinement.brightness_correlation, 0.0)
-    return refinement.plane_agreement + _TEXTURE * correlation
+    return refinement.plane_agreement + _CORRELATION_WEIGHT * correlation
 
 
 def _is_better(
@@ -130,51 +133,55 @@ def _is_better(
 ) -> bool:
     """Whether there is more evidence for a pose than for another one of the same frame."""
     T, T_other = candidate.estimate.T_track_camera, than.estimate.T_track_camera
-    if se3.difference(T, T_other) <= _SAME:
+    if se3.difference(T, T_other) <= _SAME_POSE:
         return False
     agreeing, agreeing_with_other = (
         int(np.count_nonzero(distances(pose, matches) <= inlier_threshold)) for pose in (T, T_other)
     )
-    # The light of a lamp on the camera is smooth: at the coarse levels it correlates at any pose.
-    if _decided(candidate, agreeing, than, agreeing_with_other):
+    matches_are_for = _matches_decide(agreeing, agreeing_with_other)
+    matches_are_against = _matches_decide(agreeing_with_other, agreeing)
+    # before the coarse levels: there the smooth light of a lamp on the camera fits any pose
+    if matches_are_for and _finest_level_confirms(candidate, than):
         return True
-    if _decided(than, agreeing_with_other, candidate, agreeing):
+    if matches_are_against and _finest_level_confirms(than, candidate):
         return False
-    by_images = fit(candidate.coarse) - fit(than.coarse)
-    by_motion = _likelier(candidate, than)
-    if by_images + _MOTION * by_motion > 0:
+    by_images = image_agreement(candidate.coarse) - image_agreement(than.coarse)
+    if by_images + _MOTION_WEIGHT * _likelier(candidate, than) > 0:
         return True
-    more = candidate.coarse.plane_agreement - than.coarse.plane_agreement
-    return bool(
-        _decide(agreeing, agreeing_with_other)
-        and fit(candidate.refinement) > fit(than.refinement) - CLEARLY_BETTER
-        and candidate.coarse.brightness_correlation >= than.coarse.brightness_correlation
-        and more > -_PLANES_CONTRADICT
-        and by_motion > -_MOTION_CONTRADICTS
-    )
+    return matches_are_for and _nothing_contradicts(candidate, than)
 
 
-def _decided(
-    candidate: Candidate, agreeing: int, than: Candidate, agreeing_with_other: int
-) -> bool:
-    """Whether matches decide for a pose and the finest level is for it, too.
+def _matches_decide(agreeing: int, agreeing_with_other: int) -> bool:
+    """Whether matches decide for the pose that so many of them agree with."""
+    is_clearly_more = agreeing > _CLEARLY_MORE_MATCHES * agreeing_with_other
+    return agreeing >= _DECIDING_MATCHES and is_clearly_more
 
-    The finest level has to be clearly for it if few planes agree with it, as with a pose that
-    follows a passer-by, or if the motion contradicts.
+
+def _finest_level_confirms(candidate: Candidate, than: Candidate) -> bool:
+    """Whether the finest level is for a pose, too, that matches have decided for.
+
+    It has to be clearly for it if few planes agree with the pose, as with one that follows a
+    passer-by, or if the motion contradicts.
     """
-    if not _decide(agreeing, agreeing_with_other):
-        return False
     is_supported = (
-        candidate.refinement.plane_agreement > _MOST_PLANES
+        candidate.refinement.plane_agreement > _FEW_PLANES
         and _likelier(candidate, than) > -_MOTION_CONTRADICTS
     )
     least = 0.0 if is_supported else CLEARLY_BETTER
-    return fit(candidate.refinement) - fit(than.refinement) > least
+    return image_agreement(candidate.refinement) - image_agreement(than.refinement) > least
 
 
-def _decide(agreeing: int, agreeing_with_other: int) -> bool:
-    """Whether matches decide for the pose that so many of them agree with."""
-    return agreeing >= _DECIDING_MATCHES and agreeing > _CLEARLY_MORE * agreeing_with_other
+def _nothing_contradicts(candidate: Candidate, than: Candidate) -> bool:
+    """Whether neither images nor motion clearly contradict what matches have decided."""
+    finest, finest_of_other = candidate.refinement, than.refinement
+    coarse, coarse_of_other = candidate.coarse, than.coarse
+    more_planes = coarse.plane_agreement - coarse_of_other.plane_agreement
+    return bool(
+        image_agreement(finest) > image_agreement(finest_of_other) - CLEARLY_BETTER
+        and coarse.brightness_correlation >= coarse_of_other.brightness_correlation
+        and more_planes > -_PLANES_CONTRADICT
+        and _likelier(candidate, than) > -_MOTION_CONTRADICTS
+    )
 
 
 def _likelier(candidate: Candidate, than: Candidate) -> float:
