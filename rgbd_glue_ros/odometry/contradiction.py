@@ -79,19 +79,22 @@ def settle_contradiction(
     return SettledPose(pose, alternative, T @ se3.inverse(T_other) if was_carried_along else None)
 
 
-def doubt(
-    pose: Refinement, alternative: Alternative | None, spread: Float64, acceptance: Acceptance
+def contradiction_covariance(
+    pose: Refinement,
+    alternative: Alternative | None,
+    reach_covariance: Float64,
+    acceptance: Acceptance,
 ) -> Float64:
     """What a contradiction adds to the covariance of a pose, float64 [6, 6].
 
     With an alternative, it is the second moment of the two poses about the accepted one, each
     weighted by its share. If planes contradict the pose without agreeing on another, so that only
-    pixels support it, a part of ``spread`` is added, for the fraction that does not agree.
+    pixels support it, the fraction of ``reach_covariance`` is added that does not agree.
 
     Args:
         pose: the accepted pose.
         alternative: its alternative; None if there is none.
-        spread: float64 [6, 6], covariance of where the camera can be, perturbation on the right.
+        reach_covariance: float64 [6, 6] of where the camera can be, perturbation on the right.
         acceptance: how many planes count as a contradiction.
 
     Returns:
@@ -104,7 +107,7 @@ def doubt(
     agreeing = pose.visible_agreement
     if pose.planes_visible < acceptance.min_planes or agreeing >= acceptance.plane_agreement:
         return np.zeros((6, 6))
-    return np.asarray((1 - agreeing) * se3.transported_covariance(T, spread), np.float64)
+    return np.asarray((1 - agreeing) * se3.transported_covariance(T, reach_covariance), np.float64)
 
 
 def _refined_alternative(

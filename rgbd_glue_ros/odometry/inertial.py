@@ -108,7 +108,7 @@ class Inertial:
         T, information = pose.T_track_camera, pose.refinement.information
         tracked = covariance_of(information, residuals_per_independent_one)
         covariance = se3.transported_covariance(se3.inverse(T), tracked)[3:, 3:]
-        now = _TrackedRotation(stamp_ns, pose.T_track_camera, covariance)
+        now = _TrackedRotation(stamp_ns, T, covariance)
         last = self._last
         turn = None
         if last is not None and stamp_ns - last.stamp_ns <= _LONGEST_COMPARED_NS:

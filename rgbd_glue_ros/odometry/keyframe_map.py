@@ -15,7 +15,7 @@ from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
 from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes, RecentKeyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion, lost_spread
+from rgbd_glue_ros.odometry.motion_filter import Motion, lost_covariance
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import LastBlend, Model, model_of
@@ -106,9 +106,10 @@ class KeyframeMap:
         self._keyframes.leave_window(self._drift.current().target)
         T_track_camera = last_motion.T_track_camera
         seconds = (stamp_ns - last_motion.stamp_ns) / NANOSECONDS
-        spread = se3.transported_covariance(T_track_camera, lost_spread(seconds))
-        keyframe = self._add(stamp_ns, T_track_camera, last.covariance + spread, features, model)
-        edge = edge_from(last, keyframe.number, T_track_camera, spread, EdgeOrigin.ASSUMED)
+        since_lost = se3.transported_covariance(T_track_camera, lost_covariance(seconds))
+        covariance = last.covariance + since_lost
+        keyframe = self._add(stamp_ns, T_track_camera, covariance, features, model)
+        edge = edge_from(last, keyframe.number, T_track_camera, since_lost, EdgeOrigin.ASSUMED)
         self._edges.append(edge)
         return keyframe
 
@@ -128,7 +129,7 @@ class KeyframeMap:
         pose = candidate.pose
         T, stamp_ns = pose.T_track_camera, pose.motion.stamp_ns
         # a keyframe with a wrong time is off, and what is tracked from it is off by the opposite
-        keyframe = self._add(stamp_ns, T, pose.covariance - pose.timing, *shown)
+        keyframe = self._add(stamp_ns, T, pose.covariance - pose.timing_covariance, *shown)
         relative = pose.covariance_from_keyframe
         self._edges.append(edge_from(pose.reference, keyframe.number, T, relative))
         self._compare_with_anchors(keyframe, calibration)

@@ -25,25 +25,25 @@ _START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 _CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
 # No camera with a usable image moves faster: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
-LOST_SPREAD = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
-"""How far a pose may be off a second after it was lost, float64 [6, 6], m² and rad².
+LOST_COVARIANCE = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
+"""The covariance of a pose a second after it was lost, float64 [6, 6], m² and rad².
 
 A hand-held camera or a robot indoors.
 """
 # A covariance has no digits left after a clock jump of months: time makes a motion no less certain
 # than this long, and no pose is off by more.
 _LONGEST_S = 3600.0
-_FARTHEST_SPREAD = np.diag([1e3] * 3 + [np.pi] * 3) ** 2
+_LARGEST_LOST_COVARIANCE = np.diag([1e3] * 3 + [np.pi] * 3) ** 2
 _EXACT = np.zeros((6, 6))
 M = TypeVar("M", bound="Motion")
 # The two parts of the filter's state.
 _POSE, _TWIST = slice(0, 6), slice(6, 12)
 
 
-def lost_spread(seconds: float) -> Float64:
-    """How far a pose may be off after being lost for a time, float64 [6, 6], m² and rad²."""
-    spread: Float64 = np.minimum(LOST_SPREAD * seconds**2, _FARTHEST_SPREAD)
-    return spread
+def lost_covariance(seconds: float) -> Float64:
+    """The covariance of a pose that has been lost for a time, float64 [6, 6], m² and rad²."""
+    covariance: Float64 = np.minimum(LOST_COVARIANCE * seconds**2, _LARGEST_LOST_COVARIANCE)
+    return covariance
 
 
 def _measurement_ratio(P: Float64, information: Float64) -> Float64:
@@ -93,12 +93,12 @@ class Motion:
         F[:6, 6:] = moving * np.eye(6)
         # the velocity changes at the start of the step: a change spread over it would have to be
         # twice as large, and a filter that trusts its measurements would oscillate
-        spreading = min(elapsed, _LONGEST_S)
-        G = np.concatenate([np.eye(6) * spreading**2, np.eye(6) * spreading])
+        accelerating = min(elapsed, _LONGEST_S)
+        G = np.concatenate([np.eye(6) * accelerating**2, np.eye(6) * accelerating])
         acceleration = np.diag([config.acceleration**2] * 3 + [config.angular_acceleration**2] * 3)
         covariance = F @ self.covariance @ F.T + G @ acceleration @ G.T
         # the velocity at the end is not the mean of the step, which is all that poses show
-        covariance[6:, 6:] += acceleration * (spreading / 2) ** 2
+        covariance[6:, 6:] += acceleration * (accelerating / 2) ** 2
         # what the camera does after that time is unknown
         twist = self.twist * (moving / elapsed)
         return PredictedMotion(stamp_ns, self.T_track_camera @ step, twist, covariance, elapsed)
@@ -143,8 +143,8 @@ class Motion:
         """
         innovation = se3.log(se3.inverse(self.T_track_camera) @ T_measured)
         weight = _measurement_ratio(self.pose_covariance, information) @ information
-        distance = float(innovation @ weight @ innovation)
-        P = self.covariance * max(1.0, (distance / POSE_GATE) ** 2)
+        distance_squared = float(innovation @ weight @ innovation)
+        P = self.covariance * max(1.0, (distance_squared / POSE_GATE) ** 2)
         corrected = self._updated(P, _POSE, innovation, information)
         if (np.abs(corrected.twist) < _FASTEST).all():
             return corrected
@@ -203,8 +203,7 @@ class PredictedMotion(Motion):
 
     def expects(self, T_track_camera: Float64) -> bool:
         """Whether a pose is possible according to the filter."""
-        displacement = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(displacement, self.pose_covariance) < POSE_GATE
+        return mahalanobis_squared(self._error(T_track_camera), self.pose_covariance) < POSE_GATE
 
     def reaches(self, T_track_camera: Float64) -> bool:
         """Whether the camera can have got to a pose."""
@@ -219,8 +218,7 @@ class PredictedMotion(Motion):
         Returns:
             The distance with ``reach_covariance``; no camera gets beyond ``POSE_GATE``.
         """
-        displacement = se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)
-        return mahalanobis_squared(displacement, self.reach_covariance())
+        return mahalanobis_squared(self._error(T_track_camera), self.reach_covariance())
 
     def reach_covariance(self) -> Float64:
         """How far from its predicted pose the camera can have got, float64 [6, 6].
@@ -232,3 +230,7 @@ class PredictedMotion(Motion):
             (_CHANGE_OF_SPEED * self.elapsed_s) ** 2
         )
         return covariance
+
+    def _error(self, T_track_camera: Float64) -> Float64:
+        """The error of the predicted pose if this one is true, twist [6] on the right of it."""
+        return se3.log(se3.inverse(self.T_track_camera) @ T_track_camera)

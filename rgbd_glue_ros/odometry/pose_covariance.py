@@ -8,7 +8,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframes import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
+from rgbd_glue_ros.odometry.motion_filter import LOST_COVARIANCE, Motion
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Float64
@@ -76,7 +76,7 @@ def covariance_of(information: Float64, residuals_per_independent_one: float) ->
         residuals_per_independent_one: how many of these count as one.
     """
     counted = information / residuals_per_independent_one
-    return np.asarray(np.linalg.inv(counted + np.linalg.inv(LOST_SPREAD)), np.float64)
+    return np.asarray(np.linalg.inv(counted + np.linalg.inv(LOST_COVARIANCE)), np.float64)
 
 
 def tracked_covariance(motion: Motion, reference: Keyframe, errors: PoseErrors) -> Float64:
@@ -103,8 +103,8 @@ def timing_covariance(motion: Motion, errors: PoseErrors) -> Float64:
         motion: with the pose.
         errors: of the camera.
     """
-    late = _late_covariance(motion.twist, errors)
-    return se3.transported_covariance(motion.T_track_camera, late)
+    in_camera = _timing_covariance_in_camera(motion.twist, errors)
+    return se3.transported_covariance(motion.T_track_camera, in_camera)
 
 
 def _unseen_covariance(twist: Float64, distance: float, errors: PoseErrors) -> Float64:
@@ -119,10 +119,10 @@ def _unseen_covariance(twist: Float64, distance: float, errors: PoseErrors) -> F
         float64 [6, 6], in the camera's frame.
     """
     scale = np.diag([(errors.scale_error * distance) ** 2] * 3 + [0.0] * 3)
-    return np.asarray(_late_covariance(twist, errors) + scale, np.float64)
+    return np.asarray(_timing_covariance_in_camera(twist, errors) + scale, np.float64)
 
 
-def _late_covariance(twist: Float64, errors: PoseErrors) -> Float64:
+def _timing_covariance_in_camera(twist: Float64, errors: PoseErrors) -> Float64:
     """Covariance of an error in the time of an image, float64 [6, 6], in the camera's frame."""
-    late = errors.timing_error * np.linalg.norm(twist.reshape(2, 3), axis=1)
-    return np.diag([late[0] ** 2] * 3 + [late[1] ** 2] * 3)
+    metres, radians = errors.timing_error * np.linalg.norm(twist.reshape(2, 3), axis=1)
+    return np.diag([metres**2] * 3 + [radians**2] * 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from rgbd_glue_ros.odometry.acceptance import Acceptance
-from rgbd_glue_ros.odometry.contradiction import doubt
+from rgbd_glue_ros.odometry.contradiction import contradiction_covariance
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.keyframes import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
@@ -26,13 +26,13 @@ class TrackedPose:
     Attributes:
         motion: with the pose, smoothed by the motion filter.
         covariance: float64 [6, 6] of the pose, perturbation on the left, track frame.
-        timing: float64 [6, 6], the part of it due to the time of this image alone.
+        timing_covariance: float64 [6, 6], the part of it due to the time of this image alone.
         reference: the keyframe that the pose was found from.
     """
 
     motion: Motion
     covariance: Float64
-    timing: Float64
+    timing_covariance: Float64
     reference: Keyframe
 
     @staticmethod
@@ -54,13 +54,17 @@ class TrackedPose:
             errors: of the camera.
             acceptance: how many planes count as a contradiction of the fix.
         """
-        seen = corrected_motion(predicted, fix.estimate, errors.residuals_per_independent_one)
-        seen = replace(seen, twist=motion.twist)  # what an error of time costs goes by one velocity
-        doubted = doubt(
+        by_own_errors = corrected_motion(
+            predicted, fix.estimate, errors.residuals_per_independent_one
+        )
+        # an error of time displaces the camera by its published velocity
+        by_own_errors = replace(by_own_errors, twist=motion.twist)
+        covariance = tracked_covariance(by_own_errors, fix.reference, errors)
+        covariance = covariance + contradiction_covariance(
             fix.estimate.refinement, fix.alternative, predicted.reach_covariance(), acceptance
         )
-        covariance = tracked_covariance(seen, fix.reference, errors) + doubted
-        return TrackedPose(motion, covariance, timing_covariance(seen, errors), fix.reference)
+        timing = timing_covariance(by_own_errors, errors)
+        return TrackedPose(motion, covariance, timing, fix.reference)
 
     @property
     def T_track_camera(self) -> Float64:

@@ -6,7 +6,7 @@ from collections.abc import Container
 from dataclasses import replace
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.motion_filter import lost_spread
+from rgbd_glue_ros.odometry.motion_filter import lost_covariance
 from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge
 
 # The least doubtful first: a composed edge is as doubtful as the worse of the two.
@@ -59,9 +59,8 @@ def assumed_edge(
         T_parent_child: float64 [4, 4], where the odometry has the two.
         elapsed_ns: between their stamps, nanoseconds.
     """
-    spread = lost_spread(max(abs(elapsed_ns), _LEAST_GAP_NS) / NANOSECONDS)
-    # known in the child's frame, and wanted in the parent's
-    covariance = se3.transported_covariance(T_parent_child, spread)
+    in_child = lost_covariance(max(abs(elapsed_ns), _LEAST_GAP_NS) / NANOSECONDS)
+    covariance = se3.transported_covariance(T_parent_child, in_child)
     return PoseGraphEdge(parent, child, T_parent_child, covariance, EdgeOrigin.ASSUMED)
 
 

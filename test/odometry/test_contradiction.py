@@ -1,4 +1,4 @@
-"""Where a part of the view moves otherwise than the rest, doubt is said and odom stays smooth."""
+"""Where a part of the view moves otherwise than the rest, the covariance covers both motions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.alternative import Alternative, find_alternative, is_contradicted
-from rgbd_glue_ros.odometry.contradiction import doubt
+from rgbd_glue_ros.odometry.contradiction import contradiction_covariance
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.parameters import Config
@@ -99,17 +99,19 @@ def test_a_view_that_agrees_with_its_pose_has_no_alternative() -> None:
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     assert alternative(of, truth) is None
     pose = evaluate_pose(truth, of)
-    np.testing.assert_array_equal(doubt(pose, None, np.eye(6), ACCEPTANCE), np.zeros((6, 6)))
+    np.testing.assert_array_equal(
+        contradiction_covariance(pose, None, np.eye(6), ACCEPTANCE), np.zeros((6, 6))
+    )
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5])
-def test_the_doubt_is_the_second_moment_of_the_two_poses(share: float) -> None:
+def test_a_contradiction_adds_the_second_moment_of_the_two_poses(share: float) -> None:
     of = problem_at_rest(room_view(0.0), room_view(0.3))
     truth = se3.inverse(true_pose(0.0)) @ true_pose(0.3)
     pose = evaluate_pose(truth, of)
     apart = np.array([0.2, 0.0, -0.1, 0.0, 0.03, 0.0])
     other = Alternative(se3.exp(apart) @ truth, share)
-    added = doubt(pose, other, np.eye(6), ACCEPTANCE)
+    added = contradiction_covariance(pose, other, np.eye(6), ACCEPTANCE)
     draws = np.random.default_rng(0).random(200_000) < share
     sampled = np.where(draws[:, np.newaxis], apart, 0.0)
     np.testing.assert_allclose(added, sampled.T @ sampled / len(draws), atol=5e-4)
@@ -119,7 +121,7 @@ def test_a_pose_that_most_planes_contradict_gets_the_covariance_of_its_reach() -
     of = problem_at_rest(room_view(0.0), room_view(0.0))
     wrong = evaluate_pose(se3.exp(np.array([0, 0, 0.5, 0, 0, 0])), of)
     assert wrong.planes_agreeing < wrong.planes_visible / 2
-    spread = np.diag([1.0] * 3 + [0.1] * 3)
-    added = doubt(wrong, None, spread, ACCEPTANCE)
+    reach = np.diag([1.0] * 3 + [0.1] * 3)
+    added = contradiction_covariance(wrong, None, reach, ACCEPTANCE)
     assert np.linalg.eigvalsh(added).min() > 0
     assert added[2, 2] > 0.5

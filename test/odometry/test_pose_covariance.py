@@ -8,7 +8,7 @@ import numpy as np
 from rigs.room import room_view
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.motion_filter import LOST_SPREAD, Motion
+from rgbd_glue_ros.odometry.motion_filter import LOST_COVARIANCE, Motion
 from rgbd_glue_ros.odometry.pose_covariance import (
     PoseErrors,
     covariance_of,
@@ -48,7 +48,7 @@ def test_errors_that_were_learnt_are_all_that_they_change_of_a_configuration() -
 def test_residuals_that_err_alike_count_as_one() -> None:
     alike = replace(EXACT, residuals_per_independent_one=9.0)
     at_rest = np.zeros(6)
-    lost = np.linalg.inv(LOST_SPREAD)
+    lost = np.linalg.inv(LOST_COVARIANCE)
     shown, shown_alike = (
         np.linalg.inv(covariance(errors, at_rest)) - lost for errors in (EXACT, alike)
     )
@@ -60,7 +60,7 @@ def test_what_no_residual_shows_is_as_uncertain_as_the_pose_of_a_lost_camera() -
     one_plane = np.diag([0.0, 0.0, 1e6, 1e6, 1e6, 0.0])
     covariance = covariance_of(one_plane, 100.0)
     assert (np.linalg.eigvalsh(covariance) > 0).all()
-    np.testing.assert_allclose(np.diag(covariance)[[0, 1, 5]], np.diag(LOST_SPREAD)[[0, 1, 5]])
+    np.testing.assert_allclose(np.diag(covariance)[[0, 1, 5]], np.diag(LOST_COVARIANCE)[[0, 1, 5]])
     np.testing.assert_allclose(np.diag(covariance)[2:5], 1e-4, rtol=1e-3)
 
 
