@@ -15,13 +15,10 @@ from math import exp, log
 
 import numpy as np
 
-from rgbd_glue_ros.refinement.gauss_newton import DAMPING, Refinement, damped
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.normal_equations import DAMPING, damped, normal_equations
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import (
-    Rows,
-    normal_equations,
-    plane_and_pixel_rows,
-)
+from rgbd_glue_ros.refinement.residual_rows import Rows, plane_and_pixel_rows
 from rgbd_glue_ros.types import Float64
 
 # Bands of image rows: each usually sees enough of the scene to determine a pose.
@@ -93,8 +90,9 @@ def _of_band(rows: Sequence[Rows], band: int) -> tuple[Float64, Float64]:
     for of_kind in rows:
         # normalised row time is -1/2 at the first row and 1/2 at the last
         inside = np.floor(_BANDS * (of_kind.row_time + 0.5)).clip(0, _BANDS - 1) == band
-        of_band = (of_kind.jacobian[inside], of_kind.weight[inside], of_kind.residual[inside])
-        H_kind, g_kind = normal_equations(*of_band)
+        H_kind, g_kind = normal_equations(
+            of_kind.jacobian[inside], of_kind.weight[inside], of_kind.residual[inside]
+        )
         H, g = H + H_kind, g + g_kind
     return H, g
 

@@ -20,6 +20,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.match_residuals import add_matches
 from rgbd_glue_ros.refinement.model import LEVELS
+from rgbd_glue_ros.refinement.normal_equations import damped, mirror_upper_triangle
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
@@ -36,8 +37,6 @@ COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
 # The last level stops at a step shorter than the first value, in metres and radians. The coarser
 # levels only find a start for the next, and stop at the second, longer one.
 _CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
-# Added to the Hessian: where neither planes nor pixels constrain the pose, it stays as it was.
-DAMPING = 100.0
 # Smallest standard deviation of brightness, grey levels in a well-lit image.
 _LEAST_DEVIATION = 2.0
 # Gain, bias and standard deviation to start with, before any brightness is compared.
@@ -139,20 +138,6 @@ def evaluate_pose(
     return _refinement(_descend(T_model_source, of_level, brightness, 0, _CONVERGED))
 
 
-def marginalise_pose(H: Float64, g: Float64) -> tuple[Float64, Float64]:
-    """Eliminates the pose from normal equations that have other unknowns too.
-
-    Args:
-        H: float64 [6 + K, 6 + K], Hessian for the pose and K other unknowns.
-        g: float64 [6 + K], gradient.
-
-    Returns:
-        Hessian [K, K] and gradient [K] of the other unknowns.
-    """
-    elimination = H[6:, :6] @ np.linalg.inv(damped(H[:6, :6]))
-    return H[6:, 6:] - elimination @ H[:6, 6:], g[6:] - elimination @ g[:6]
-
-
 class _PixelFit(NamedTuple):
     """Pixels seen, the correlation of their brightness, and the affine brightness that fits best.
 
@@ -198,13 +183,6 @@ def _refinement(descent: _Descent) -> Refinement:
 
 
 @compiled
-def damped(H: Float64) -> Float64:
-    """A Hessian [6, 6] with ``DAMPING`` on its diagonal, so that it can be inverted."""
-    held: Float64 = H + DAMPING * np.eye(6)
-    return held
-
-
-@compiled
 def _descend(
     T: Float64,
     problem: LevelProblem,
@@ -238,9 +216,7 @@ def _linearise(T: Float64, problem: LevelProblem, affine_brightness: Float64) ->
     _add(of_pixels, weight / (sigma * sigma), H, g)
     pixels = _pixel_fit(of_pixels, brightness, problem, affine_brightness)
     add_matches(T, problem, H, g)
-    for a in range(6):
-        for b in range(a):
-            H[a, b] = H[b, a]
+    mirror_upper_triangle(H)
     return _Linearisation(H, g, planes, pixels)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.projection import NEAREST_M
+from rgbd_glue_ros.refinement.residuals import by_rotation
 from rgbd_glue_ros.types import Float64
 
 # Standard deviation of keypoint positions, coarse octaves included, pixels.
@@ -39,7 +40,8 @@ def add_matches(T: Float64, problem: LevelProblem, H: Float64, g: Float64) -> No
             J0 = -scale * (T[0, axis] - slope * T[0, 2])
             J1 = -scale * (T[1, axis] - slope * T[1, 2])
             J2 = -scale * (T[2, axis] - slope * T[2, 2])
-            J = (J0, J1, J2, q1 * J2 - q2 * J1, q2 * J0 - q0 * J2, q0 * J1 - q1 * J0)
+            J3, J4, J5 = by_rotation(q0, q1, q2, J0, J1, J2)
+            J = (J0, J1, J2, J3, J4, J5)
             for a in range(6):
                 g[a] += w * r * J[a]
                 for b in range(a, 6):

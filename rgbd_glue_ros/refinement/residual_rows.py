@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.residuals import (
     Residuals,
@@ -52,38 +51,6 @@ def plane_and_pixel_rows(
     residuals, _, planes = plane_residuals(T, problem)
     weight = weight_of_pixels(problem, planes)
     return _rows(residuals), _pixel_rows(T, problem, affine_brightness, weight)
-
-
-def extended_normal_equations(rows: Rows, *derivatives: Float64) -> tuple[Float64, Float64]:
-    """Hessian [6 + K, 6 + K] and gradient [6 + K] for the pose and K other unknowns.
-
-    Args:
-        rows: residuals.
-        derivatives: their derivatives by the other unknowns, float64 [N] or [N, M] each, with K
-            columns in total.
-    """
-    J = np.column_stack([rows.jacobian, *derivatives])
-    return normal_equations(J, rows.weight, rows.residual)
-
-
-@compiled
-def normal_equations(J: Float64, weight: Float64, residual: Float64) -> tuple[Float64, Float64]:
-    """Hessian [K, K] and gradient [K] of weighted residuals with the derivatives J [N, K].
-
-    Does not use BLAS, whose last digits depend on its number of threads.
-    """
-    size = J.shape[1]
-    H, g = np.zeros((size, size)), np.zeros(size)
-    for i in range(len(J)):
-        for a in range(size):
-            by_a = weight[i] * J[i, a]
-            g[a] += by_a * residual[i]
-            for b in range(a, size):
-                H[a, b] += by_a * J[i, b]
-    for a in range(size):
-        for b in range(a):
-            H[a, b] = H[b, a]
-    return H, g
 
 
 def _rows(residuals: Residuals) -> Rows:

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
-from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import (
-    Rows,
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.normal_equations import (
     extended_normal_equations,
-    plane_and_pixel_rows,
+    marginalise_pose,
 )
+from rgbd_glue_ros.refinement.problem import RefinementProblem
+from rgbd_glue_ros.refinement.residual_rows import Rows, plane_and_pixel_rows
 from rgbd_glue_ros.types import Float64
 
 # Standard deviation of a velocity that causes no distortion, m/s and rad/s: above any camera's.

@@ -15,13 +15,13 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import TimeOffsetsConfig
-from rgbd_glue_ros.refinement.gauss_newton import Refinement, marginalise_pose
-from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import (
-    Rows,
+from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.normal_equations import (
     extended_normal_equations,
-    plane_and_pixel_rows,
+    marginalise_pose,
 )
+from rgbd_glue_ros.refinement.problem import RefinementProblem
+from rgbd_glue_ros.refinement.residual_rows import Rows, plane_and_pixel_rows
 from rgbd_glue_ros.types import Float64
 
 # Limit of both: no driver is later, and no camera of a moving robot reads out more slowly.
