@@ -122,18 +122,19 @@ def _coherent(
         iterations: maximum at each level.
         acceptance: the evidence that a pose needs.
     """
-    T, found = start, pose
+    T, refined = start, pose
     for level, of_the_rest in rest:
-        found = refine_at(T, of_the_rest, pose.affine_brightness, iterations)
-        T = found.T_model_source
-        if found.planes_agreeing * 2**level < acceptance.min_planes:
+        refined = refine_at(T, of_the_rest, pose.affine_brightness, iterations)
+        T = refined.T_model_source
+        # a level has every 2^level-th plane
+        if refined.planes_agreeing * 2**level < acceptance.min_planes:
             return None
-        if found.visible_agreement < acceptance.plane_agreement:
+        if refined.visible_agreement < acceptance.plane_agreement:
             return None
-    if found.visible_agreement < (1 + acceptance.plane_agreement) / 2:
+    if refined.visible_agreement < (1 + acceptance.plane_agreement) / 2:
         return None
-    blank = found.pixels_seen < acceptance.min_pixels
-    return T if blank or acceptance.correlates(found) else None
+    is_blank = refined.pixels_seen < acceptance.min_pixels
+    return T if is_blank or acceptance.correlates(refined) else None
 
 
 def _share(of_level: LevelProblem, T: Float64, T_other: Float64) -> float:

@@ -142,16 +142,16 @@ class DriftCorrection:
         expected = self.target @ keyframe.T_track_camera
         start = se3.inverse(anchor.T_odom_track) @ expected
         # the finest level costs half of the time, and adds a digit that the anchor's own pose lacks
-        found = refine(start, problem, COARSE_LEVELS)
-        if not acceptance.is_conclusive(found):
+        refinement = refine(start, problem, COARSE_LEVELS)
+        if not acceptance.is_conclusive(refinement):
             return None
-        T_seen = anchor.T_odom_track @ found.T_model_source
+        T_seen = anchor.T_odom_track @ refinement.T_model_source
         off = se3.log(T_seen @ se3.inverse(expected))
         in_odom = se3.transported_covariance(self.target, keyframe.covariance)
         # drift that is less likely by the covariance is a place that looks like another
         if not mahalanobis_squared(off, in_odom) <= POSE_GATE:
             return None
-        return _Comparison(off, revisit_edge(anchor, keyframe, found, errors))
+        return _Comparison(off, revisit_edge(anchor, keyframe, refinement, errors))
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from rgbd_glue_ros.types import Float64
 # Most of the distance from the start is covered at these levels.
 COARSE_LEVELS = COARSE_TO_FINE[:-1]
 # The twist is measured here: fine enough to show the distortion, and one level before it is used.
-VELOCITY_LEVEL = COARSE_TO_FINE[-2]
+TWIST_LEVEL = COARSE_TO_FINE[-2]
 # The pose is final here, with the measured twist: in fast motion its accuracy depends on that.
 FINAL_LEVEL = COARSE_TO_FINE[-1]
 
@@ -100,24 +100,24 @@ class PoseProblem(RefinementProblem):
     def refined_further(self, coarse: Refinement, acceptance: Acceptance) -> PoseEstimate:
         """Refines a pose from the coarse levels to the final one, with a better twist at each.
 
-        If the result of the final level is not plausible, the pose is left unchanged.
+        If the result of the final level is not plausible, the pose stays that of the coarse levels.
         """
-        moving = self.with_twist_of(PoseEstimate(coarse))
-        finer = moving.refined(coarse.T_model_source, [VELOCITY_LEVEL])
-        twist = twist_from_distortion(finer, moving, VELOCITY_LEVEL)
-        moving = self.with_twist_of(PoseEstimate(finer, twist))
-        final = moving.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
+        problem = self.with_twist_inferred_from(PoseEstimate(coarse))
+        finer = problem.refined(coarse.T_model_source, [TWIST_LEVEL])
+        twist = twist_from_distortion(finer, problem, TWIST_LEVEL)
+        problem = self.with_twist_inferred_from(PoseEstimate(finer, twist))
+        final = problem.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
         if acceptance.is_plausible(final):
-            return PoseEstimate(final, twist, moving.view.twist)
+            return PoseEstimate(final, twist, problem.view.twist)
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
-    def as_refined(self, estimate: PoseEstimate) -> PoseProblem:
-        """The problem with the twist that an estimate was refined with."""
+    def with_twist_used_for(self, estimate: PoseEstimate) -> PoseProblem:
+        """The problem with the twist that the view had when an estimate was refined."""
         if estimate.view_twist is None:
             return self
         return replace(self, view=replace(self.view, twist=estimate.view_twist))
 
-    def with_twist_of(self, estimate: PoseEstimate) -> PoseProblem:
+    def with_twist_inferred_from(self, estimate: PoseEstimate) -> PoseProblem:
         """The problem with the twist that the motion filter infers from an estimate."""
         count = self.config.residuals_per_independent_one
         twist = corrected_motion(self.predicted, estimate, count).twist

@@ -26,16 +26,17 @@ def expected_where_unmeasured(estimate: PoseEstimate, problem: PoseProblem) -> P
         estimate: as refined.
         problem: the inputs of its refinement.
     """
-    refined, as_refined = estimate.refinement, problem.as_refined(estimate)
-    predicted, reach = problem.predicted, problem.basin.translation
+    refined, predicted, reach = estimate.refinement, problem.predicted, problem.basin.translation
     expected = ExpectedPose(predicted.T_track_camera, predicted.pose_covariance)
-    found = without_spurious_information(refined, expected, as_refined, reach)
-    if np.array_equal(found.T_model_source, refined.T_model_source):
-        return replace(estimate, refinement=found)
-    # The direction is known to a few degrees only: the way along it also led across it.
-    again = problem.refined(found.T_model_source, [FINAL_LEVEL])
-    found = expected_where_weakest(again, expected, reach)
-    there = evaluate_pose(found.T_model_source, problem)
-    if refined.plane_agreement > there.plane_agreement + CLEARLY_BETTER:
+    corrected = without_spurious_information(
+        refined, expected, problem.with_twist_used_for(estimate), reach
+    )
+    if np.array_equal(corrected.T_model_source, refined.T_model_source):
+        return replace(estimate, refinement=corrected)
+    # The direction is known to a few degrees only: going back along it also led across it.
+    again = problem.refined(corrected.T_model_source, [FINAL_LEVEL])
+    put_back = expected_where_weakest(again, expected, reach)
+    evaluated = evaluate_pose(put_back.T_model_source, problem)
+    if refined.plane_agreement > evaluated.plane_agreement + CLEARLY_BETTER:
         return estimate
-    return replace(estimate, refinement=replace(there, information=found.information))
+    return replace(estimate, refinement=replace(evaluated, information=put_back.information))

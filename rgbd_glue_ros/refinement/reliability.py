@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -64,24 +65,25 @@ def without_spurious_information(
     if reach == 0:
         return refinement
     T, information = refinement.T_model_source, _InformationInCamera.of(refinement)
-    strength, direction = information.weakest
-    as_one = problem.config.residuals_per_independent_one
-    if strength * reach**2 > as_one or not strength > 0:
+    strength, weakest = information.weakest
+    count = problem.config.residuals_per_independent_one
+    # the variance of the pose in that direction is count / strength
+    if strength * reach**2 > count or not strength > 0:
         return refinement
-    weakest = se3.adjoint(T) @ direction
+    direction = se3.adjoint(T) @ weakest
     finest, brightness = problem.at_level(0), refinement.affine_brightness
-    spurious = _spurious_information(
-        lambda moved: plane_rows(moved, finest), T, weakest, reach
-    ) + _spurious_information(
-        lambda moved: pixel_rows(moved, finest, brightness), T, weakest, reach
+    both = (
+        partial(plane_rows, problem=finest),
+        partial(pixel_rows, problem=finest, affine_brightness=brightness),
     )
+    spurious = sum(_spurious_information(rows_at, T, direction, reach) for rows_at in both)
     share = min(spurious / strength, 1.0)
     if share >= 1 / 2:
         there = expected_where_weakest(refinement, expected, reach)
         if se3.difference(T, there.T_model_source) > reach:
             return there
-    direction = information.direction_least_known(expected, reach)
-    return replace(refinement, information=information.without(share, direction))
+    least_known = information.direction_least_known(expected, reach)
+    return replace(refinement, information=information.without(share, least_known))
 
 
 def expected_where_weakest(

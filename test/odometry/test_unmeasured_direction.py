@@ -72,7 +72,7 @@ def test_a_pose_is_judged_with_the_twist_that_it_was_refined_with() -> None:
     estimate = problem.refined_further(coarse, Acceptance.of(CONFIG.odometry))
     agreeing, predicted = (
         evaluate_pose(estimate.T_track_camera, of).planes_agreeing
-        for of in (problem.as_refined(estimate), problem)
+        for of in (problem.with_twist_used_for(estimate), problem)
     )
     assert agreeing == pytest.approx(estimate.refinement.planes_agreeing, rel=0.01)
     assert predicted < 0.9 * agreeing
