@@ -15,8 +15,8 @@ from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, View
 
-# Frames between checks of how well the parts of an image agree: it changes slowly.
-_COMPARED_EVERY = 2
+# Every second frame is checked for how well the bands of its image agree: that changes slowly.
+_BANDS_COMPARED_EVERY = 2
 
 
 class SelfCalibration:
@@ -63,18 +63,18 @@ class SelfCalibration:
     def pose_errors(self) -> PoseErrors:
         """The errors of this camera's poses.
 
-        How many residuals count as one follows from how well parts of its images agree; the error
+        How many residuals count as one follows from how well bands of its images agree; the error
         of time, from how long an image takes to be read.
         """
         typical = PoseErrors.of(self._config)
-        share = self._time_offsets.current().readout_share
+        ratio = self._time_offsets.current().readout_ratio
         count = self._agreement.current().residuals_per_independent_one(
             typical.residuals_per_independent_one
         )
         return replace(
             typical,
             residuals_per_independent_one=count,
-            timing_error=share * typical.timing_error,
+            timing_error=ratio * typical.timing_error,
         )
 
     def learnt_config(self) -> Config:
@@ -94,12 +94,12 @@ class SelfCalibration:
         """
         pose = fix.estimate.refinement
         problem = RefinementProblem(fix.model, view, self.refine_config())
-        if twist_is_certain and not self._time_offsets.current().settled:
+        if twist_is_certain and not self._time_offsets.current().is_settled:
             self._time_offsets.update_later(
                 TimeOffsets.corrected, pose, problem, self._config.time_offsets
             )
         self._frames += 1
-        if self._frames % _COMPARED_EVERY == 0:
+        if self._frames % _BANDS_COMPARED_EVERY == 0:
             self._agreement.update_later(BandAgreement.after_frame, pose, problem)
         if self._depth_color_check.current().needs(view, T_track_camera):
             self._depth_color_check.update_later(DepthColorCheck.after_view, view, T_track_camera)

@@ -37,7 +37,7 @@ _PRIMESENSE_LATENCY_S, _PRIMESENSE_READOUT_TIME_S = 0.017, 0.026
 
 @dataclass(frozen=True)
 class TimeOffsets:
-    """The estimated timing of a camera.
+    """When a camera takes its images, as estimated.
 
     Attributes:
         depth_latency: how much later depth is stamped than colour of the same moment, seconds.
@@ -52,22 +52,22 @@ class TimeOffsets:
 
     @staticmethod
     def start(config: TimeOffsetsConfig, frame_id: str) -> TimeOffsets:
-        """The timing before the first frame, of a camera with the optical frame ``frame_id``.
+        """The time offsets before the first frame of a camera with this optical frame.
 
-        A spread of 0 in the configuration means that the user has calibrated the timing; then it is
-        used as it is.
+        A spread of 0 in the configuration means that the user has calibrated them; then they are
+        used as they are.
         """
         if config.spread > 0 and frame_id.startswith(PRIMESENSE_FRAMES):
             return TimeOffsets(_PRIMESENSE_LATENCY_S, _PRIMESENSE_READOUT_TIME_S, np.zeros((2, 2)))
         return TimeOffsets(config.depth_latency, config.readout_time, np.eye(2) * config.spread**2)
 
     @property
-    def settled(self) -> bool:
-        """Whether the timing is known and need not be estimated."""
+    def is_settled(self) -> bool:
+        """Whether they are known and need not be estimated."""
         return not self.covariance.any()
 
     @property
-    def readout_share(self) -> float:
+    def readout_ratio(self) -> float:
         """The longest plausible readout time of an image, as a multiple of a Kinect's."""
         longest = abs(self.readout_time) + float(np.sqrt(self.covariance[1, 1]))
         return longest / _PRIMESENSE_READOUT_TIME_S
@@ -75,24 +75,22 @@ class TimeOffsets:
     def corrected(
         self, refinement: Refinement, problem: RefinementProblem, config: TimeOffsetsConfig
     ) -> TimeOffsets:
-        """The timing after a frame.
+        """The time offsets after a frame.
 
         Args:
             refinement: the frame's pose in the model.
             problem: the problem that it was refined with; its view has the frame's velocity.
-            config: how fast the timing drifts.
+            config: how fast they drift.
         """
         H, g = marginalise_pose(*_terms(refinement, problem))
-        information, gradient = (
-            H / config.residuals_per_independent_one,
-            g / config.residuals_per_independent_one,
-        )
+        information = H / config.residuals_per_independent_one
+        gradient = g / config.residuals_per_independent_one
         predicted = self.covariance + np.eye(2) * config.drift**2
         covariance = np.asarray(np.linalg.inv(np.linalg.inv(predicted) + information), np.float64)
-        known = np.array([self.depth_latency, self.readout_time]) - covariance @ gradient
-        if not (np.isfinite(known).all() and np.isfinite(covariance).all()):
+        offsets = np.array([self.depth_latency, self.readout_time]) - covariance @ gradient
+        if not (np.isfinite(offsets).all() and np.isfinite(covariance).all()):
             return self  # otherwise all later frames would inherit it
-        latency, readout_time = np.clip(known, -_LIMIT_S, _LIMIT_S)
+        latency, readout_time = np.clip(offsets, -_LIMIT_S, _LIMIT_S)
         return TimeOffsets(float(latency), float(readout_time), covariance)
 
 
@@ -101,22 +99,35 @@ def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64,
     T, twist, finest = refinement.T_model_source, problem.view.twist, problem.at_level(0)
     planes, pixels = problem.model.planes, problem.model.pixels[0]
     rows, pixel_rows = plane_and_pixel_rows(T, finest, refinement.affine_brightness)
-    now, then, by_readout_time = _moves(rows, T, twist, planes.velocity, planes.row_time)
-    H, g = extended_normal_equations(rows, then - now, by_readout_time)
-    *_, by_readout_time = _moves(pixel_rows, T, twist, pixels.velocity, pixels.row_time)
+    by_now, by_then, by_readout_time = _derivatives_by_time(
+        rows, T, twist, planes.velocity, planes.row_time
+    )
+    H, g = extended_normal_equations(rows, by_then - by_now, by_readout_time)
+    *_, by_readout_time = _derivatives_by_time(
+        pixel_rows, T, twist, pixels.velocity, pixels.row_time
+    )
     # late depth is shifted along the surface, and so hardly changes the depth of a pixel
     by_latency = np.zeros_like(by_readout_time)
     H_pixels, g_pixels = extended_normal_equations(pixel_rows, by_latency, by_readout_time)
     return H + H_pixels, g + g_pixels
 
 
-def _moves(
+def _derivatives_by_time(
     rows: Rows, T: Float64, twist: Float64, velocity: Float64, row_time: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """Derivatives of residuals by the times of now and then, and by readout time, per second.
+    """Derivatives [N] of residuals by two moments, and by readout time, per second.
 
-    "Now" is when the frame was taken, "then" when the model's points were seen.
+    Args:
+        rows: residuals of N points of a model.
+        T: pose of the frame in the model, float64 [4, 4].
+        twist: float64 [6] of the camera at the frame.
+        velocity: float64 [M, 3], the model's ``ModelPoints.velocity``.
+        row_time: float64 [M], the model's ``ModelPoints.row_time``.
+
+    Returns:
+        By the time of the frame, by that at which the model's points were seen, and by readout
+        time, which shifts both.
     """
-    now = np.sum(rows.jacobian * (se3.adjoint(T) @ twist), axis=1)
-    then = np.sum(rows.jacobian[:, :3] * velocity[rows.point], axis=1)
-    return now, then, rows.row_time * now - row_time[rows.point] * then
+    by_now = np.sum(rows.jacobian * (se3.adjoint(T) @ twist), axis=1)
+    by_then = np.sum(rows.jacobian[:, :3] * velocity[rows.point], axis=1)
+    return by_now, by_then, rows.row_time * by_now - row_time[rows.point] * by_then

@@ -78,17 +78,17 @@ def test_a_camera_at_rest_does_not_reveal_its_timing() -> None:
 
 def test_the_timing_of_cameras_known_by_their_frame_is_settled() -> None:
     timing = TimeOffsets.start(TimeOffsetsConfig(), "openni_rgb_optical_frame")
-    assert timing.settled
+    assert timing.is_settled
     assert timing.depth_latency > 0
     assert timing.readout_time > 0
-    assert not TimeOffsets.start(TimeOffsetsConfig(), "camera_color_optical_frame").settled
+    assert not TimeOffsets.start(TimeOffsetsConfig(), "camera_color_optical_frame").is_settled
 
 
 def test_a_user_calibration_is_kept_for_any_camera() -> None:
     own = TimeOffsetsConfig(depth_latency=0.004, readout_time=0.01, spread=0.0)
     for frame_id in ("openni_rgb_optical_frame", "camera_color_optical_frame"):
         timing = TimeOffsets.start(own, frame_id)
-        assert timing.settled
+        assert timing.is_settled
         assert (timing.depth_latency, timing.readout_time) == (0.004, 0.01)
 
 
@@ -102,10 +102,10 @@ def test_a_frame_without_finite_results_leaves_the_timing_unchanged() -> None:
     assert timing.corrected(poisoned, problem, SURE) is timing
 
 
-def test_the_readout_share_is_the_longest_plausible_time_relative_to_a_kinect() -> None:
+def test_the_readout_ratio_is_the_longest_plausible_time_relative_to_a_kinect() -> None:
     kinect = TimeOffsets.start(TimeOffsetsConfig(), "openni_rgb_optical_frame")
-    assert kinect.readout_share == 1.0
-    assert TimeOffsets(0.0, 0.0, np.zeros((2, 2))).readout_share == 0.0
+    assert kinect.readout_ratio == 1.0
+    assert TimeOffsets(0.0, 0.0, np.zeros((2, 2))).readout_ratio == 0.0
     # read from below, and not yet known to 5 ms
     backwards = TimeOffsets(0.0, -0.021, np.diag([0.0, 0.005**2]))
-    assert backwards.readout_share == pytest.approx(1.0)
+    assert backwards.readout_ratio == pytest.approx(1.0)
