@@ -16,7 +16,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.reduction import reduced
-from rgbd_glue_ros.odometry.edge_overlay import Placement, Placements, Turn, overlay_scores
+from rgbd_glue_ros.odometry.edge_overlay import Orientation, Placement, Placements, overlay_scores
 from rgbd_glue_ros.types import Float64, RgbdFrame, View
 
 logger = logging.getLogger(__name__)
@@ -42,10 +42,14 @@ class Search:
 
 
 # What is tried first: depth of one device, in pixels of its own camera. Other rooms reached 3.9.
-_NEAR = Search(Placements((Turn.NONE,), np.linspace(0.85, 1.15, 11), _SHIFTS_PX), 8, 4.0)
+_NEAR = Search(
+    Placements((Orientation.ALIKE,), np.linspace(0.85, 1.15, 11), _SHIFTS_PX), views=8, sigmas=4.0
+)
 # What is tried if depth does not fit as it is, nor nearly so: cameras of other fields of view, and
 # drivers that mirror or turn one of the images. Other rooms reached 6.1.
-_FAR = Search(Placements(tuple(Turn), np.geomspace(1 / 1.8, 1.8, 23), _SHIFTS_PX), 4, 6.5)
+_FAR = Search(
+    Placements(tuple(Orientation), np.geomspace(1 / 1.8, 1.8, 23), _SHIFTS_PX), views=4, sigmas=6.5
+)
 # After so many views the rest is tried, unless there are signs of registered depth.
 _SUSPICIOUS_VIEWS = 3
 # Least motion between two such views, metres and radians added.
@@ -109,9 +113,10 @@ class DepthColorCheck:
     @property
     def _at_identity(self) -> float:
         """The score of registered depth."""
-        turn, scale, right, down = self.search.placements.identity
+        orientation, scale, right, down = self.search.placements.identity
         # images that are not taken at exactly the same time differ by a few pixels
-        return float(self.score[turn, scale, right - 1 : right + 2, down - 1 : down + 2].max())
+        near = self.score[orientation, scale, right - 1 : right + 2, down - 1 : down + 2]
+        return float(near.max())
 
     @cached_property
     def placement(self) -> Placement | None:
@@ -132,15 +137,15 @@ class DepthColorCheck:
 
 def _fault(placement: Placement, pixels_per_pixel: int) -> str:
     """What is wrong with depth that lies so on colour, and what to do."""
-    if placement.turn is Turn.NONE:
+    if placement.orientation is Orientation.ALIKE:
         return (
             "depth is not registered to colour: its edges are off by "
             f"{placement.offset_px * pixels_per_pixel:.0f} pixels; give the aligned or registered "
             "depth topic. Colour counts for less from here on"
         )
     return (
-        f"depth and colour are {placement.turn.value} against each other, and poses wrong: switch "
-        "off what mirrors, flips or turns one of the two in the driver, as color_mirroring, "
+        f"depth and colour are {placement.orientation.value} against each other, and poses wrong: "
+        "switch off what mirrors, flips or turns one of the two in the driver, as color_mirroring, "
         "depth_flip or a rotation"
     )
 

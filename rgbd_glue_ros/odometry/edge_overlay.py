@@ -31,10 +31,10 @@ _ENOUGH_EDGES = 2000
 _QUARTER_WIDTH_PX = 160.0
 
 
-class Turn(Enum):
+class Orientation(Enum):
     """How one of two images may lie on the other, but for its scale and a shift."""
 
-    NONE = "as it is"
+    ALIKE = "alike"
     MIRRORED = "mirrored"
     UPSIDE_DOWN = "upside down"
 
@@ -44,42 +44,42 @@ class Placement:
     """How a depth image lies on a colour image.
 
     Attributes:
-        turn: of the one image against the other.
+        orientation: of the one image against the other.
         scale: magnification of depth about the centre.
         right: shift, pixels.
         down: shift, pixels.
     """
 
-    turn: Turn
+    orientation: Orientation
     scale: float
     right: float
     down: float
 
     @property
     def offset_px(self) -> float:
-        """Distance between corresponding edges half way to the border, without the turn."""
+        """Distance between corresponding edges half way to the border, if oriented alike."""
         magnified = abs(self.scale - 1.0) * _QUARTER_WIDTH_PX
         return float(np.hypot(np.hypot(self.right, self.down), magnified))
 
 
 @dataclass(frozen=True)
 class Placements:
-    """The placements to try: all combinations of some turns, scales and shifts.
+    """The placements to try: all combinations of some orientations, scales and shifts.
 
     Attributes:
-        turns: the first is none.
+        orientations: the first is that of registered depth.
         scales: float64 [S], with 1 in the middle.
         shifts: float64 [U], to the right and down, with 0 in the middle.
     """
 
-    turns: tuple[Turn, ...]
+    orientations: tuple[Orientation, ...]
     scales: Float64
     shifts: Float64
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
         """The shape of an array with a number for each."""
-        return len(self.turns), len(self.scales), len(self.shifts), len(self.shifts)
+        return len(self.orientations), len(self.scales), len(self.shifts), len(self.shifts)
 
     @property
     def identity(self) -> tuple[int, int, int, int]:
@@ -89,9 +89,9 @@ class Placements:
 
     def at(self, index: int) -> Placement:
         """The placement with an index in the flattened array."""
-        t, s, i, j = np.unravel_index(index, self.shape)
+        o, s, i, j = np.unravel_index(index, self.shape)
         right, down = float(self.shifts[i]), float(self.shifts[j])
-        return Placement(self.turns[t], float(self.scales[s]), right, down)
+        return Placement(self.orientations[o], float(self.scales[s]), right, down)
 
 
 def overlay_scores(view: View, placements: Placements) -> Float64 | None:
@@ -111,21 +111,21 @@ def overlay_scores(view: View, placements: Placements) -> Float64 | None:
     contrasts = _contrasts(view.grey)
     K, scales, shifts = view.intrinsics, placements.scales, placements.shifts
     scores = np.empty(placements.shape)
-    for turn, score in zip(placements.turns, scores, strict=True):
+    for orientation, score in zip(placements.orientations, scores, strict=True):
         score[:] = sum(
-            _scores(edges, _turned(contrast, turn), K.cx, K.cy, scales, shifts)
+            _scores(edges, _oriented(contrast, orientation), K.cx, K.cy, scales, shifts)
             for edges, contrast in zip((along_rows, along_columns), contrasts, strict=True)
         )
     return scores / count
 
 
-def _turned(image: Float32, turn: Turn) -> Float32:
-    match turn:
-        case Turn.NONE:
+def _oriented(image: Float32, orientation: Orientation) -> Float32:
+    match orientation:
+        case Orientation.ALIKE:
             return image
-        case Turn.MIRRORED:
+        case Orientation.MIRRORED:
             return np.ascontiguousarray(image[:, ::-1])
-        case Turn.UPSIDE_DOWN:
+        case Orientation.UPSIDE_DOWN:
             return np.ascontiguousarray(image[::-1, ::-1])
 
 
@@ -182,7 +182,7 @@ def _above_surroundings(gradient: Float32) -> Float32:
 def _scores(
     edges: Float32, contrast: Float32, cx: float, cy: float, scales: Float64, shifts: Float64
 ) -> Float64:
-    """Sum of the contrast at depth edges, float64 [S, U, V], for each scale and shift."""
+    """Sum of the contrast at depth edges, float64 [S, U, U], for each scale and shift."""
     height, width = contrast.shape
     score = np.zeros((len(scales), len(shifts), len(shifts)))
     for n in range(len(edges)):

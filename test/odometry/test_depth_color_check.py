@@ -15,7 +15,7 @@ from rigs.unseen import without_depth
 
 from rgbd_glue_ros.geometry import camera, se3
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
-from rgbd_glue_ros.odometry.edge_overlay import Turn
+from rgbd_glue_ros.odometry.edge_overlay import Orientation
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.types import Float32, RgbdFrame, View
@@ -110,7 +110,7 @@ def test_depth_of_another_field_of_view_is_detected(
 ) -> None:
     found = after_views(spread(unregistered(scale, 0.0, 0.0), LONG_ENOUGH)).placement
     assert found is not None
-    assert found.turn is Turn.NONE
+    assert found.orientation is Orientation.ALIKE
     assert found.scale * scale == pytest.approx(1.0, rel=0.06)
     (record,) = caplog.records
     assert "not registered" in record.message
