@@ -13,12 +13,14 @@ from rgbd_glue_ros.types import DepthSummary, Float32, OdometryEstimate
 _STEP = 4
 # With less than this share of the pixels, the image itself is the reason for a missing pose.
 _USABLE_SHARE = 0.03
-# No room is nearer or farther as a whole; in the unit of another format, it seems to be: five times
-# as far if 1/5000 m is taken for millimetres, and five times as near the other way round.
-_DOUBTFUL_NEAR_M, _DOUBTFUL_FAR_M = 0.3, 5.0
-# In any room, something is farther away than this.
-_FAR_PERCENTILE, _DOUBTFUL_WITHIN_M = 95, 1.0
-# The size of rooms in metres if these were millimetres
+# No room is nearer as a whole: it seems so if millimetres are taken for 1/5000 m.
+_DOUBTFUL_NEAR_M = 0.3
+# No room is farther away as a whole: it seems so if 1/5000 m is taken for millimetres.
+_DOUBTFUL_FAR_M = 5.0
+# In any room, something is farther away than this: the percentile below, not a single pixel.
+_DOUBTFUL_WITHIN_M = 1.0
+_FAR_PERCENTILE = 95
+# The least and the largest median depth of a room whose millimetres are taken for metres.
 _MILLIMETRES = (300.0, 8000.0)
 
 _SET_SCALE = (

@@ -16,24 +16,30 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import chi_squared, mahalanobis_squared
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples, Int64
 
-# The worst of consumer sensors: noise, rad/s/√Hz, and scale and axes, as a fraction of the turn.
-_NOISE, _SCALE = 5e-4, 0.01
-# Initial standard deviations: bias, rad/s, and time offset, seconds.
-_START_BIAS, _START_OFFSET = 0.03, 0.03
+# Noise of the worst consumer sensors, rad/s/√Hz.
+_NOISE = 5e-4
+# Their errors of scale and axes, as a fraction of the turn.
+_SCALE = 0.01
+# Initial standard deviation of the bias, rad/s.
+_START_BIAS = 0.03
+# Initial standard deviation of the time offset, seconds.
+_START_OFFSET_S = 0.03
 # Random walk of the bias with temperature, rad/s/√s.
 _BIAS_WALK = 1e-4
 # No rotation between two frames is tracked better than this, radians, whatever the residuals say.
-_TRACKED = 0.002
+_LEAST_TRACKING_ERROR = 0.002
 # No sensor on a camera turns faster, rad/s: greater values are faults.
 _FASTEST = 100.0
 # Samples farther apart than this say nothing about the time between them.
 _LONGEST_GAP_S = 0.05
-# How fast a hand changes a rotation, rad/s²: beyond the last sample the rotation is held.
-_CHANGE = 10.0
-# Maximum disagreement between a turn and the images in normal operation.
-_SURPRISE = chi_squared(0.999, 3)
-# Of this many latest turns, half may disagree before the gyroscope is no longer used.
-_JUDGED, _DOUBTFUL = 20, 0.5
+# Angular acceleration by a hand, rad/s²: the error of a velocity that is held beyond the samples.
+_ANGULAR_ACCELERATION = 10.0
+# The validation gate of a turn: a squared Mahalanobis distance that one in a thousand exceeds.
+_TURN_GATE = chi_squared(0.999, 3)
+# The number of turns over which doubt is averaged.
+_DOUBT_MEMORY = 20
+# From this doubt on the gyroscope is not used.
+_DOUBTFUL = 0.5
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ class Gyroscope:
         bias: float64 [3], its reading at rest, in the camera's optical frame, rad/s.
         time_offset: its stamp of a moment minus the camera's, seconds.
         covariance: float64 [4, 4], covariance of both.
-        doubt: fraction of the latest turns that disagreed with the images, 0 to 1.
+        doubt: fraction of turns that disagreed with the images, the latest weighing most; 0 to 1.
     """
 
     bias: Float64
@@ -76,7 +82,7 @@ class Gyroscope:
     @staticmethod
     def start() -> Gyroscope:
         """The state before any measurement: no bias or offset, with their initial covariance."""
-        covariance = np.diag([_START_BIAS**2] * 3 + [_START_OFFSET**2])
+        covariance = np.diag([_START_BIAS**2] * 3 + [_START_OFFSET_S**2])
         return Gyroscope(np.zeros(3), 0.0, covariance)
 
     @property
@@ -105,18 +111,20 @@ class Gyroscope:
             return None
         knots = np.concatenate([[0.0], seconds[first:last], [elapsed]])
         at_knots = _interpolated(knots, seconds, velocities)
-        R = np.eye(4)
-        for step in _turned_between(knots, at_knots):
-            R = R @ se3.exp(np.concatenate([np.zeros(3), step]))
-        rotation_vector = se3.rotation_vector(R)
+        rotation_vector = _integrated(_turned_between(knots, at_knots))
+        # for so long there is no sample, and the nearest velocity is held
         held = max(elapsed - near[-1], near[0], 0.0)
         by_offset = at_knots[-1] - at_knots[0]
         jacobian = np.column_stack([-elapsed * np.eye(3), by_offset])
         to_velocity = np.column_stack([-np.eye(3), by_offset / elapsed])
         rate = len(near) / max(near[-1] - near[0], elapsed)
         turned, speed = np.linalg.norm(rotation_vector), np.linalg.norm(at_knots[-1])
-        variance = _NOISE**2 * elapsed + (_SCALE * turned) ** 2 + (_CHANGE * held**2 / 2) ** 2
-        of_velocity = _NOISE**2 * rate + (_SCALE * speed) ** 2 + (_CHANGE * held) ** 2
+        variance = (
+            _NOISE**2 * elapsed
+            + (_SCALE * turned) ** 2
+            + (_ANGULAR_ACCELERATION * held**2 / 2) ** 2
+        )
+        of_velocity = _NOISE**2 * rate + (_SCALE * speed) ** 2 + (_ANGULAR_ACCELERATION * held) ** 2
         return Turn(
             rotation_vector,
             jacobian @ self.covariance @ jacobian.T + variance * np.eye(3),
@@ -181,12 +189,13 @@ class Gyroscope:
         """
         by_gyroscope = se3.exp(np.concatenate([np.zeros(3), turn.rotation_vector]))
         innovation = se3.rotation_vector(se3.inverse(by_gyroscope) @ rotation)
-        expected = turn.covariance + covariance + _TRACKED**2 * np.eye(3)
-        surprise = mahalanobis_squared(innovation, expected) / _SURPRISE
-        doubt = self.doubt + (float(surprise > 1) - self.doubt) / _JUDGED
+        expected = turn.covariance + covariance + _LEAST_TRACKING_ERROR**2 * np.eye(3)
+        surprise = mahalanobis_squared(innovation, expected) / _TURN_GATE
+        doubt = self.doubt + (float(surprise > 1) - self.doubt) / _DOUBT_MEMORY
         # an almost impossible disagreement has little weight: a wrong pose, or a push
-        noise = expected * max(1.0, surprise) - turn.jacobian @ self.covariance @ turn.jacobian.T
-        gain = self.covariance @ turn.jacobian.T @ np.linalg.inv(expected * max(1.0, surprise))
+        inflated = expected * max(1.0, surprise)
+        noise = inflated - turn.jacobian @ self.covariance @ turn.jacobian.T
+        gain = self.covariance @ turn.jacobian.T @ np.linalg.inv(inflated)
         change = gain @ innovation
         kept = np.eye(4) - gain @ turn.jacobian
         walk = np.diag([_BIAS_WALK**2 * turn.elapsed_s] * 3 + [0.0])
@@ -208,6 +217,14 @@ def _turned_between(knots: Float64, at_knots: Float64) -> Float64:
     """The rotation vectors from each of some times [K] to the next, float64 [K - 1, 3]."""
     turned: Float64 = np.diff(knots)[:, None] * (at_knots[:-1] + at_knots[1:]) / 2
     return turned
+
+
+def _integrated(steps: Float64) -> Float64:
+    """The rotation vector [3] of consecutive rotations, given as rotation vectors [K, 3]."""
+    T = np.eye(4)
+    for step in steps:
+        T = T @ se3.exp(np.concatenate([np.zeros(3), step]))
+    return se3.rotation_vector(T)
 
 
 def _covered_since(seconds: Float64, end: float) -> float:

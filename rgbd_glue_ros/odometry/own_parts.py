@@ -32,11 +32,16 @@ logger = logging.getLogger(__name__)
 
 # Motion between views that are compared, metres and radians added.
 _APART = 0.04
-# The latest views are compared, and as many earlier ones that are farther apart: some parts could
-# stand still in a small motion.
-_LATEST, _EARLIER, _FAR_APART = 3, 2, 0.2
-# Depth that differs by fewer standard deviations is unchanged, by more has changed.
-_STAYED_SIGMAS, _CHANGED_SIGMAS = 4.0, 10.0
+# A view is compared with this number of the latest ones,
+_LATEST = 3
+# and of earlier ones that are farther apart: some parts could stand still in a small motion.
+_EARLIER = 2
+# Least motion between earlier views, metres and radians added.
+_FAR_APART = 0.2
+# Depth that differs by fewer standard deviations is unchanged.
+_STAYED_SIGMAS = 4.0
+# Depth that differs by more standard deviations has changed.
+_CHANGED_SIGMAS = 10.0
 # An own part is nearer than this fraction of the median depth of what changes: the room is farther
 # away than a passer-by.
 _NEARER = 2 / 3
@@ -44,6 +49,7 @@ _NEARER = 2 / 3
 _MOST = 0.7
 # Times that a block has to be seen as an own part; once, if it is next to blocks that were.
 _VOTES = 3
+# Votes are counted up to here: one byte holds them.
 _MOST_VOTES = 100
 # Own parts are painted in this grey: an image without edges says nothing.
 _GREY = 128
@@ -171,6 +177,6 @@ def _sigmas_apart(depth: Float32, other: Float32) -> Float64:
     apart = np.full(depth.shape, np.nan)
     for r in range(depth.shape[0]):
         for c in range(depth.shape[1]):
-            z, y = depth[r, c], other[r, c]
-            apart[r, c] = abs(z - y) / depth_sigma(min(y, z))
+            z, z_other = depth[r, c], other[r, c]
+            apart[r, c] = abs(z - z_other) / depth_sigma(min(z_other, z))
     return apart

@@ -17,9 +17,10 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, Tracking
 _REPEATED_WITHIN_NS = NANOSECONDS // 10
 # A camera that moves by no more metres and radians per second, added, is at rest.
 _AT_REST = 0.02
-# Frames are missing where one comes this many times as long after the last as that one did, and
-# after the motion before has become worthless.
-_GAP_INTERVALS, _GAP_NS = 3, int(MEMORY_S * NANOSECONDS)
+# Frames are missing before one whose interval is this many times the previous interval,
+_GAP_INTERVALS = 3
+# and so long that the motion before says nothing any more.
+_GAP_NS = int(MEMORY_S * NANOSECONDS)
 # Images are compared here first: two that differ mostly do so in every part.
 _SAMPLE = (slice(None, None, 16), slice(None, None, 16))
 
@@ -69,8 +70,8 @@ class Progress:
         missed = self.frames_missed + shows_enough
         return replace(self, state=TrackingState.LOST, frames_missed=missed)
 
-    def is_long_without_pose(self, stamp_ns: int, config: OdometryConfig) -> bool:
-        """Whether it is time to restart, with the frame at a stamp."""
+    def needs_restart(self, stamp_ns: int, config: OdometryConfig) -> bool:
+        """Whether there has been no pose for so long that the frame at a stamp should restart."""
         if self.last is None or config.reset_countdown == 0:
             return False
         seconds = (stamp_ns - self.last.motion.stamp_ns) / NANOSECONDS

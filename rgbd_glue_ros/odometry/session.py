@@ -205,8 +205,7 @@ class Session:
             stamp_ns, self.state, registration=attempt.registration, stages_ms=attempt.stages_ms
         )
         # a covered camera may still return to a known place
-        is_time = self._progress.is_long_without_pose(stamp_ns, self._config.odometry)
-        if model is None or not is_time:
+        if model is None or not self._progress.needs_restart(stamp_ns, self._config.odometry):
             return missed
         anew = self.keyframes.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, attempt.stages_ms)
