@@ -126,20 +126,33 @@ class Session:
         references = self.keyframes.nearest(predicted.T_track_camera)
         model = self.keyframes.model_shown_by(references)
         config, refine_config = self._config.odometry, self.calibration.refine_config()
-        basin, radius = Basin.of(config), config.prior_radius
-        problem = PoseProblem(model, view, refine_config, predicted=predicted, basin=basin)
-        usual, is_lost = Acceptance.of(config), self.state is TrackingState.LOST
-        for_tracking = usual.sceptical() if is_lost or self._progress.is_after_gap else usual
-        glue, background = self._glue, self._background
-        tracked = track(problem, references[0], last, glue, background, for_tracking, radius)
+        problem = PoseProblem(
+            model, view, refine_config, predicted=predicted, basin=Basin.of(config)
+        )
+        acceptance = Acceptance.of(config)
+        if self.state is TrackingState.LOST or self._progress.is_after_gap:
+            acceptance = acceptance.sceptical()
+        tracked = track(
+            problem,
+            references[0],
+            last,
+            self._glue,
+            self._background,
+            acceptance,
+            config.prior_radius,
+        )
         self.keyframes.finish_revisit()
-        if tracked.fix is not None:
-            return tracked
-        others = self.keyframes.in_turn(self._progress.frames_missed)
+        return self._relocalise(tracked, problem) if tracked.fix is None else tracked
+
+    def _relocalise(self, tracked: Attempt, problem: PoseProblem) -> Attempt:
+        """Searches for a frame that tracking has lost near other keyframes."""
+        acceptance = Acceptance.of(self._config.odometry)
         # consecutive poses never jump: a frame without a pose announces a jump
-        for_relocalisation = usual if is_lost else usual.without_jumps()
+        if self.state is not TrackingState.LOST:
+            acceptance = acceptance.without_jumps()
+        keyframes = self.keyframes.in_turn(self._progress.frames_missed)
         relocalised, ms = timed(
-            relocalise, tracked.features, others, problem, glue, for_relocalisation
+            relocalise, tracked.features, keyframes, problem, self._glue, acceptance
         )
         attempt = tracked if relocalised is None else relocalised
         stages_ms = {**tracked.registration.stages_ms, stages.RELOCALISATION: ms}
@@ -165,8 +178,7 @@ class Session:
         if fix.T_shift is not None:
             predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
             self.keyframes.shift_track(fix.T_shift)
-            self._own_parts.start_anew()
-            self.inertial = self.inertial.start_anew()
+            self._compare_with_no_earlier_pose()
         count = self._config.refine.residuals_per_independent_one
         motion = corrected_motion(predicted, fix.estimate, count)
         self.inertial = self.inertial.after_pose(motion.stamp_ns, fix.estimate, count)
@@ -211,9 +223,8 @@ class Session:
         return self._start_at(anew, attempt.stages_ms)
 
     def _start_at(self, keyframe: RecentKeyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
-        """Restarts at the pose of a keyframe, and reports it."""
-        self._own_parts.start_anew()
-        self.inertial = self.inertial.start_anew()
+        """Goes on from the pose of a keyframe, and reports it."""
+        self._compare_with_no_earlier_pose()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
         return OdometryEstimate(
@@ -224,3 +235,8 @@ class Session:
             keyframe_id=keyframe.number,
             stages_ms=stages_ms,
         )
+
+    def _compare_with_no_earlier_pose(self) -> None:
+        """Continues with poses that do not go on from the last one, by an unknown motion."""
+        self._own_parts.start_anew()
+        self.inertial = self.inertial.start_anew()
