@@ -17,6 +17,8 @@ _SPACING_PX = 4
 _GAP_PX = 30
 # Least step of a depth edge, as a fraction of the nearer depth.
 _STEP = 0.1
+# What cv2.Scharr returns for a gradient of one grey level per pixel.
+_SCHARR_SCALE = 32.0
 # Gradients are clipped here, grey levels per pixel, so that one strong edge does not outweigh many.
 _STRONGEST_EDGE = 12.0
 # Blur of colour edges: the steps of shifts are 3 pixels, at half the size 1.5.
@@ -166,15 +168,15 @@ def _contrasts(grey: UInt8) -> tuple[Float32, Float32]:
     """How much more brightness changes along u and v than in the surroundings, at half the size."""
     small = cv2.pyrDown(grey)
     along_u, along_v = (
-        np.minimum(np.abs(cv2.Scharr(small, cv2.CV_32F, du, 1 - du)) / 32.0, _STRONGEST_EDGE)
-        for du in (1, 0)
+        np.abs(cv2.Scharr(small, cv2.CV_32F, du, 1 - du)) / _SCHARR_SCALE for du in (1, 0)
     )
     return _above_surroundings(along_u), _above_surroundings(along_v)
 
 
 def _above_surroundings(gradient: Float32) -> Float32:
-    here = cv2.GaussianBlur(gradient, (0, 0), _EDGE_SIGMA_PX)
-    around = cv2.blur(gradient, (_SURROUNDINGS_PX, _SURROUNDINGS_PX))
+    clipped = np.minimum(gradient, _STRONGEST_EDGE)
+    here = cv2.GaussianBlur(clipped, (0, 0), _EDGE_SIGMA_PX)
+    around = cv2.blur(clipped, (_SURROUNDINGS_PX, _SURROUNDINGS_PX))
     return np.asarray((here - around) / (around + 1.0), np.float32)
 
 

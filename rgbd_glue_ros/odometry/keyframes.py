@@ -47,7 +47,8 @@ class Anchor(Keyframe):
     """A keyframe that tracking has left behind; it keeps no images where features allow that.
 
     Attributes:
-        T_odom_track: float64 [4, 4], the drift correction of ``T_track_camera``.
+        T_odom_track: float64 [4, 4], the correction of all drift of ``T_track_camera`` that was
+            known when tracking left it.
     """
 
     T_odom_track: Float64
@@ -105,7 +106,7 @@ class Keyframes:
             covariance: float64 [6, 6] of it.
             features: of the frame.
             model: in its camera's frame.
-            T_odom_track: the current drift correction, float64 [4, 4].
+            T_odom_track: the correction of all drift that is known, float64 [4, 4].
         """
         moved = model.moved(T_track_camera)
         number, self._count = self._count, self._count + 1
@@ -128,7 +129,7 @@ class Keyframes:
         """Makes anchors of the whole window, so that tracking starts without it.
 
         Args:
-            T_odom_track: the current drift correction, float64 [4, 4].
+            T_odom_track: the correction of all drift that is known, float64 [4, 4].
         """
         while self._window:
             self._leave(self._window.popleft(), T_odom_track)

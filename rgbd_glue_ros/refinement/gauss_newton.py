@@ -34,11 +34,18 @@ from rgbd_glue_ros.refinement.residuals import (
 from rgbd_glue_ros.types import Float64
 
 COARSE_TO_FINE = tuple(reversed(range(LEVELS)))
-# The last level stops at a step shorter than the first value, in metres and radians. The coarser
-# levels only find a start for the next, and stop at the second, longer one.
-_CONVERGED, _NEAR_ENOUGH = 1e-4, 5e-4
+# The last level stops after a step with no component as long as this, metres or radians.
+_CONVERGED = 1e-4
+# The coarser levels only find a start for the next, and stop after a longer step.
+_NEAR_ENOUGH = 5e-4
+# With a smaller sum of the robust weights of pixels, brightness is not compared.
+_LEAST_PIXEL_WEIGHT = 10.0
+# Limits of the gain: exposure changes by no more between two frames.
+_LEAST_GAIN, _GREATEST_GAIN = 0.5, 2.0
 # Smallest standard deviation of brightness, grey levels in a well-lit image.
 _LEAST_DEVIATION = 2.0
+# Greatest standard deviation of brightness, grey levels: with more, any pixel would agree.
+_GREATEST_DEVIATION = 30.0
 # Gain, bias and standard deviation to start with, before any brightness is compared.
 START_BRIGHTNESS = (1.0, 0.0, 15.0)
 
@@ -240,7 +247,7 @@ def _pixel_fit(
 ) -> _PixelFit:
     """How the brightness [M] of the image fits that of the pixels, which have these residuals."""
     expected, most = problem.brightness, AGREEING_SIGMAS * affine_brightness[2]
-    seen, spread = 0, 0.0
+    seen, differences = 0, 0.0
     sw = sx = sy = sxx = sxy = syy = 0.0
     for i in range(len(brightness)):
         w = residuals.weight[i]
@@ -248,22 +255,21 @@ def _pixel_fit(
             continue
         x, y = brightness[i], expected[i]
         seen += 1
-        spread += min(abs(residuals.residual[i]), most)
+        differences += min(abs(residuals.residual[i]), most)
         sw += w
         sx += w * x
         sy += w * y
         sxx += w * x * x
         sxy += w * x * y
         syy += w * y * y
-    if sw < 10.0:
+    if sw < _LEAST_PIXEL_WEIGHT:
         return _PixelFit(seen, 0.0, affine_brightness)
     var_x, var_y = sxx / sw - (sx / sw) ** 2, syy / sw - (sy / sw) ** 2
     covariance = sxy / sw - sx / sw * sy / sw
     least_variance = problem.contrast**2
-    gain = min(max(covariance / max(var_x, least_variance), 0.5), 2.0)
+    gain = min(max(covariance / max(var_x, least_variance), _LEAST_GAIN), _GREATEST_GAIN)
     bias = sy / sw - gain * sx / sw
-    deviation = min(
-        max(DEVIATION_OF_MEAN * spread / seen, _LEAST_DEVIATION * problem.contrast), 30.0
-    )
+    least_deviation = _LEAST_DEVIATION * problem.contrast
+    deviation = max(DEVIATION_OF_MEAN * differences / seen, least_deviation)
     correlation = covariance / max(np.sqrt(max(var_x, 0.0) * max(var_y, 0.0)), least_variance)
-    return _PixelFit(seen, correlation, np.array([gain, bias, deviation]))
+    return _PixelFit(seen, correlation, np.array([gain, bias, min(deviation, _GREATEST_DEVIATION)]))

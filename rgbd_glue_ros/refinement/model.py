@@ -33,7 +33,7 @@ LEVELS = 3
 # Edge length of the cells, one pixel of the model each, for each pyramid level of a 640x480 image:
 # coarse levels have fewer pixels, so their cells are smaller.
 _CELLS_PX = (8, 5, 4)
-# Grey levels per pixel, in a well-lit image.
+# Least gradient of a textured pixel, grey levels per pixel in a well-lit image.
 _MIN_GRADIENT = 5.0
 # Pixels this close to a nearer surface are left out: when the camera moves they are covered or
 # uncovered, and what is seen there moves with the edge and not with the pixel's own depth.
@@ -215,6 +215,7 @@ def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
     n = 0
     for top in range(2, height - 2, cell):
         for left in range(2, width - 2, cell):
+            # differences are over two pixels
             best = (2.0 * threshold) ** 2
             row, column = -1, -1
             for v in range(top, min(top + cell, height - 2)):

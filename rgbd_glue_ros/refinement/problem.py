@@ -18,8 +18,9 @@ NO_MATCHES = Correspondences.empty()
 # planes and pixels do not determine it. Where they do, they outweigh the matches by their number
 # and accuracy.
 _MATCH_WEIGHT = 30.0
-# Of a small image there are as many planes and fewer pixels; they weigh more by up to this factor.
-_MOST_GAIN = 2.0
+# A small image has as many planes as a large one, but fewer pixels: each weighs more, by up to this
+# factor.
+_GREATEST_WEIGHT_FACTOR = 2.0
 _NO_IMAGES = ImagePyramid(np.empty((0, 0), np.uint8))
 
 
@@ -76,7 +77,7 @@ class RefinementProblem:
             plane_cauchy=config.plane_cauchy,
             pixel_cauchy=config.pixel_cauchy,
             pixel_weight=config.pixel_weight,
-            noisy_pixel_weight=config.pixel_weight * _gain_of_pixels(view),
+            noisy_pixel_weight=config.pixel_weight * _weight_factor_of_pixels(view),
             match_source=self.matches.source,
             match_target=self.matches.target,
             match_weight=_MATCH_WEIGHT,
@@ -84,5 +85,5 @@ class RefinementProblem:
         )
 
 
-def _gain_of_pixels(view: View) -> float:
-    return min(max(1 / relative_edge(view), 1.0), _MOST_GAIN)
+def _weight_factor_of_pixels(view: View) -> float:
+    return min(max(1 / relative_edge(view), 1.0), _GREATEST_WEIGHT_FACTOR)

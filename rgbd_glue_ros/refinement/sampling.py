@@ -13,7 +13,7 @@ from rgbd_glue_ros.types import Float32, Float64, Mask, UInt8
 
 
 @compiled
-def inside(image: UInt8, u: float, v: float) -> bool:
+def is_inside(image: UInt8, u: float, v: float) -> bool:
     """Whether brightness and gradient can be sampled at pixel (u, v)."""
     height, width = image.shape
     return bool(u >= 1.0 and v >= 1.0 and u < width - 2.0 and v < height - 2.0)
@@ -21,7 +21,7 @@ def inside(image: UInt8, u: float, v: float) -> bool:
 
 @compiled
 def brightness_and_gradient(image: UInt8, u: float, v: float) -> tuple[float, float, float]:
-    """Bilinear brightness at pixel (u, v), which must be ``inside``, and its central differences.
+    """Bilinear brightness at pixel (u, v), and its central differences; only if ``is_inside``.
 
     A difference of bilinear values at points one pixel apart is bilinear in those of pixels.
     """
@@ -81,7 +81,7 @@ def sample_visible(seen: Projection, problem: LevelProblem) -> tuple[Mask, Float
     brightness, gradient = np.zeros(size), np.zeros((2, size))
     for i in range(size):
         u, v, z = seen.u[i], seen.v[i], seen.z[i]
-        if not inside(image, u, v):
+        if not is_inside(image, u, v):
             continue
         # occluded by a nearer surface, or the surface has moved away
         x, y = (u - cx) / fx * z, (v - cy) / fy * z
