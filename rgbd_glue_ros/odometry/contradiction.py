@@ -68,15 +68,16 @@ def settle_contradiction(
         return SettledPose(pose)
     distance_squared = problem.predicted.distance_squared(alternative.T_track_camera)
     is_likelier = distance_squared < chosen.distance_squared
-    has_witness = last.alternative is not None or is_likelier
-    if alternative.is_larger and has_witness:
+    if alternative.is_larger and (last.alternative is not None or is_likelier):
         larger = _refined_alternative(problem, alternative, chosen.coarse, acceptance)
         if acceptance.is_plausible(larger.refinement):
             alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
             pose = larger
-    T, T_other = pose.T_track_camera, alternative.T_track_camera
-    was_carried_along = _goes_on_from_alternative(T, last, problem.predicted)
-    return SettledPose(pose, alternative, T @ se3.inverse(T_other) if was_carried_along else None)
+    T, T_shift = pose.T_track_camera, None
+    if _goes_on_from_alternative(T, last, problem.predicted):
+        # the pose before followed the same object as the alternative does
+        T_shift = T @ se3.inverse(alternative.T_track_camera)
+    return SettledPose(pose, alternative, T_shift)
 
 
 def contradiction_covariance(
