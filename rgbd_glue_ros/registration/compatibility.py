@@ -8,7 +8,8 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.fitting import distances, procrustes
 from rgbd_glue_ros.types import Correspondences, Float32, Float64
 
-_REFINEMENTS = 20
+# Fits to inliers, at most: as many as the publication of SC2-PCR takes.
+_MAX_FITS = 20
 
 
 def length_differences(matches: Correspondences) -> Float32:
@@ -42,7 +43,7 @@ def refined(T: Float64, matches: Correspondences, threshold: float) -> Float64:
         threshold: maximum distance of an inlier, metres.
     """
     count = 0
-    for _ in range(_REFINEMENTS):
+    for _ in range(_MAX_FITS):
         apart = distances(T, matches)
         inliers = apart < threshold
         if inliers.sum() <= max(count, 2):

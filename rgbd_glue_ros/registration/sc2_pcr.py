@@ -12,13 +12,15 @@ from rgbd_glue_ros.geometry.fitting import distances, procrustes
 from rgbd_glue_ros.registration.compatibility import length_differences, refined
 from rgbd_glue_ros.types import Correspondences, Float32, Float64, Int64
 
-_SEEDS = 0.2
-_FIRST_SET, _SECOND_SET = 30, 20
-_POWER_ITERATIONS = 10
-
-
 INLIER_M = 0.1
 """Maximum error of an inlier, metres: the publication's indoors."""
+# All that follow are the publication's, too.
+# The fraction of the matches that become seeds, at most.
+_SEEDS = 0.2
+# Matches most compatible with a seed, and those of them most compatible among themselves.
+_FIRST_SET, _SECOND_SET = 30, 20
+# Multiplications after which a vector is the leading eigenvector.
+_POWER_ITERATIONS = 10
 
 
 def sc2_pcr(
