@@ -24,7 +24,7 @@ from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
-from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import LEVELS
 from rgbd_glue_ros.types import Float64
 
@@ -72,7 +72,7 @@ def settle_contradiction(
         larger = _refined_alternative(problem, alternative, chosen.coarse, acceptance)
         if acceptance.is_plausible(larger.refinement):
             alternative = Alternative(pose.T_track_camera, 1 - alternative.share)
-            pose = larger
+            pose = _counted_on_all_planes(problem, larger)
     T, T_shift = pose.T_track_camera, None
     if _goes_on_from_alternative(T, last, problem.predicted):
         # the pose before followed the same object as the alternative does
@@ -134,6 +134,21 @@ def _refined_alternative(
     of_the_rest = replace(problem, model=problem.model.selected(planes, pixels))
     coarse = of_the_rest.refined(own, COARSE_LEVELS, brightness)
     return of_the_rest.refined_further(coarse, acceptance)
+
+
+def _counted_on_all_planes(problem: PoseProblem, estimate: PoseEstimate) -> PoseEstimate:
+    """A pose that was refined on a part of the model, with the numbers of all planes.
+
+    Otherwise the other part of the frame would seem to show what no keyframe does.
+    """
+    by_all = evaluate_pose(estimate.T_track_camera, problem.with_twist_used_for(estimate))
+    refinement = replace(
+        estimate.refinement,
+        planes_seen=by_all.planes_seen,
+        planes_agreeing=by_all.planes_agreeing,
+        planes_occluded=by_all.planes_occluded,
+    )
+    return replace(estimate, refinement=refinement)
 
 
 def _goes_on_from_alternative(

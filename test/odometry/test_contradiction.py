@@ -13,9 +13,12 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.alternative import Alternative, find_alternative, is_contradicted
-from rgbd_glue_ros.odometry.contradiction import contradiction_covariance
+from rgbd_glue_ros.odometry.candidates import refined_candidate
+from rgbd_glue_ros.odometry.contradiction import contradiction_covariance, settle_contradiction
+from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
+from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, View
@@ -84,6 +87,21 @@ def test_the_room_behind_a_person_is_found_and_is_the_larger_part() -> None:
     assert found is not None
     assert np.linalg.norm((found.T_track_camera - truth)[:3, 3]) < 0.01
     assert found.is_larger
+
+
+def test_of_a_pose_that_takes_the_place_of_another_all_planes_are_counted() -> None:
+    frames = crossed(IN_FRONT, 1, 5)
+    of = problem_at_rest(prepared(frames[0]), prepared(frames[4]))
+    carried_along = refined_candidate(np.eye(4), of, ACCEPTANCE)
+    at_rest = Motion.start(0, np.eye(4))
+    last = LastPose(at_rest, prepared(frames[3]), Alternative(true_poses()[3], 0.6))
+    settled = settle_contradiction(carried_along, of, last, ACCEPTANCE).estimate
+    T = settled.T_track_camera
+    assert np.linalg.norm((T - true_poses()[4])[:3, 3]) < 0.01
+    by_all = evaluate_pose(T, of.with_twist_used_for(settled))
+    assert settled.refinement.planes_seen == by_all.planes_seen
+    assert settled.refinement.planes_agreeing == by_all.planes_agreeing
+    assert settled.refinement.planes_occluded == by_all.planes_occluded
 
 
 def test_a_person_in_view_contradicts_the_pose_and_noise_does_not() -> None:
