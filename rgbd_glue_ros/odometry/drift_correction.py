@@ -32,12 +32,12 @@ class DriftCorrection:
 
     Attributes:
         T_odom_track: the current correction, float64 [4, 4].
-        target: the correction that it moves towards.
+        T_odom_track_known: the correction of all drift that is known, which it moves towards.
         edges: measured by the latest comparisons.
     """
 
     T_odom_track: Float64
-    target: Float64
+    T_odom_track_known: Float64
     edges: tuple[PoseGraphEdge, ...] = ()
 
     @staticmethod
@@ -48,7 +48,7 @@ class DriftCorrection:
     @property
     def remaining(self) -> Float64:
         """Known drift that is not yet corrected, twist [6], multiplied on the left of poses."""
-        return se3.log(self.target @ se3.inverse(self.T_odom_track))
+        return se3.log(self.T_odom_track_known @ se3.inverse(self.T_odom_track))
 
     def after_shift(self, T_shift: Float64) -> DriftCorrection:
         """The drift after tracked poses were shifted, so that published ones are not.
@@ -68,13 +68,13 @@ class DriftCorrection:
                 radians added.
         """
         corrected = self.T_odom_track @ T_now
-        remaining = se3.log(se3.inverse(corrected) @ self.target @ T_now)
+        remaining = se3.log(se3.inverse(corrected) @ self.T_odom_track_known @ T_now)
         length = float(np.linalg.norm(remaining[:3]) + np.linalg.norm(remaining[3:]))
         allowed = rate * se3.difference(T_before, T_now)
         if length <= allowed:
-            return DriftCorrection.at(self.target)
+            return DriftCorrection.at(self.T_odom_track_known)
         moved = corrected @ se3.exp(remaining * (allowed / length))
-        return DriftCorrection(moved @ se3.inverse(T_now), self.target)
+        return DriftCorrection(moved @ se3.inverse(T_now), self.T_odom_track_known)
 
     def pose_in_odom(self, T_track_camera: Float64, covariance: Float64) -> tuple[Float64, Float64]:
         """The published pose: a tracked one with the correction applied.
@@ -127,8 +127,8 @@ class DriftCorrection:
         corrections = np.array([comparison.correction for comparison in comparisons])
         if not _agree(corrections):
             return replace(self, edges=edges)
-        target = se3.exp(corrections.mean(axis=0)) @ self.target
-        return DriftCorrection(self.T_odom_track, target, edges)
+        known = se3.exp(corrections.mean(axis=0)) @ self.T_odom_track_known
+        return DriftCorrection(self.T_odom_track, known, edges)
 
     def _compared(
         self,
@@ -139,19 +139,19 @@ class DriftCorrection:
         errors: PoseErrors,
     ) -> _Comparison | None:
         """The comparison with one anchor; None if it is not accepted."""
-        expected = self.target @ keyframe.T_track_camera
-        start = se3.inverse(anchor.T_odom_track) @ expected
+        T_odom_camera = self.T_odom_track_known @ keyframe.T_track_camera
+        start = se3.inverse(anchor.T_odom_track) @ T_odom_camera
         # the finest level costs half of the time, and adds a digit that the anchor's own pose lacks
         refinement = refine(start, problem, COARSE_LEVELS)
         if not acceptance.is_conclusive(refinement):
             return None
-        T_seen = anchor.T_odom_track @ refinement.T_model_source
-        off = se3.log(T_seen @ se3.inverse(expected))
-        in_odom = se3.transported_covariance(self.target, keyframe.covariance)
+        T_odom_seen = anchor.T_odom_track @ refinement.T_model_source
+        correction = se3.log(T_odom_seen @ se3.inverse(T_odom_camera))
+        in_odom = se3.transported_covariance(self.T_odom_track_known, keyframe.covariance)
         # drift that is less likely by the covariance is a place that looks like another
-        if not mahalanobis_squared(off, in_odom) <= POSE_GATE:
+        if not mahalanobis_squared(correction, in_odom) <= POSE_GATE:
             return None
-        return _Comparison(off, revisit_edge(anchor, keyframe, refinement, errors))
+        return _Comparison(correction, revisit_edge(anchor, keyframe, refinement, errors))
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ class KeyframeMap:
             model: of its frame.
         """
         (last,) = self._keyframes.latest(1)
-        self._keyframes.leave_window(self._drift.current().target)
+        self._keyframes.leave_window(self._drift.current().T_odom_track_known)
         T_track_camera = last_motion.T_track_camera
         seconds = (stamp_ns - last_motion.stamp_ns) / NANOSECONDS
         since_lost = se3.transported_covariance(T_track_camera, lost_covariance(seconds))
@@ -143,7 +143,7 @@ class KeyframeMap:
             self._drift.replace(replace(drift, edges=()))
 
     def advance_correction(self, reference: Keyframe, T_before: Float64, T_now: Float64) -> None:
-        """Moves the correction towards its target, according to the camera's motion.
+        """Moves the correction towards that of all known drift, according to the camera's motion.
 
         Args:
             reference: keyframe that the pose was found from. A pose found from an anchor has the
@@ -172,12 +172,14 @@ class KeyframeMap:
         features: FrameFeatures,
         model: Model,
     ) -> RecentKeyframe:
-        target = self._drift.current().target
-        return self._keyframes.add(stamp_ns, T_track_camera, covariance, features, model, target)
+        T_odom_track = self._drift.current().T_odom_track_known
+        return self._keyframes.add(
+            stamp_ns, T_track_camera, covariance, features, model, T_odom_track
+        )
 
     def _compare_with_anchors(self, keyframe: RecentKeyframe, calibration: SelfCalibration) -> None:
         """Starts comparisons with anchors that saw the same part of the room."""
-        T_odom_camera = self._drift.current().target @ keyframe.T_track_camera
+        T_odom_camera = self._drift.current().T_odom_track_known @ keyframe.T_track_camera
         radius = self._config.odometry.drift_radius
         anchors = self._keyframes.anchors(T_odom_camera, radius)[:_ANCHORS_COMPARED]
         if anchors:
