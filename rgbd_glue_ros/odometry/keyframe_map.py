@@ -113,6 +113,25 @@ class KeyframeMap:
         self._edges.append(edge)
         return keyframe
 
+    def set_velocity_at_start(self, last: Motion, motion: Motion) -> None:
+        """Rebuilds a keyframe that tracking has started at, once the next pose shows its velocity.
+
+        Until then it seems to be at rest, so that a rolling shutter distorts it, and depth that is
+        late shifts it, and all poses found from it.
+
+        Args:
+            last: the motion at the last pose; others than that of the start are left as they are.
+            motion: that at the next pose, soon after it.
+        """
+        start = self._keyframes.newest()
+        if start is None or start.stamp_ns != last.stamp_ns or start.features.view.twist.any():
+            return
+        seconds = (motion.stamp_ns - start.stamp_ns) / NANOSECONDS
+        T_start_camera = se3.inverse(start.T_track_camera) @ motion.T_track_camera
+        view = replace(start.features.view, twist=se3.log(T_start_camera) / seconds)
+        features = self._glue.with_other_depth(start.features, view)
+        self._keyframes.rebuild_newest(features, model_of(view, self._config.refine.grid_step))
+
     def add_if_due(self, candidate: KeyframeCandidate, calibration: SelfCalibration) -> bool:
         """Makes a keyframe of a frame that is far enough from its reference and shows enough.
 

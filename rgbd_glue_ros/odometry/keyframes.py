@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import OdometryConfig
@@ -117,6 +117,12 @@ class Keyframes:
         while len(self) > self._config.keyframes:
             self._anchors.popleft()
         return keyframe
+
+    def rebuild_newest(self, features: FrameFeatures, model: Model) -> None:
+        """Replaces what the keyframe made last shows; the model is in its camera's frame."""
+        newest = self._window[-1]
+        moved = model.moved(newest.T_track_camera)
+        self._window[-1] = replace(newest, features=features, model=moved)
 
     def _leave(self, keyframe: RecentKeyframe, T_odom_track: Float64) -> None:
         T_odom_camera = T_odom_track @ keyframe.T_track_camera

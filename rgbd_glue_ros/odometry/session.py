@@ -189,6 +189,8 @@ class Session:
         view = replace(attempt.features.view, twist=motion.twist)
         self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
         is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
+        if is_certain:
+            self.keyframes.set_velocity_at_start(last, motion)
         self.calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=is_certain)
         self._own_parts.compare(replace(whole, twist=motion.twist), motion.T_track_camera)
         overlapping = overlap(view, fix.estimate.refinement, self._config.refine)

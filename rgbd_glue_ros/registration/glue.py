@@ -160,7 +160,7 @@ class Glue:
         return timed(self.geometric.extract, view)
 
     def with_other_depth(self, features: FrameFeatures, view: View) -> FrameFeatures:
-        """The features of a view with the same colours but other depth."""
+        """The features of a view with the same colours, but other depth or velocity."""
         return replace(features, view=view, geometric=self.geometric.extract(view))
 
     def without_images(self, features: FrameFeatures) -> Described:
