@@ -11,6 +11,7 @@ from enum import Enum
 
 import numpy as np
 
+from rgbd_glue_ros.live.blind_restarts import BlindRestarts
 from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -113,6 +114,7 @@ class Monitor:
             not.
         waited_ns: how long frames waited for TF so far, nanoseconds.
         waited_for: the transform that the last of them waited for; "" before the first.
+        restarts: of the odometry at the last pose.
     """
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -125,6 +127,7 @@ class Monitor:
         self.width = 0
         self.preparing = self.guess_fault = self.waited_for = ""
         self.waited_ns = 0
+        self.restarts = BlindRestarts()
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0
@@ -151,6 +154,7 @@ class Monitor:
         """
         with self._lock:
             self._why_no_pose = why_no_pose
+            self.restarts.take(estimate)
             if estimate.depth is not None:
                 self._evidence |= {
                     "depth_known": f"{estimate.depth.known:.3f}",
@@ -168,6 +172,11 @@ class Monitor:
             self._published_ns.append(published_ns)
             if estimate.registration is not None:
                 self._evidence |= _evidence(estimate.registration)
+
+    def start_anew(self) -> None:
+        """Forgets what no longer holds after a reset of the odometry."""
+        with self._lock:
+            self.restarts = BlindRestarts()
 
     def learnt(self, imu: ImuCalibration) -> None:
         """Records the current calibration of the IMU."""
@@ -199,6 +208,7 @@ class Monitor:
                 **summary,
                 "without_pose_s": f"{self._without_pose_ns(now_ns) / NANOSECONDS:.3f}",
                 "why_no_pose": self._why_no_pose,
+                **self.restarts.values(),
                 **self._evidence,
                 **_imu_values(self._imu),
                 "last_error": self._faults.last,

@@ -91,7 +91,9 @@ class NodeDiagnostics:
             return DiagnosticStatus.ERROR, refused
         if state is TrackingState.TRACKING and self._monitor.is_overdue(now_ns):
             return DiagnosticStatus.STALE, f"{state.value}, but no frame arrived recently"
-        doubts = [line for line in (self._monitor.guess_fault, self._watch.drops) if line]
+        monitor = self._monitor
+        causes = (monitor.restarts.doubt, monitor.guess_fault, self._watch.drops)
+        doubts = [line for line in causes if line]
         if state is TrackingState.TRACKING and doubts:
             return DiagnosticStatus.WARN, "; ".join(doubts)
         why = self._monitor.preparing or self._monitor.why_no_pose

@@ -333,12 +333,17 @@ class OdometryNode(BaseNode):
         self._outputs.forget_path()
         self._viewer.start_anew()
         self._graph.clear()
+        self.monitor.start_anew()
         self._last_stamp_ns = None
 
     def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
         """Logs changes of state, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
             self.warn_once("No pose yet", why)
+            return
+        if estimate.is_start and before is not TrackingState.INITIALIZING:
+            doubt = self.monitor.restarts.doubt
+            self.get_logger().warning(f"{doubt[0].upper()}{doubt[1:]}")
             return
         if estimate.state is before:
             return

@@ -74,3 +74,8 @@ class OdometryEstimate:
     stages_ms: dict[str, float] = field(default_factory=dict)
     depth: DepthSummary | None = None
     covariance_from_keyframe: Float64 | None = None
+
+    @property
+    def is_start(self) -> bool:
+        """Whether the odometry starts with this frame, or restarts with it at the last pose."""
+        return self.is_keyframe and self.registration is None

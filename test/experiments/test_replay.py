@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import signal
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +51,7 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     assert set(figures) == {
         *("sequence", "played", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
         *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe", "edges"),
-        *("restarts", "duplicates", "unpaired", "longest_gap_s", "version"),
+        *("restarts", "blind_restarts", "duplicates", "unpaired", "longest_gap_s", "version"),
     }
     assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}
     assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
@@ -190,6 +192,32 @@ def test_where_time_goes_back_the_odometry_starts_anew_and_that_is_said(
     (said,) = [message for message in caplog.messages if "time went back" in message]
     assert "Of 3 parts" in said
     assert "20 of 46 frames" in said
+
+
+class Elsewhere(Pan):
+    """After twelve frames, the camera is before another wall."""
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        for number, frame in enumerate(super().__iter__()):
+            mirrored = np.ascontiguousarray(frame.color[:, ::-1])
+            other = replace(frame, color=mirrored, depth=frame.depth * np.float32(0.6))
+            yield frame if number < 12 else other
+
+
+def test_a_restart_at_the_last_pose_is_said_and_in_the_report(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = with_values(Config(), {"odometry.reset_countdown": 5, "odometry.reset_delay": 0.0})
+    run = replay(Elsewhere(24), config, tmp_path)
+    (restart,) = run.blind_restarts
+    assert restart.stamp_ns == run.frames[16].stamp_ns
+    assert json.loads((tmp_path / METRICS).read_text())["blind_restarts"] == 1
+    (said,) = [message for message in caplog.messages if "not recognised" in message]
+    assert "lost and not recognised again 1 time, the first time at 0.567 s" in said
+    assert "the last pose, which may be 0.2 m off" in said
+    report = (tmp_path / REPORT).read_text()
+    assert said in report
+    assert "restarts at the last pose, not recognised" in report
 
 
 def test_frames_that_come_twice_are_left_out_and_counted(tmp_path: Path) -> None:

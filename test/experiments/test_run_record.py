@@ -58,6 +58,17 @@ def test_a_record_keeps_counts_and_no_correspondences() -> None:
     assert nothing.visual_inliers is None
 
 
+def test_restarts_at_the_last_pose_are_counted_and_the_first_frame_of_a_part_is_none() -> None:
+    run = Run("x", Config(), wall_s=1.0)
+    start = OdometryEstimate(0, TRACKING, np.eye(4), np.eye(6), is_keyframe=True)
+    for estimate in (start, registered(0.5, 0, 1), OdometryEstimate(1, LOST), start):
+        run.add(estimate, 1.0)
+    run.start_anew()
+    run.add(start, 1.0)
+    figures = metrics(run, None)
+    assert (figures["blind_restarts"], figures["restarts"]) == (1, 1)
+
+
 def test_figures_count_states_and_take_percentiles_and_medians_per_stage() -> None:
     run = Run("x", Config(), wall_s=2.0)
     for i in range(101):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -18,11 +19,13 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from rigs.faults import node_in, rig_node
 from rigs.node_without_pictures import REFUSAL
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, Rig, corner_frame
 from rigs.unseen import covered
 from sensor_msgs.msg import Image
+from std_srvs.srv import Empty
 
 PERIOD_NS = NANOSECONDS // 30
 COVERED_NS = 5 * NANOSECONDS
@@ -60,6 +63,47 @@ def test_a_camera_covered_for_five_seconds_is_found_only_where_it_was(
         assert np.linalg.norm(error[:3, 3]) < 0.01
         assert se3.rotation_angle(error) < 0.01
         node.wait_for_line("Tracking again", PATIENCE_S)
+
+
+@pytest.mark.slow
+def test_a_restart_at_the_last_pose_is_a_warning_until_a_reset(ros_domain: int) -> None:
+    room, countdown = recorded_frames(), 5
+    now = itertools.count(START_NS, PERIOD_NS)
+
+    def told(rig: Rig) -> tuple[bytes, str, dict[str, str]]:
+        rig.diagnostics.clear()
+        rig.wait(lambda: rig.diagnostics, "diagnostics")
+        status = rig.diagnostics[-1].status[0]
+        return status.level, status.message, {item.key: item.value for item in status.values}
+
+    parameters = {
+        "reset_countdown": countdown,
+        "odometry.reset_delay": 2.0,
+        "always_process_most_recent_frame": False,
+    }
+    with node_in(ros_domain, **parameters) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        poses_of(rig, [at(next(now), room[i]) for i in range(5)])
+        away = START_NS + 3 * NANOSECONDS
+        for i in range(countdown - 1):
+            rig.publish(corner_frame(away + i * PERIOD_NS))
+        rig.pose_of(corner_frame(away + countdown * PERIOD_NS))
+        line = node.wait_for_line("Not recognised at 4.", PATIENCE_S)
+        assert "[WARN]" in line
+        assert "restarted at the last pose, which may be 3." in line
+        assert not [line for line in node.lines if "Tracking again" in line]
+        rig.pose_of(corner_frame(away + 8 * PERIOD_NS))
+        level, message, values = told(rig)
+        assert level == DiagnosticStatus.WARN
+        assert message.startswith("not recognised at 4.")
+        assert (values["state"], values["blind_restarts"]) == ("tracking", "1")
+        assert 2.5 < float(values["position_sigma_m"]) < 4
+        reset = rig.node.create_client(Empty, "/rgbd_odometry/reset_odom")
+        rig.wait(reset.service_is_ready, "the service")
+        rig.wait(reset.call_async(Empty.Request()).done, "the answer")
+        rig.pose_of(corner_frame(away + 9 * PERIOD_NS))
+        level, message, values = told(rig)
+        assert (level, message, values["blind_restarts"]) == (DiagnosticStatus.OK, "tracking", "0")
 
 
 @pytest.mark.slow

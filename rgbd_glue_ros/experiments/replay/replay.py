@@ -41,6 +41,7 @@ from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
+from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
 from rgbd_glue_ros.recordings.depth_topic import depth_topic
 from rgbd_glue_ros.recordings.left_out import left_out_of
@@ -49,6 +50,7 @@ from rgbd_glue_ros.slam.picture import map_jpeg
 from rgbd_glue_ros.trajectories.pose_graph import GraphReader, write_graph
 from rgbd_glue_ros.trajectories.tum import TumWriter
 from rgbd_glue_ros.types import (
+    NANOSECONDS,
     ImuSamples,
     OdometryEstimate,
 )
@@ -139,6 +141,7 @@ def replay_into(
                 last = frames.last
             _warn_of_imu(odometry)
             _warn_of_restarts(run)
+            _warn_of_blind_restarts(run)
             why_none = ""
             if last is not None and len(run.trajectory) == 0:
                 why_none = explain_no_pose(last, config.camera, depth_topic(sequence))
@@ -192,6 +195,18 @@ def _warn_of_restarts(run: Run) -> None:
             "frame of its own. Of %d parts, errors, pose graph and report are of the longest, "
             "%d of %d frames",
             *(run.sequence, len(run.parts), len(run.longest_part.frames), len(run.frames)),
+        )
+
+
+def _warn_of_blind_restarts(run: Run) -> None:
+    restarts = run.blind_restarts
+    if restarts:
+        off_m = [0.0 if f.sigmas is None else float(f.sigmas[:3].max()) for f in restarts]
+        logger.warning(
+            "%s: lost and not recognised again %s, the first time at %.3f s: the odometry "
+            "restarted at the last pose, which may be %.1f m off, and so may all that follows",
+            *(run.sequence, counted(len(restarts), "time")),
+            *(restarts[0].stamp_ns / NANOSECONDS, max(off_m)),
         )
 
 

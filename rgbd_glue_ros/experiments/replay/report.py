@@ -284,7 +284,10 @@ def _error_tables(figures: Mapping[str, Any]) -> list[_Table]:
 
 def _tracking_table(figures: Mapping[str, Any]) -> _Table:
     counted = [(name, f"{figures[name]}") for name in ("frames", "tracked", "lost", "keyframes")]
-    return "Tracking", [*counted, ("length of path", f"{figures['path_m']:.2f} m")]
+    blind = figures["blind_restarts"]
+    restarts = [("restarts at the last pose, not recognised", f"{blind}")] * bool(blind)
+    path = ("length of path", f"{figures['path_m']:.2f} m")
+    return "Tracking", [*counted, *restarts, path]
 
 
 def _speed_table(figures: Mapping[str, Any]) -> _Table:

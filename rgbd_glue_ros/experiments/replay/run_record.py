@@ -59,6 +59,7 @@ class FrameRecord:
         stages_ms: wall time of each stage.
         sigmas: float64 [6], standard deviations of the pose (x y z rx ry rz; m, rad) in the odom
             frame; None if no covariance is known.
+        is_start: whether the odometry started with it, or restarted at the last pose.
     """
 
     stamp_ns: int
@@ -71,6 +72,7 @@ class FrameRecord:
     credible: int | None = None
     stages_ms: dict[str, float] = field(default_factory=dict)
     sigmas: Float64 | None = None
+    is_start: bool = False
 
     @staticmethod
     def of(estimate: OdometryEstimate, latency_ms: float) -> FrameRecord:
@@ -87,6 +89,7 @@ class FrameRecord:
             credible=len(result.credible) if result else None,
             stages_ms=estimate.stages_ms,
             sigmas=None if covariance is None else np.sqrt(np.diag(covariance)),
+            is_start=estimate.is_start,
         )
 
 
@@ -151,6 +154,12 @@ class Run:
         ]
 
     @property
+    def blind_restarts(self) -> list[FrameRecord]:
+        """The frames with which the odometry restarted at the last pose, not recognising any."""
+        starts = ([frame for frame in part.frames if frame.is_start] for part in self.parts)
+        return [frame for first_and_later in starts for frame in first_and_later[1:]]
+
+    @property
     def longest_row(self) -> int:
         """Which of the parts has most poses, the first of these."""
         poses = [len(part.trajectory) for part in self.parts]
@@ -198,6 +207,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
         "lost": states.count(TrackingState.LOST),
         "keyframes": sum(frame.is_keyframe for frame in run.frames),
         "restarts": len(run.restarts),
+        "blind_restarts": len(run.blind_restarts),
         "duplicates": run.duplicates,
         "unpaired": dict(run.unpaired) or None,
         "longest_gap_s": max(map(_longest_gap_s, parts)),
