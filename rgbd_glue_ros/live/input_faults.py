@@ -29,6 +29,7 @@ class Input:
         received: number of received messages.
         rate_hz: messages per second.
         other: where the same image is published in another transport, if it is not here.
+        last: when the last message came, of how many, by ``Arrivals``; "" if none ever did.
     """
 
     channel: Channel
@@ -37,15 +38,15 @@ class Input:
     received: int
     rate_hz: float
     other: OtherTransport | None = None
+    last: str = ""
 
     def __str__(self) -> str:
+        what = f"{self.topic} ({self.channel.value})"
         if not self.publishers:
-            return f"{self.topic} ({self.channel.value}) has no publisher"
-        by = ", ".join(self.publishers)
-        return (
-            f"{self.topic} ({self.channel.value}) from {by}: {self.received} messages "
-            f"({self.rate_hz:.1f} Hz)"
-        )
+            return f"{what} has no publisher" + (f" any more: {self.last}" if self.last else "")
+        has_stopped = self.last and not self.received
+        came = self.last if has_stopped else f"{self.received} messages ({self.rate_hz:.1f} Hz)"
+        return f"{what} from {', '.join(self.publishers)}: {came}"
 
 
 def explain_silence(
@@ -71,19 +72,25 @@ def explain_silence(
     """
     seen = "; ".join(map(str, inputs))
     others = [i.other for i in inputs if i.other is not None]
-    unpublished = _names([i.channel for i in inputs if not (i.publishers or i.other)])
-    missing = _names([i.channel for i in inputs if not i.received])
+    unpublished = [i for i in inputs if not (i.publishers or i.other)]
+    silent = [i for i in inputs if not i.received]
     if others or unpublished:
         # camera infos, which have no transports, may be missing too
         remedy = "; ".join(
             [explain_transports(others)] * bool(others)
-            + [f"{unpublished} missing: start the camera, or remap the topics to the names it uses"]
-            * bool(unpublished)
+            + _absence(
+                unpublished,
+                "start the camera, or remap the topics to the names it uses",
+                "the driver has ended: start it again",
+            )
         )
-    elif missing:
-        remedy = (
-            f"{missing} missing: check whether the camera runs, and whether type and QoS of its "
-            "topics match"
+    elif silent:
+        remedy = "; ".join(
+            _absence(
+                silent,
+                "check whether the camera runs, and whether type and QoS of its topics match",
+                "the driver hangs, or was killed and is counted for a while yet: see its log",
+            )
         )
     elif repeated:
         remedy = (
@@ -280,8 +287,10 @@ def _faster(width: int, learned: Sequence[str]) -> str:
     return "give the node more processor time, or make the driver send fewer frames"
 
 
-def _names(channels: Sequence[Channel]) -> str:
-    """``depth is`` or ``color and depth are``; empty for none."""
-    if not channels:
-        return ""
-    return " and ".join(c.value for c in channels) + (" is" if len(channels) == 1 else " are")
+def _absence(inputs: Sequence[Input], if_never: str, if_stopped: str) -> list[str]:
+    """What is missing and what has stopped, with what to do about each."""
+    missing = [i.channel.value for i in inputs if not i.last]
+    stopped = [i.channel.value for i in inputs if i.last]
+    are = "is" if len(missing) == 1 else "are"
+    said = [f"{' and '.join(missing)} {are} missing: {if_never}"] * bool(missing)
+    return said + [f"{' and '.join(stopped)} stopped: {if_stopped}"] * bool(stopped)

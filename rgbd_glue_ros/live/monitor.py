@@ -206,7 +206,7 @@ class Monitor:
         with self._lock:
             return {
                 **summary,
-                "without_pose_s": f"{self._without_pose_ns(now_ns) / NANOSECONDS:.3f}",
+                "without_pose_s": f"{self.without_pose_ns(now_ns) / NANOSECONDS:.3f}",
                 "why_no_pose": self._why_no_pose,
                 **self.restarts.values(),
                 **self._evidence,
@@ -225,9 +225,9 @@ class Monitor:
 
     def is_overdue(self, now_ns: int) -> bool:
         """Whether the last pose is more than ``NO_POSE_S`` old."""
-        return self._without_pose_ns(now_ns) > NO_POSE_S * NANOSECONDS
+        return self.without_pose_ns(now_ns) > NO_POSE_S * NANOSECONDS
 
-    def _without_pose_ns(self, now_ns: int) -> int:
+    def without_pose_ns(self, now_ns: int) -> int:
         """Time since the last pose; before the first one, since counting began."""
         return max(now_ns - self._last_pose_ns, 0)
 

@@ -14,11 +14,13 @@ class OdometryTopic:
         topic: its full name.
         publishers: descriptions of its publishers; empty if there are none.
         received: received messages: of poses since the last check, of the others in total.
+        last: when the last message came, of how many, by ``Arrivals``; "" if none ever did.
     """
 
     topic: str
     publishers: tuple[str, ...]
     received: int
+    last: str = ""
 
 
 def explain_no_keyframes(
@@ -34,11 +36,21 @@ def explain_no_keyframes(
         edge: the topic of edges between keyframes; the first keyframe has none.
     """
     unpublished = [each.topic for each in (pose, keyframe, edge) if not each.publishers]
+    have = "has" if len(unpublished) == 1 else "have"
+    if unpublished and pose.last:
+        return (
+            f"No more keyframes: {_listed(unpublished)} {have} no publisher any more; {pose.last} "
+            f"on {pose.topic}: the odometry node has ended; start it again"
+        )
     if unpublished:
-        have = "has" if len(unpublished) == 1 else "have"
         return (
             f"No keyframes: {_listed(unpublished)} {have} no publisher: start the odometry node, "
             "or give this one its namespace and remappings"
+        )
+    if not pose.received and pose.last:
+        return (
+            f"No more keyframes: {pose.last} on {pose.topic} from {', '.join(pose.publishers)}: "
+            "the odometry has no pose any more; its log says why"
         )
     if not pose.received:
         return f"No keyframes: {_silent(pose)}: the odometry has no pose; its log says why"

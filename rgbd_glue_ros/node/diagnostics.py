@@ -17,7 +17,7 @@ from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.messages.synchronizer import Synchronizer
 from rgbd_glue_ros.node.input_watch import NodeWatch
 from rgbd_glue_ros.printable import printable
-from rgbd_glue_ros.types import TrackingState
+from rgbd_glue_ros.types import NANOSECONDS, TrackingState
 
 DIAGNOSTIC_LEVELS = {
     TrackingState.INITIALIZING: DiagnosticStatus.WARN,
@@ -90,7 +90,8 @@ class NodeDiagnostics:
         if refused:
             return DiagnosticStatus.ERROR, refused
         if state is TrackingState.TRACKING and self._monitor.is_overdue(now_ns):
-            return DiagnosticStatus.STALE, f"{state.value}, but no frame arrived recently"
+            seconds = self._monitor.without_pose_ns(now_ns) / NANOSECONDS
+            return DiagnosticStatus.STALE, f"no frame for {seconds:.0f} s"
         monitor = self._monitor
         causes = (monitor.restarts.doubt, monitor.guess_fault, self._watch.drops)
         doubts = [line for line in causes if line]

@@ -80,7 +80,6 @@ class NodeWatch:
     """Checks the input every ``LOOK_S`` once it is started, and logs new problems.
 
     Attributes:
-        silence: why no complete frame arrived since the last check; "" if one did.
         drops: why more than a tenth of frames since the last check have no pose; "" otherwise.
     """
 
@@ -103,7 +102,7 @@ class NodeWatch:
             learned: parameters that select a learned feature.
             with_two_clocks: what to do if colour and depth use different clocks.
         """
-        self.silence = self.drops = ""
+        self.drops = self._silence = ""
         self._stamps = stamps
         self._learned = learned
         self._with_two_clocks = with_two_clocks
@@ -113,6 +112,11 @@ class NodeWatch:
         self._before = self._counts()
         self._warned: set[str] = set()
         self._silence_log = SilenceLog(node, "publishers")
+
+    @property
+    def silence(self) -> str:
+        """Why no complete frame arrived before the last check, nor since; "" if one did."""
+        return "" if self._synchronizer.matches > self._before.matches else self._silence
 
     def start(self, inputs: Sequence[NodeInput]) -> None:
         """Starts to check subscriptions."""
@@ -148,9 +152,9 @@ class NodeWatch:
             queue_needed = synchronizer.queue_needed
             self._warn_if_new("queue", explain_queue(queue_needed) if queue_needed else None)
             synchronizer.forget_misses()
-        self.silence = "" if since.matches else self._explain_silence(inputs, since)
+        self._silence = "" if since.matches else self._explain_silence(inputs, since)
         self._silence_log.look(
-            f"No frame for {LOOK_S:.0f} s: {self.silence}" if self.silence else None,
+            f"No frame for {LOOK_S:.0f} s: {self._silence}" if self._silence else None,
             has_publishers=any(i.publishers or i.other for i in inputs),
             has_messages=any(since.received.values()),
         )
@@ -193,6 +197,7 @@ class NodeWatch:
                 received[i.channel],
                 received[i.channel] / LOOK_S,
                 i.other,
+                str(i.arrivals),
             )
             for i in inputs
         ]

@@ -11,6 +11,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.arrivals import Arrivals
 from rgbd_glue_ros.live.transports import OtherTransport, other_transport
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.node.following import FollowingSubscription, offered_durability
@@ -25,6 +26,11 @@ class NodeInput:
 
     A reliable subscription gets nothing from a best-effort publisher, and a best-effort one may
     lose images of a reliable publisher.
+
+    Attributes:
+        channel: what the topic carries.
+        topic: its full name, with the transport.
+        arrivals: of its messages.
     """
 
     def __init__(
@@ -49,9 +55,11 @@ class NodeInput:
             transport: of an image.
         """
         self.channel = channel
+        self.arrivals = Arrivals()
         self.topic = topics.transported(topic, transport)
         self._base, self._transport = topic, transport
         self._node = node
+        self._receive = receive
         self._type = message_type
         self._depth = config.topic_queue_size
         self._parameter = "qos_camera_info" if channel is Channel.INFO else "qos"
@@ -64,11 +72,15 @@ class NodeInput:
             node,
             message_type,
             self.topic,
-            lambda message: receive(channel, message),
+            self._take,
             self._qos(self._reliability, DurabilityPolicy.VOLATILE),
             self._wanted,
             self._say_change,
         )
+
+    def _take(self, message: Any) -> None:
+        self.arrivals.add()
+        self._receive(self.channel, message)
 
     def _qos(self, reliability: ReliabilityPolicy, durability: DurabilityPolicy) -> QoSProfile:
         return QoSProfile(depth=self._depth, reliability=reliability, durability=durability)

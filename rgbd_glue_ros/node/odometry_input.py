@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -12,6 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.arrivals import Arrivals
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
 from rgbd_glue_ros.node.input_watch import LOOK_S
 from rgbd_glue_ros.node.inputs import describe_publishers
@@ -23,11 +24,11 @@ _QUEUE_SIZE = 100
 
 @dataclass
 class _Subscribed:
-    """A topic, and how many of its messages came: in total, and up to the last check."""
+    """A topic, its messages, and how many of them came up to the last check."""
 
     topic: str
     type: type
-    received: int = 0
+    arrivals: Arrivals = field(default_factory=Arrivals)
     received_before: int = 0
 
 
@@ -70,7 +71,7 @@ class OdometryInput:
         subscribed = _Subscribed(self._node.resolve_topic_name(topic), kind)
 
         def receive(message: Any) -> None:
-            subscribed.received += 1
+            subscribed.arrivals.add()
             take(message)
 
         self._node.create_subscription(kind, topic, receive, _QUEUE_SIZE)
@@ -80,14 +81,14 @@ class OdometryInput:
         """Logs why there are no keyframes."""
         subscribed = (self._pose, self._keyframe, self._edge)
         line = explain_no_keyframes(*map(self._seen, subscribed))
-        self._pose.received_before = self._pose.received
+        self._pose.received_before = self._pose.arrivals.count
         self._silence_log.look(
             line,
             has_publishers=self._has_images(),
-            has_messages=any(each.received for each in subscribed),
+            has_messages=any(each.arrivals.count for each in subscribed),
         )
 
     def _seen(self, subscribed: _Subscribed) -> OdometryTopic:
         publishers = describe_publishers(self._node, subscribed.topic, subscribed.type)
-        lately = subscribed.received - subscribed.received_before
-        return OdometryTopic(subscribed.topic, publishers, lately)
+        lately = subscribed.arrivals.count - subscribed.received_before
+        return OdometryTopic(subscribed.topic, publishers, lately, str(subscribed.arrivals))

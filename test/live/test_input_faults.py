@@ -46,6 +46,37 @@ def test_a_topic_that_is_published_but_does_not_arrive_points_at_type_and_qos() 
     assert "type and QoS" in line
 
 
+def test_a_camera_that_worked_is_said_to_have_stopped_and_when() -> None:
+    last = "the last of 573 messages came 5 s ago"
+
+    def line(*publishers: str) -> str:
+        inputs = [Input(c, f"/{c.value}", publishers, 0, 0.0, last=last) for c in Channel]
+        return explain_silence(inputs, None, 20 * MS)
+
+    hung = line("/driver (best effort)")
+    assert hung.startswith(f"/color (color) from /driver (best effort): {last}; /depth")
+    assert "color and depth and camera_info stopped: the driver hangs, or was killed" in hung
+    ended = line()
+    assert ended.startswith(f"/color (color) has no publisher any more: {last}; /depth")
+    assert "camera_info stopped: the driver has ended: start it again" in ended
+    for said in (hung, ended):
+        assert "QoS" not in said
+        assert "0 messages" not in said
+        assert "remap" not in said
+
+
+def test_a_stream_that_stopped_is_told_from_one_that_never_came() -> None:
+    by = ("/driver",)
+    stopped = Input(Channel.COLOR, "/c", by, 0, 0.0, last="the only message came 9 s ago")
+    coming = Input(Channel.INFO, "/i", by, 5, 1.0, last="the last of 5 messages came 0 s ago")
+    line = explain_silence([stopped, Input(Channel.DEPTH, "/d", by, 0, 0.0), coming], None, 0)
+    assert (
+        "/d (depth) from /driver: 0 messages (0.0 Hz); /i (camera_info) from /driver: 5 m" in line
+    )
+    assert "; depth is missing: check whether the camera runs" in line
+    assert "; color stopped: the driver hangs" in line
+
+
 def test_stamps_too_far_apart_are_reported_with_both_intervals() -> None:
     line = silence(closest_miss_ns=31 * MS, color=150, depth=150, info=150)
     assert "31.0 ms apart" in line

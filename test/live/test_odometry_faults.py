@@ -25,6 +25,23 @@ def said(*received: int | None) -> str | None:
     )
 
 
+def test_an_odometry_that_had_poses_is_said_to_have_stopped_and_when() -> None:
+    last = "the last of 573 messages came 5 s ago"
+
+    def line(*publishers: str) -> str | None:
+        topics = (("/pose", 0), ("/keyframe/pose", 43), ("/keyframe/edges", 42))
+        return explain_no_keyframes(*(OdometryTopic(t, publishers, n, last) for t, n in topics))
+
+    assert line(BY) == (
+        f"No more keyframes: {last} on /pose from {BY}: the odometry has no pose any more; its log "
+        "says why"
+    )
+    assert line() == (
+        "No more keyframes: /pose, /keyframe/pose and /keyframe/edges have no publisher any more; "
+        f"{last} on /pose: the odometry node has ended; start it again"
+    )
+
+
 @pytest.mark.parametrize(
     ("received", "line"),
     [

@@ -15,6 +15,7 @@ from rgbd_glue_ros.types import NANOSECONDS
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from rigs.faults import healthy, node_in, rig_node
 from rigs.ros import PATIENCE_S, Rig, corner_frame, frame_messages
 from sensor_msgs.msg import Image
@@ -93,24 +94,45 @@ def test_silence_is_logged_once_for_each_cause_however_much_arrives(ros_domain: 
 
         numbers = iter(range(10**6))
 
-        def is_seen(missing: str, times: int, *, is_color: bool) -> bool:
+        def is_seen(line: str, times: int, *, is_color: bool) -> bool:
             publish(next(numbers), is_color=is_color)
             rig.spin_for(0.05 * (1 + len(seen)))
-            if f"; {missing} missing" in told(rig):
+            if line in told(rig):
                 seen.add(told(rig))
             return len(seen) >= times
 
-        rig.wait(
-            lambda: is_seen("depth and camera_info are", 2, is_color=True), "two looks at images"
-        )
+        missing = "; depth and camera_info are missing: "
+        rig.wait(lambda: is_seen(missing, 2, is_color=True), "two looks at images")
         seen.clear()
-        rig.wait(lambda: is_seen("color and camera_info are", 1, is_color=False), "a look at depth")
+        rig.wait(lambda: is_seen("; color stopped: ", 1, is_color=False), "a look at depth")
         seen.clear()
-        rig.wait(lambda: is_seen("depth and camera_info are", 1, is_color=True), "a look at images")
+        rig.wait(lambda: is_seen("; depth stopped: ", 1, is_color=True), "a look at images")
         lines = [line for line in node.lines if "No frame for 1 s" in line]
         assert len({line.partition("No frame")[2] for line in lines}) == len(lines)
-        assert len([line for line in lines if "; depth and camera_info are missing" in line]) == 1
-        assert len([line for line in lines if "; color and camera_info are missing" in line]) == 1
+        for cause in (missing, "; color stopped: ", "; depth stopped: "):
+            assert len([line for line in lines if cause in line]) == 1
+
+
+@pytest.mark.slow
+def test_what_arrives_after_a_look_counts_at_once_and_a_camera_that_stops_is_said_to(
+    ros_domain: int,
+) -> None:
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        rig.wait(lambda: "are missing: check whether the camera" in told(rig), "a look at nothing")
+        for i in range(2):
+            rig.pose_of(corner_frame(START_NS + i * PERIOD_NS))
+        rig.diagnostics.clear()
+        rig.wait(lambda: rig.diagnostics, "diagnostics")
+        assert told(rig) == "tracking"
+        rig.wait(lambda: told(rig).startswith("no frame for "), "the first seconds without a frame")
+        assert rig.diagnostics[-1].status[0].level == DiagnosticStatus.STALE
+        line = node.wait_for_line("color and depth and camera_info stopped: ", PATIENCE_S)
+        assert "[WARN]" in line
+        assert "No frame for 5 s: /rgb/image (color) from /rig " in line
+        assert "the last of 2 messages came " in line
+        assert "0 messages" not in line
+        rig.wait(lambda: "stopped: the driver hangs" in told(rig), "the same on /diagnostics")
 
 
 @pytest.mark.slow

@@ -264,6 +264,10 @@ def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: i
 
             at_rest = f"no message on /keyframe/pose {by}: they are created as the camera moves"
             rig.wait(lambda: publish_until(at_rest), "a look at keyframes")
+            rig.wait(lambda: logs("No more keyframes: the last of "), "a look after the last pose")
+            line = node.wait_for_line("No more keyframes: the last of ", PATIENCE_S)
+            assert "on /pose from /rig (geometry_msgs/msg/PoseStamped, reliable)" in line
+            assert line.endswith("the odometry has no pose any more; its log says why")
         for line in (missing, "no message on /pose", at_rest):
             assert len([said for said in node.lines if line in said]) == 1
 
