@@ -103,6 +103,21 @@ class Summary:
         return f"{self.frames} frames, {self.tracked} tracked{latency}; dropped {drops or 'none'}"
 
 
+@dataclass(frozen=True)
+class Load:
+    """How many frames this machine keeps up with.
+
+    A search for a lost camera is left out of both: a frame of it takes several times as long.
+
+    Attributes:
+        processed: frames with an estimate.
+        left_out: frames that a newer one replaced while those were processed.
+    """
+
+    processed: int = 0
+    left_out: int = 0
+
+
 class Monitor:
     """Counts processed and dropped frames; thread-safe.
 
@@ -132,6 +147,8 @@ class Monitor:
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0
         self._drops: Counter[Drop] = Counter()
+        self._load = Load()
+        self._replaced_before = 0
         self._faults = FaultNews(clock)
         self._latencies_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
         self._published_ns: deque[int] = deque(maxlen=LATENCY_WINDOW)
@@ -155,6 +172,7 @@ class Monitor:
         with self._lock:
             self._why_no_pose = why_no_pose
             self.restarts.take(estimate)
+            self._count_load(estimate)
             if estimate.depth is not None:
                 self._evidence |= {
                     "depth_known": f"{estimate.depth.known:.3f}",
@@ -172,6 +190,22 @@ class Monitor:
             self._published_ns.append(published_ns)
             if estimate.registration is not None:
                 self._evidence |= _evidence(estimate.registration)
+
+    def _count_load(self, estimate: OdometryEstimate) -> None:
+        replaced = self._drops[Drop.SUPERSEDED] - self._replaced_before
+        self._replaced_before += replaced
+        if TrackingState.LOST not in (self._state, estimate.state):
+            self._load = Load(self._load.processed + 1, self._load.left_out + replaced)
+
+    @property
+    def load(self) -> Load:
+        """Frames that were processed and left out, but for a search for a lost camera."""
+        with self._lock:
+            if self._state is not TrackingState.INITIALIZING:
+                return self._load
+            # the first frame may take for ever
+            replaced = self._drops[Drop.SUPERSEDED] - self._replaced_before
+            return Load(self._load.processed, self._load.left_out + replaced)
 
     def start_anew(self) -> None:
         """Forgets what no longer holds after a reset of the odometry."""

@@ -36,21 +36,12 @@ def explain_no_keyframes(
         edge: the topic of edges between keyframes; the first keyframe has none.
     """
     unpublished = [each.topic for each in (pose, keyframe, edge) if not each.publishers]
-    have = "has" if len(unpublished) == 1 else "have"
-    if unpublished and pose.last:
-        return (
-            f"No more keyframes: {_listed(unpublished)} {have} no publisher any more; {pose.last} "
-            f"on {pose.topic}: the odometry node has ended; start it again"
-        )
+    if pose.last and (unpublished or not pose.received):
+        return f"No more keyframes: {_stopped(pose, unpublished)}"
     if unpublished:
         return (
-            f"No keyframes: {_listed(unpublished)} {have} no publisher: start the odometry node, "
-            "or give this one its namespace and remappings"
-        )
-    if not pose.received and pose.last:
-        return (
-            f"No more keyframes: {pose.last} on {pose.topic} from {', '.join(pose.publishers)}: "
-            "the odometry has no pose any more; its log says why"
+            f"No keyframes: {_have_no_publisher(unpublished)}: start the odometry node, or give "
+            "this one its namespace and remappings"
         )
     if not pose.received:
         return f"No keyframes: {_silent(pose)}: the odometry has no pose; its log says why"
@@ -59,6 +50,23 @@ def explain_no_keyframes(
     if keyframe.received > 1 and not edge.received:
         return f"No keyframes: {_silent(edge)}: check whether type and QoS of the topic match"
     return None
+
+
+def _stopped(pose: OdometryTopic, unpublished: list[str]) -> str:
+    """When an odometry that had poses stopped, and why."""
+    if unpublished:
+        return (
+            f"{_have_no_publisher(unpublished)} any more; {pose.last} on {pose.topic}: the "
+            "odometry node has ended; start it again"
+        )
+    return (
+        f"{pose.last} on {pose.topic} from {', '.join(pose.publishers)}: the odometry has no pose "
+        "any more; its log says why"
+    )
+
+
+def _have_no_publisher(topics: list[str]) -> str:
+    return f"{_listed(topics)} {'has' if len(topics) == 1 else 'have'} no publisher"
 
 
 def explain_no_poses(

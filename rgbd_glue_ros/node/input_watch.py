@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,7 @@ from rgbd_glue_ros.live.input_faults import (
     explain_slowness,
     explain_waiting,
 )
-from rgbd_glue_ros.live.monitor import Drop, Monitor
+from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.messages.stamps import StampSource
 from rgbd_glue_ros.messages.synchronizer import PAIRED, Channel, Synchronizer
 from rgbd_glue_ros.node.inputs import NodeInput
@@ -44,8 +43,8 @@ class _Counts:
         missing: messages of each channel that are missing, from gaps between the stamps.
         backward: messages of each channel with a stamp before that of an earlier message.
         repeated: messages of each channel with the stamp of an earlier message.
-        processed: frames with an estimate.
-        left_out: frames that were replaced by a newer one.
+        processed: frames with an estimate, as in ``Load``.
+        left_out: frames that were replaced by a newer one, as in ``Load``.
         waited_ns: how long frames waited for TF, nanoseconds.
     """
 
@@ -126,15 +125,15 @@ class NodeWatch:
 
     def _counts(self) -> _Counts:
         counts = self._synchronizer.counts
-        summary = self._monitor.summary(time.monotonic_ns())
+        load = self._monitor.load
         return _Counts(
             self._synchronizer.matches,
             {c: counts[c].received for c in Channel},
             {c: counts[c].missing for c in Channel},
             {c: counts[c].late + counts[c].strays for c in Channel},
             {c: counts[c].duplicates for c in Channel},
-            summary.frames,
-            summary.drops[Drop.SUPERSEDED],
+            load.processed,
+            load.left_out,
             self._monitor.waited_ns,
         )
 

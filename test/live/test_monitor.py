@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.live.monitor import Drop, Monitor, Summary
+from rgbd_glue_ros.live.monitor import Drop, Load, Monitor, Summary
 from rgbd_glue_ros.messages.fault_news import FAULTS_WINDOW_NS, MAX_FAULTS
 from rgbd_glue_ros.types import ImuCalibration, ImuUse, OdometryEstimate, TrackingState
 
@@ -119,6 +119,31 @@ def test_a_lost_camera_is_not_reported_as_an_overload() -> None:
     assert monitor.why_no_pose == "it shows no structure"
     assert monitor.is_overdue(30_000 * MS)
     assert monitor.why_refused(33_000 * MS).startswith("no frame was processed for 3 s, because a")
+
+
+def test_frames_left_out_during_a_search_are_not_blamed_on_the_machine() -> None:
+    monitor = Monitor(lambda: 0)
+
+    def process(estimate: OdometryEstimate, left_out: int) -> None:
+        for _ in range(left_out):
+            monitor.dropped(Drop.SUPERSEDED)
+        monitor.processed(estimate, 0, 0)
+
+    # the first frame waits for a compiler
+    monitor.dropped(Drop.SUPERSEDED)
+    assert monitor.load == Load(0, 1)
+    process(POSE, 1)
+    process(POSE, 1)
+    assert monitor.load == Load(2, 3)
+    # it is lost at this frame, and found at the last
+    for estimate in (NO_POSE, NO_POSE, POSE):
+        monitor.dropped(Drop.SUPERSEDED)
+        assert monitor.load == Load(2, 3)
+        process(estimate, 4)
+        assert monitor.load == Load(2, 3)
+    process(POSE, 1)
+    assert monitor.load == Load(3, 4)
+    assert monitor.summary(0).drops[Drop.SUPERSEDED] == 19
 
 
 def test_frames_skipped_on_request_are_not_an_error() -> None:
