@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
 import sys
 from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.errors import MissingExtraError
-
-if TYPE_CHECKING:
-    from rgbd_glue_ros.live.camera_presets import Camera
 
 _EPILOG = """\
 ROS arguments, as for every node, follow --ros-args:
@@ -62,12 +58,15 @@ def run_node(args: argparse.Namespace, module: str) -> str:
         args: of the command.
         module: the node's; its ``main`` takes ROS arguments and the signals.
     """
-    ros = args.ros
-    if args.camera:
-        from rgbd_glue_ros.live.camera_presets import load_camera
+    if not args.camera:
+        return run_module(module, args.ros)
+    from rgbd_glue_ros.live.camera_presets import load_camera, remappings
 
-        ros = _with_camera(load_camera(args.camera), ros)
-    return run_module(module, ros)
+    camera = load_camera(args.camera)
+    # of several remappings of a topic, the first counts
+    mapped = [w for own, topic in remappings(camera, {}) for w in ("-r", f"{own}:={topic}")]
+    # of several values of a parameter, ROS takes one of another type than the last
+    return run_module(module, [*args.ros, *mapped], camera=camera.parameters)
 
 
 def run_module(module: str, ros: list[str], **options: Any) -> str:
@@ -96,15 +95,3 @@ def run_module(module: str, ros: list[str], **options: Any) -> str:
     if code:
         raise SystemExit(code)
     return ""
-
-
-def _with_camera(camera: Camera, ros: list[str]) -> list[str]:
-    """ROS arguments with a camera's: the last of several parameters counts, the first remapping."""
-    from rgbd_glue_ros.live.camera_presets import remappings
-
-    set_first, mapped_last = [], []
-    for name, value in camera.parameters.items():
-        set_first += ["-p", f"{name}:={json.dumps(value)}"]
-    for own, topic in remappings(camera, {}):
-        mapped_last += ["-r", f"{own}:={topic}"]
-    return [*set_first, *ros, *mapped_last]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,7 +37,7 @@ from rgbd_glue_ros.node.map_loading import MapLoading, given_map_file
 from rgbd_glue_ros.node.map_path import MapPath
 from rgbd_glue_ros.node.mapping_diagnostics import MappingDiagnostics
 from rgbd_glue_ros.node.odometry_input import OdometryInput
-from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
+from rgbd_glue_ros.node.parameters import NO_CAMERA, declare_parameters, follow_changes
 from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import GiveUp, run_node
 from rgbd_glue_ros.node.saving import create_save_service
@@ -71,18 +71,19 @@ class _NewGraph:
 class MappingNode(BaseNode):
     """Publishes ``map`` -> ``odom`` and ``map/path``."""
 
-    def __init__(self, give_up: GiveUp) -> None:
+    def __init__(self, give_up: GiveUp, camera: Mapping[str, cfg.Value] = NO_CAMERA) -> None:
         """Declares the parameters, and loads the map; subscribes as soon as that is done.
 
         Args:
             give_up: called from another thread if the map cannot be loaded, or the libraries of the
                 extra slam are not installed.
+            camera: as for ``declare_parameters``.
 
         Raises:
             InputError: a parameter has an invalid value.
         """
         super().__init__(NODE_NAME)
-        self._config, config = declare_parameters(self, CHANGEABLE)
+        self._config, config = declare_parameters(self, camera, CHANGEABLE)
         self._config.check_for_mapping()
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
@@ -302,9 +303,13 @@ class MappingNode(BaseNode):
         return f"Subscribed to {subscribed}, and if it exists {optional}; publishing {published}"
 
 
-def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
+def main(
+    args: list[str] | None = None,
+    end_signals: EndSignals | None = None,
+    camera: Mapping[str, cfg.Value] = NO_CAMERA,
+) -> int:
     """Runs the node until a signal ends it; arguments and exit code as for the odometry node."""
-    return run_node(NODE_NAME, MappingNode, args, end_signals)
+    return run_node(NODE_NAME, lambda give_up: MappingNode(give_up, camera), args, end_signals)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Any
@@ -39,7 +39,7 @@ from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
 from rgbd_glue_ros.node.imu import ImuInput
 from rgbd_glue_ros.node.outputs import NodeOutputs
-from rgbd_glue_ros.node.parameters import declare_parameters, follow_changes
+from rgbd_glue_ros.node.parameters import NO_CAMERA, declare_parameters, follow_changes
 from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
@@ -90,18 +90,21 @@ class _Tracked:
 class OdometryNode(BaseNode):
     """RGB-D odometry as a node."""
 
-    def __init__(self, give_up: Callable[[], None]) -> None:
+    def __init__(
+        self, give_up: Callable[[], None], camera: Mapping[str, cfg.Value] = NO_CAMERA
+    ) -> None:
         """Declares the parameters, and warms up; subscribes as soon as that is done.
 
         Args:
             give_up: called from another thread if the warm-up fails, as every frame then would.
+            camera: as for ``declare_parameters``.
 
         Raises:
             InputError: a parameter has an invalid value.
         """
         super().__init__(NODE_NAME)
         self._give_up = give_up
-        self._node_config, self._config = declare_parameters(self)
+        self._node_config, self._config = declare_parameters(self, camera)
         transforms = self._transforms = listen(self, self._node_config)
         self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
         glue = Glue(self._config)
@@ -369,15 +372,20 @@ class OdometryNode(BaseNode):
         )
 
 
-def main(args: list[str] | None = None, end_signals: EndSignals | None = None) -> int:
+def main(
+    args: list[str] | None = None,
+    end_signals: EndSignals | None = None,
+    camera: Mapping[str, cfg.Value] = NO_CAMERA,
+) -> int:
     """Runs the node until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         args: ROS arguments; None uses those of the process.
         end_signals: the signal handlers, if they were installed before this module was loaded,
             which takes a while.
+        camera: as for ``declare_parameters``.
 
     Returns:
         The exit code of ``run_node``.
     """
-    return run_node(NODE_NAME, OdometryNode, args, end_signals)
+    return run_node(NODE_NAME, lambda give_up: OdometryNode(give_up, camera), args, end_signals)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -18,17 +19,21 @@ from rclpy.parameter import Parameter as RosParameter
 from rgbd_glue_ros import parameters as cfg
 from rgbd_glue_ros.errors import InputError
 
+NO_CAMERA: Mapping[str, cfg.Value] = MappingProxyType({})
+"""The values of no camera preset."""
+
 
 def declare_parameters(
-    node: Node, changeable: Container[str] | None = None
+    node: Node, camera: Mapping[str, cfg.Value], changeable: Container[str] | None = None
 ) -> tuple[cfg.NodeConfig, cfg.Config]:
-    """Declares all parameters, with the values of the preset and the node's overrides.
+    """Declares all parameters, with the values of the presets and the node's overrides.
 
     Overrides are read before the declaration: rclpy would refuse an int for a double, ignore a
     misspelt name, and knows no presets.
 
     Args:
         node: the node that declares them.
+        camera: values of a camera preset, which the node's overrides replace.
         changeable: names of the only parameters that may change while the node runs; None for all
             whose definition allows it.
 
@@ -37,7 +42,10 @@ def declare_parameters(
     """
     # rclpy has no public access to them
     overrides = node._parameter_overrides  # noqa: SLF001
-    given = cfg.by_current_names({name: item.value for name, item in overrides.items()})
+    given = {
+        **camera,
+        **cfg.by_current_names({name: item.value for name, item in overrides.items()}),
+    }
     own = {p.name: p for p in cfg.parameters(cfg.NodeConfig())}
     method = {p.name: p for p in cfg.parameters(cfg.Config())}
     node_config = cfg.with_values(

@@ -78,6 +78,37 @@ def test_without_ros_it_says_in_one_line_what_to_install(node: str) -> None:
     assert "ros-jazzy-rclpy" in line
 
 
+@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ("max_width:=abc", "max_width: 'abc' is not of type int"),
+        ("max_width:=1.5", "max_width: 1.5 is not of type int"),
+        ("camera.depth_max:=far", "camera.depth_max: 'far' is not of type float"),
+    ],
+)
+def test_a_value_of_the_wrong_type_is_refused_whether_or_not_the_camera_sets_another(
+    node: str, given: str, says: str, ros_domain: int, tmp_path: Path
+) -> None:
+    camera = tmp_path / "mine.yaml"
+    camera.write_text("topics: {}\nparameters: {max_width: 640, camera.depth_max: 5.0}\n")
+    refusals = []
+    for words in ([], ["--camera", str(camera)]):
+        done = subprocess.run(
+            [*PROGRAM, node, *words, "--ros-args", "-p", given],
+            cwd=ROOT,
+            env={**os.environ, **ros_environment(ros_domain)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 2
+        (line,) = [line for line in done.stderr.splitlines() if "[FATAL]" in line]
+        refusals.append(line.partition("]: ")[2])
+    assert says in refusals[0]
+    assert refusals[0] == refusals[1]
+
+
 def test_the_words_of_ros_may_come_in_groups_as_launch_gives_them() -> None:
     words = ["a", "--ros-args", "-p", "b:=1", "--", "c", "--ros-args", "-r", "d:=e"]
     assert split_ros_arguments(words) == (["a", "c"], ["-p", "b:=1", "-r", "d:=e"])
