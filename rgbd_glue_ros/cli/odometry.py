@@ -14,7 +14,7 @@ _PARAMETERS = {
     "image_transport": "raw or compressed; depth_transport: raw or compressedDepth",
     "depth_scale": "metres per unit of depth, where that is not as REP-118 says",
     "publish_tf": "whether odom -> frame_id is on TF",
-    "preset": "live, paper, or a file of parameters",
+    "preset": "live or paper, from which all other parameters start",
 }
 _EXAMPLE = "odometry --camera realsense_d400 --ros-args -p frame_id:=base_link -r __ns:=/robot"
 

@@ -13,6 +13,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -106,14 +107,41 @@ def follow_changes(
         changeable: as for ``declare_parameters``.
     """
     changes = _Changes(node_config, config, changed, changeable)
+    declared = [*cfg.values(node_config), *cfg.values(config)]
+
+    def complete(parameters: list[RosParameter]) -> list[RosParameter]:
+        for name in (p.name for p in parameters):
+            if not node.has_parameter(name):
+                raise _UnknownError(str(cfg.unknown_parameter(name, declared)))
+        return [_as_declared(p, node.get_parameter(p.name)) for p in parameters]
 
     def say(parameters: list[RosParameter]) -> None:
         said = ", ".join(f"{p.name}: {p.value}" for p in parameters)
         node.get_logger().info(f"Changed: {said}")
 
+    node.add_pre_set_parameters_callback(complete)
     node.add_on_set_parameters_callback(changes.check)
     node.add_post_set_parameters_callback(changes.take)
     node.add_post_set_parameters_callback(say)
+
+
+class _UnknownError(ParameterNotDeclaredException):  # type: ignore[misc]
+    """What rclpy's services answer with, but for its text, which does not name the parameter."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__([])
+        self._text = text
+
+    def __str__(self) -> str:
+        return self._text
+
+
+def _as_declared(given: RosParameter, declared: RosParameter) -> RosParameter:
+    """A given parameter, with a whole number as a float where that is meant."""
+    types = given.type_, declared.type_
+    if types == (RosParameter.Type.INTEGER, RosParameter.Type.DOUBLE):
+        return RosParameter(given.name, RosParameter.Type.DOUBLE, float(given.value))
+    return given
 
 
 class _Changes:
@@ -182,6 +210,8 @@ def _descriptor(parameter: cfg.Parameter, fixed: str) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         name=parameter.name,
         description=parameter.description,
+        # another type is refused with the reason too
+        dynamic_typing=True,
         # not read_only, with which ROS would refuse without giving the reason
         additional_constraints=f"Takes {parameter.allowed}."
         + (f" Cannot change while the node runs: {fixed}." if fixed else ""),

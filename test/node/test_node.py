@@ -37,6 +37,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed")
 from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
+from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -219,7 +220,13 @@ def set_parameter(rig: Rig, name: str, value: object) -> str:
         ("odometry.keyframes", 5, "the stored keyframes were chosen by it"),
         ("frame_id", "base_link", "it is read once, when the node starts"),
         ("glue.k", 1000.0, "out of range"),
-        ("glue.k", 4, "type"),
+        ("glue.k", "four", "glue.k: 'four' is not of type float; give a number"),
+        ("max_update_rate", None, "max_update_rate: None is not of type float"),
+        ("path_poses", 3, "path_poses cannot change while the node runs"),
+        ("publish_null_when_lost", 1, "publish_null_when_lost: 1 is not of type bool"),
+        ("max_updaterate", 3.0, "max_updaterate: no such parameter; did you mean max_update_rate?"),
+        ("reset_countdown", 3, "reset_countdown: no such parameter; did you mean odometry.reset_c"),
+        ("use_sim_time", "yes", "type"),
         ("initial_pose", "1 2", "not six or seven finite numbers"),
     ],
 )
@@ -227,6 +234,19 @@ def test_changes_of_fixed_parameters_are_refused_with_the_reason(
     running: Running, name: str, value: object, reason: str
 ) -> None:
     assert reason in set_parameter(running.rig, name, value)
+
+
+def test_a_whole_number_is_a_float_where_a_live_parameter_is_one(running: Running) -> None:
+    client = AsyncParameterClient(running.rig.node, "rgbd_odometry")
+    for value in (40, 0.0):
+        assert not set_parameter(running.rig, "max_update_rate", value)
+        answer = client.get_parameters(["max_update_rate"])
+        running.rig.wait(answer.done, "the value")
+        (said,) = answer.result().values
+        assert (parameter_value_to_python(said), said.type) == (
+            value,
+            ParameterType.PARAMETER_DOUBLE,
+        )
 
 
 @pytest.mark.slow
