@@ -14,6 +14,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+Receive = Callable[[Any], None] | Callable[[Any, dict[str, Any]], None]
+
 
 class FollowingSubscription:
     """Subscribes anew whenever the publishers of its topic ask for another QoS."""
@@ -23,7 +25,7 @@ class FollowingSubscription:
         node: Node,
         message_type: type,
         topic: str,
-        receive: Callable[[Any], None],
+        receive: Receive,
         qos: QoSProfile,
         wanted: Callable[[list[TopicEndpointInfo]], QoSProfile],
         changed: Callable[[QoSProfile], None] = lambda _: None,
@@ -34,7 +36,7 @@ class FollowingSubscription:
             node: the node that subscribes.
             message_type: type of the messages.
             topic: full name of the topic.
-            receive: called with each message.
+            receive: called with each message, and with its number and times if it takes these.
             qos: until the first publisher appears.
             wanted: the QoS for the publishers that there are; called when one comes or goes.
             changed: called with a new QoS, before it is used.

@@ -146,6 +146,8 @@ class NodeWatch:
             "interval", explain_interval(synchronizer.interval_ns, synchronizer.period_ns)
         )
         self._warn_if_new("name", explain_namesakes(self._node))
+        for each in inputs:
+            self._warn_if_new(f"mixture on {each.topic}", each.explain_mixture())
         if since.matches:
             # without matches it is part of the reason for silence
             queue_needed = synchronizer.queue_needed

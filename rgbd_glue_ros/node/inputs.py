@@ -12,11 +12,15 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.arrivals import Arrivals
+from rgbd_glue_ros.live.mixture import Mixture
 from rgbd_glue_ros.live.transports import OtherTransport, other_transport
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.node.following import FollowingSubscription, offered_durability
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.parameters import NodeConfig
+
+# What DDS says before a node has announced its name, and after it was killed.
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"
 
 Receive = Callable[[Channel, Any], None]
 
@@ -56,6 +60,7 @@ class NodeInput:
         """
         self.channel = channel
         self.arrivals = Arrivals()
+        self._mixture = Mixture()
         self.topic = topics.transported(topic, transport)
         self._base, self._transport = topic, transport
         self._node = node
@@ -78,16 +83,15 @@ class NodeInput:
             self._say_change,
         )
 
-    def _take(self, message: Any) -> None:
+    def _take(self, message: Any, info: dict[str, Any]) -> None:
         self.arrivals.add()
+        self._mixture.add(message_number(info))
         self._receive(self.channel, message)
 
     def _qos(self, reliability: ReliabilityPolicy, durability: DurabilityPolicy) -> QoSProfile:
         return QoSProfile(depth=self._depth, reliability=reliability, durability=durability)
 
     def _wanted(self, publishers: list[TopicEndpointInfo]) -> QoSProfile:
-        if len(publishers) > 1:
-            self._node.get_logger().warning(describe_mixture(self.topic, self.publishers))
         return self._qos(self._offered_reliability(publishers), offered_durability(publishers))
 
     def _say_change(self, qos: QoSProfile) -> None:
@@ -122,6 +126,12 @@ class NodeInput:
         """Descriptions of the topic's publishers: node, type and reliability."""
         return describe_publishers(self._node, self.topic, self._type)
 
+    def explain_mixture(self) -> str | None:
+        """A warning if messages of several publishers came since the last call; None otherwise."""
+        publishers = self.publishers
+        is_mixed = self._mixture.judge(len(publishers))
+        return describe_mixture(self.topic, publishers) if is_mixed else None
+
     @property
     def other(self) -> OtherTransport | None:
         """Where the same image is published in another transport, if it is not here."""
@@ -143,10 +153,22 @@ def describe_publishers(node: Node, topic: str, message_type: type) -> tuple[str
     expected = message_type.__module__.split(".")[0] + "/msg/" + message_type.__name__
     words = []
     for info in node.get_publishers_info_by_topic(topic):
-        name = topics.full_name(info.node_namespace, info.node_name)
+        name = describe_node(info)
         wrong = "" if info.topic_type == expected else f", not {expected}"
         words.append(f"{name} ({info.topic_type}{wrong}, {_describe_offer(info.qos_profile)})")
     return tuple(words)
+
+
+def describe_node(endpoint: TopicEndpointInfo) -> str:
+    """The name of the node of a publisher or subscription, which DDS may not know."""
+    if endpoint.node_name == _UNKNOWN:
+        return "a node that has ended or just begun"
+    return topics.full_name(endpoint.node_namespace, endpoint.node_name)
+
+
+def message_number(info: dict[str, Any]) -> int | None:
+    """The number of a message among those of its publisher; None if the middleware gives none."""
+    return info.get("publication_sequence_number")
 
 
 def describe_mixture(topic: str, publishers: Sequence[str]) -> str:
@@ -158,7 +180,7 @@ def describe_mixture(topic: str, publishers: Sequence[str]) -> str:
     """
     return (
         f"{topic} has {len(publishers)} publishers, whose messages mix: {', '.join(publishers)}; "
-        "keep one. A killed publisher is still counted for a while"
+        "keep one"
     )
 
 

@@ -21,7 +21,7 @@ from rgbd_glue_ros.live.keyframe_edges import edge_message
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.node.inputs import describe_qos
+from rgbd_glue_ros.node.inputs import describe_node, describe_qos
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.node.tf import Broadcaster
 from rgbd_glue_ros.parameters import NodeConfig
@@ -63,8 +63,7 @@ class NodeOutputs:
         def refusal() -> str:
             subscriptions = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
             asked = ", ".join(
-                f"{topics.full_name(i.node_namespace, i.node_name)} ({describe_qos(i.qos_profile)})"
-                for i in subscriptions
+                f"{describe_node(i)} ({describe_qos(i.qos_profile)})" for i in subscriptions
             )
             return (
                 f"{publisher.topic_name} is published as {describe_qos(publisher.qos_profile)}, "

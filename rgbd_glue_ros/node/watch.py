@@ -14,6 +14,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.first_publishers import FirstPublishers, Silence
+from rgbd_glue_ros.live.mixture import Mixture
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, describe_network, explain_no_poses
 from rgbd_glue_ros.live.watched_odometry import Report, WatchedOdometry
 from rgbd_glue_ros.live.watched_poses import ReceivedPose
@@ -21,7 +22,7 @@ from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.diagnostics import PART
-from rgbd_glue_ros.node.inputs import describe_mixture, describe_publishers
+from rgbd_glue_ros.node.inputs import describe_mixture, describe_publishers, message_number
 from rgbd_glue_ros.node.runtime import GiveUp, run_node
 from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.trajectories.recorder import PoseRecorder
@@ -69,6 +70,7 @@ class WatchNode(BaseNode):
         self._recorder = recorder
         self._odometry = WatchedOdometry()
         self._first = FirstPublishers()
+        self._mixture = Mixture()
         self._received = self._received_before = 0
         self._heard_of: dict[str, int] = {}
         self._topic = self.resolve_topic_name(topics.ODOM)
@@ -94,7 +96,8 @@ class WatchNode(BaseNode):
     def _take(self, message: OdometryMessage, info: dict[str, Any]) -> None:
         self._received += 1
         at_ns = stamp_ns(message.header.stamp)
-        if not self._odometry.follows(at_ns, info.get("publication_sequence_number")):
+        self._mixture.add(message_number(info))
+        if not self._odometry.follows(at_ns, message_number(info)):
             self._on_screen("the odometry began anew")
             if self._recorder is not None:
                 self._recorder.begin_anew()
@@ -137,7 +140,7 @@ class WatchNode(BaseNode):
         lately = self._received - self._received_before
         self._received_before = self._received
         verdict = self._first.judge(has_publishers=bool(publishers), has_messages=lately > 0)
-        is_mixed = lately > 0 and len(publishers) > 1
+        is_mixed = self._mixture.judge(len(publishers))
         self._odometry.doubt = describe_mixture(self._topic, publishers) if is_mixed else ""
         if lately or verdict is Silence.TOO_EARLY:
             return
