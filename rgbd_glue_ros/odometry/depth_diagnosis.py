@@ -33,7 +33,7 @@ def summarise_depth(depth: Float32, limits: CameraConfig) -> DepthSummary:
     """Fractions of known and usable depth, and the median.
 
     Args:
-        depth: float32 [H, W], metres, NaN where unknown.
+        depth: float32 [H, W], metres, NaN or 0 where unknown.
         limits: the usable range of depth.
     """
     known = _some_known(depth)
@@ -85,7 +85,7 @@ def doubt_at_start(depth: Float32) -> str | None:
     None for millimetres too, which ``explain_no_pose`` will tell.
 
     Args:
-        depth: float32 [H, W], metres, NaN where unknown.
+        depth: float32 [H, W], metres, NaN or 0 where unknown.
     """
     known = _some_known(depth)
     if not len(known):
@@ -103,7 +103,7 @@ def doubt_at_start(depth: Float32) -> str | None:
 
 def _some_known(depth: Float32) -> Float32:
     values = depth[::_STEP, ::_STEP]
-    return values[np.isfinite(values)]
+    return values[np.isfinite(values) & (values > 0)]
 
 
 def _are_millimetres(median: float | np.floating[Any]) -> bool:

@@ -49,6 +49,8 @@ def test_fractions_and_median_are_those_of_the_image() -> None:
     depth = wall(2.0, 0.6)
     depth[:20] = 20.0
     assert summarise_depth(depth, LIMITS) == DepthSummary(0.6, 0.4, 2.0)
+    depth[60:] = 0.0
+    assert summarise_depth(depth, LIMITS) == DepthSummary(0.6, 0.4, 2.0)
 
 
 @pytest.mark.parametrize(
