@@ -49,6 +49,31 @@ class VisualMatches:
         )
 
 
+def check_matches(matches: object, name: str) -> None:
+    """Refuses what a feature of somebody's own gives for matches.
+
+    Args:
+        matches: what ``match`` has returned.
+        name: of the feature.
+
+    Raises:
+        InputError: it is of another class, or its arrays have not one row per match.
+    """
+    where = f"visual feature {name!r}"
+    if not isinstance(matches, VisualMatches):
+        cause = f"match returns {type(matches).__name__}, not VisualMatches"
+        raise InputError(where, cause, "return VisualMatches(source_uv, target_uv, weights)")
+    shapes = [np.shape(a) for a in (matches.source_uv, matches.target_uv, matches.weights)]
+    count = shapes[2][:1]
+    if shapes != [(*count, 2), (*count, 2), count]:
+        source, target, weights = shapes
+        raise InputError(
+            where,
+            f"match returns arrays of shape {source}, {target} and {weights}",
+            "return one row per match: source_uv [N, 2], target_uv [N, 2], weights [N]",
+        )
+
+
 class VisualFeature(Protocol):
     """A way to find and match visual features.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.lifting import KeypointPoints, lift
-from rgbd_glue_ros.features.visual import KeypointFeature
+from rgbd_glue_ros.features.visual import KeypointFeature, check_matches
 from rgbd_glue_ros.geometry.fitting import (
     chi_squared,
     distances,
@@ -186,11 +186,15 @@ class Glue:
 
         Returns:
             The result; its status says why if there is no transform.
+
+        Raises:
+            InputError: the matches of a visual feature of one's own have not one row each.
         """
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
 
         matches = self.visual.match(source.visual, target.visual)
+        check_matches(matches, self._config.features.visual)
         C_vis = lift(matches, source.points_at, target.points_at)
         clock.lap(stages.VISUAL_MATCHING)
         rough = self._rough_transform(C_vis, prior, rng)

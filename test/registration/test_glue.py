@@ -25,7 +25,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.registration_errors import rotation_deg, translation_cm
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.lifting import KeypointPoints
-from rgbd_glue_ros.features.visual import VisualMatches
+from rgbd_glue_ros.features.visual import NoVisualFeature, VisualMatches
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.geometry.fitting import distances, fit_covariance, procrustes
@@ -469,6 +469,40 @@ def test_a_frame_without_its_images_is_registered_to_the_same_bits() -> None:
     assert whole.T_target_source is not None
     np.testing.assert_array_equal(sparse.T_target_source, whole.T_target_source)
     np.testing.assert_array_equal(sparse.covariance, whole.covariance)
+
+
+@pytest.mark.parametrize(
+    ("matches", "cause"),
+    [
+        (
+            VisualMatches(np.zeros((4, 2), np.float32), np.zeros((4, 2), np.float32), np.ones(3)),
+            "match returns arrays of shape (4, 2), (4, 2) and (3,); return one row per match",
+        ),
+        (
+            VisualMatches(np.zeros((4, 2), np.float32), np.zeros((5, 2), np.float32), np.ones(4)),
+            "match returns arrays of shape (4, 2), (5, 2) and (4,)",
+        ),
+        (
+            VisualMatches(np.zeros((4, 3), np.float32), np.zeros((4, 3), np.float32), np.ones(4)),
+            "match returns arrays of shape (4, 3), (4, 3) and (4,)",
+        ),
+        (np.zeros((4, 4)), "match returns ndarray, not VisualMatches"),
+    ],
+)
+def test_matches_of_ones_own_that_are_not_one_row_each_are_refused_with_the_features_name(
+    matches: VisualMatches, cause: str
+) -> None:
+    class Own(NoVisualFeature):
+        def match(self, source: object, target: object) -> VisualMatches:
+            del source, target
+            return matches
+
+    glue = Glue(Config())
+    features = glue.extract(room_view(0.0))
+    glue.visual = Own()
+    with pytest.raises(InputError) as refused:
+        glue.register(features, features)
+    assert str(refused.value).startswith(f"visual feature 'orb': {cause}")
 
 
 def test_a_feature_that_may_match_any_pixel_keeps_the_images() -> None:
