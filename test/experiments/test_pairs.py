@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 import shutil
 import signal
@@ -42,6 +43,7 @@ from rgbd_glue_ros.parameters import (
     load_preset,
     values,
 )
+from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.recordings.recording import selected
 from rgbd_glue_ros.types import Correspondences, RegistrationResult, RgbdFrame, Trajectory, View
 
@@ -313,6 +315,23 @@ def opened(*walks: Walk) -> OpenerByName:
 def figures_in(folder: Path) -> dict[str, Any]:
     content: dict[str, Any] = json.loads((folder / FIGURES).read_text())
     return content
+
+
+def test_what_is_said_of_a_recording_each_time_it_is_opened_is_shown_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    said = "walk: no file describes its camera"
+    times = []
+
+    class Telling(OpenerByName):
+        def __call__(self, path: Path, /) -> Recording:
+            logging.getLogger("rgbd_glue_ros.recordings").warning(said)
+            times.append(path)
+            return super().__call__(path)
+
+    run_pairs([Path("walk")], Telling(walk=Walk()), Experiment(BLIND, [3]), tmp_path)
+    assert len(times) > 1
+    assert caplog.messages.count(said) == 1
 
 
 def test_pairs_without_a_transform_are_counted_as_failed(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from rgbd_glue_ros.experiments.pairs.jobs import (
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, method_of
 from rgbd_glue_ros.experiments.pairs.report import FIGURES, JOURNAL, REPORT, TABLES, write_report
 from rgbd_glue_ros.experiments.pairs.results import GLUE, Plan, ResultCollector
+from rgbd_glue_ros.experiments.replay.run_warnings import said_once
 from rgbd_glue_ros.files.writing import ResultFolder
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import refuse_recording
@@ -83,7 +84,7 @@ def run_pairs(
             was no pair at all.
         MissingExtraError: a feature needs a library that is not installed.
     """
-    with ResultFolder(folder, (FIGURES, TABLES, REPORT)):
+    with said_once(), ResultFolder(folder, (FIGURES, TABLES, REPORT)):
         return _measured(
             sources, open_source, experiment, folder, pool or Serial(), on_planned, on_pair
         )

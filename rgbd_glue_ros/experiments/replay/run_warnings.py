@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 _PACKAGE = __name__.partition(".")[0]
@@ -34,18 +34,45 @@ class _Naming(logging.Filter):
         return True
 
 
+class _Once(logging.Filter):
+    def __init__(self) -> None:
+        super().__init__()
+        self._said: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if not record.name.startswith(_PACKAGE):
+            return True
+        text = record.getMessage()
+        is_new = text not in self._said
+        if len(self._said) < _MOST:
+            self._said.add(text)
+        return is_new
+
+
+@contextmanager
+def said_once() -> Iterator[None]:
+    """Shows what this package logs meanwhile once: a recording may be opened again and again."""
+    with _filtered(_Once):
+        yield
+
+
 @contextmanager
 def named_warnings(name: str) -> Iterator[None]:
     """Puts a name before what this package logs meanwhile: of many recordings, which is meant."""
-    naming = _Naming(name)
-    handlers = [*logging.getLogger().handlers]
-    for handler in handlers:
-        handler.addFilter(naming)
+    with _filtered(lambda: _Naming(name)):
+        yield
+
+
+@contextmanager
+def _filtered(by: Callable[[], logging.Filter]) -> Iterator[None]:
+    filters = [(handler, by()) for handler in logging.getLogger().handlers]
+    for handler, each in filters:
+        handler.addFilter(each)
     try:
         yield
     finally:
-        for handler in handlers:
-            handler.removeFilter(naming)
+        for handler, each in filters:
+            handler.removeFilter(each)
 
 
 @contextmanager
