@@ -42,6 +42,18 @@ RAW = "raw"
 """The transport of images that are not compressed."""
 
 
+_IMAGES = (SUBSCRIBED[Channel.COLOR], SUBSCRIBED[Channel.DEPTH])
+_TRANSPORTS = ("compressed", "compressedDepth")
+
+NAMES = (
+    *SUBSCRIBED.values(),
+    *(f"{image}/{transport}" for image in _IMAGES for transport in _TRANSPORTS),
+    *(DEPTH_INFO, IMU, POSE, ODOM, KEYFRAME_POSE, KEYFRAME_EDGES, PATH, MATCHES, MAP_PATH),
+    *("tf", "tf_static", "rosout", "parameter_events", "clock", "diagnostics"),
+)
+"""The relative names of all topics that the nodes have, in every transport, and those of ROS."""
+
+
 def transported(topic: str, transport: str) -> str:
     """The topic of an image in a transport; ``topic`` is the base topic, of the raw image."""
     return topic if transport == RAW else f"{topic}/{transport}"

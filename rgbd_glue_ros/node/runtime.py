@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from rgbd_glue_ros.errors import BAD_INPUT, InputError, MissingExtraError
 from rgbd_glue_ros.live.end_signals import EndSignals
+from rgbd_glue_ros.live.remappings import explain_misspelt
 from rgbd_glue_ros.live.shared_memory import SHARED_MEMORY, explain_shared_memory
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.log import WITHOUT_FILE, PrintableLogger, explain_no_file
@@ -175,6 +176,8 @@ def run_node(
         init(name, args)
         _warn_of_shared_memory(name)
         with create(give_up) as node:
+            for line in explain_misspelt(sys.argv if args is None else args, node.get_name()):
+                node.get_logger().warning(line)
             _spin_until_end(node, end_signals)
         if faults:
             raise faults[0]

@@ -465,6 +465,13 @@ def test_silence_is_explained_by_the_missing_topic(ros_domain: int) -> None:
         assert "/rgb/image (color) from /rig (sensor_msgs/msg/Image, reliable): 0 messages" in line
 
 
+def test_a_misspelt_remapping_is_in_the_log(ros_domain: int) -> None:
+    with running_node(ros_domain, "-r", "rgb/imge:=/foo") as node:
+        line = node.wait_for_line("rgb/imge:=/foo", PATIENCE_S)
+        assert "[WARN]" in line
+        assert "did you mean rgb/image?" in line
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("is_compressed", [True, False])
 def test_images_in_another_transport_are_named_with_the_parameters_to_set(
