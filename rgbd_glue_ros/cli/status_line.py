@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from typing import TextIO
 
-from rgbd_glue_ros.messages.fault_news import FaultNews
+from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.printable import printable
 
 # Often enough for the eye, and for a file.
@@ -31,14 +31,14 @@ class StatusLine:
         self._stream = stream
         self._is_terminal = stream.isatty()
         self.period_s = _TERMINAL_S if self._is_terminal else _FILE_S
-        self._news = FaultNews()
+        self._last_reason = ""
         self._width = 0
 
     def show(self, line: str, reason: str) -> None:
         """Shows the state.
 
-        A reason that is new gets a line of its own on a terminal, since it may be longer than the
-        terminal is wide. A file has each reason where it is new.
+        A reason that differs from the one before, in more than numbers, gets a line of its own on a
+        terminal, since it may be longer than the terminal is wide. A file has it there alone.
 
         Args:
             line: the state.
@@ -48,9 +48,8 @@ class StatusLine:
             OSError: it cannot be written.
         """
         text = f"{line}: {reason}" if reason else line
-        if not reason:
-            self._news.forget()
-        is_news = bool(reason) and self._news.is_news("", reason)
+        before, self._last_reason = self._last_reason, without_numbers(reason)
+        is_news = self._last_reason not in ("", before)
         if is_news or not self._is_terminal:
             self.say(text if is_news else line)
         if not self._is_terminal:

@@ -89,6 +89,16 @@ def test_without_a_terminal_each_state_is_a_line_and_a_reason_is_there_where_it_
     )
 
 
+def test_a_reason_that_comes_back_after_another_is_new() -> None:
+    stream = io.StringIO()
+    line = StatusLine(stream)
+    for reason in ("no frame for 2 s", "no frame for 3 s", "may be 5.8 m off", "no frame for 2 s"):
+        line.show("no pose", reason)
+    assert stream.getvalue() == (
+        "no pose: no frame for 2 s\nno pose\nno pose: may be 5.8 m off\nno pose: no frame for 2 s\n"
+    )
+
+
 def test_a_reason_cannot_move_the_cursor() -> None:
     stream = io.StringIO()
     StatusLine(stream).show("lost", "frame \x1b[2J\rcamera")
