@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 
+# So many visual matches do not agree by chance with a pose that planes and pixels support.
+_FEW_MATCHES = 6
+
 
 @dataclass(frozen=True)
 class Acceptance:
@@ -40,21 +43,39 @@ class Acceptance:
             config.relocalisation_inliers,
         )
 
-    def sceptical(self) -> Acceptance:
+    def sceptical(self) -> ScepticalAcceptance:
         """A stricter one for a pose that no motion leads to, as after frames without a pose.
 
         Of the many poses that a camera may have reached, some agree with a few planes or pixels.
         """
-        return replace(
-            self,
-            min_planes=4 * self.min_planes,
-            min_pixels=4 * self.min_pixels,
-            brightness_correlation=(1 + self.brightness_correlation) / 2,
+        return ScepticalAcceptance(
+            4 * self.min_planes,
+            4 * self.min_pixels,
+            self.plane_agreement,
+            _half_way_to_1(self.brightness_correlation),
+            self.min_inliers,
+            usual=self,
         )
 
     def without_jumps(self) -> Acceptance:
         """One that accepts no pose that the camera can hardly reach."""
         return replace(self, includes_jumps=False)
+
+    def accepts(
+        self,
+        pose: Refinement,
+        agreeing_matches: int,  # noqa: ARG002
+        *,
+        is_within_reach: bool,
+    ) -> bool:
+        """Whether to accept a pose: a plausible one within reach, or one that allows a jump.
+
+        Args:
+            pose: with what its frame shows of it.
+            agreeing_matches: number of visual matches that agree with it.
+            is_within_reach: whether the camera can have got there.
+        """
+        return self.is_plausible(pose) and (is_within_reach or self.allows_jump(pose))
 
     def is_plausible(self, pose: Refinement) -> bool:
         """Whether planes or pixels support a pose, and the visible planes do not contradict it."""
@@ -98,3 +119,36 @@ class Acceptance:
     def _planes_contradict(self, planes: int, agreement: float) -> bool:
         """Whether so few of so many planes agree that the pose is wrong, whatever pixels say."""
         return planes >= self.min_planes and agreement < self.plane_agreement / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScepticalAcceptance(Acceptance):
+    """The evidence that a pose needs if no motion leads to it.
+
+    Attributes:
+        usual: the acceptance of a pose that a motion leads to.
+    """
+
+    usual: Acceptance
+
+    def accepts(self, pose: Refinement, agreeing_matches: int, *, is_within_reach: bool) -> bool:
+        """Whether all kinds of evidence support a pose, as far as the images hold them.
+
+        Of a pose metres off, most visible planes agree if the others are occluded, and smooth
+        brightness may correlate. Both at once, without occluded planes as an excuse, they do only
+        by a rare chance, and then no visual match agrees.
+        """
+        matches_agree = agreeing_matches >= _FEW_MATCHES
+        if self.is_conclusive(pose) or (matches_agree and self.usual.is_conclusive(pose)):
+            return is_within_reach or self.includes_jumps
+        has_texture = pose.pixels_seen >= self.min_pixels
+        return is_within_reach and not has_texture and self._planes_suffice(pose)
+
+    def _planes_suffice(self, pose: Refinement) -> bool:
+        """Whether so many planes agree that a pose needs no texture."""
+        least = _half_way_to_1(self.plane_agreement)
+        return pose.planes_seen >= self.min_planes and pose.plane_agreement >= least
+
+
+def _half_way_to_1(value: float) -> float:
+    return (1 + value) / 2

@@ -68,11 +68,15 @@ class Candidate:
         """The pose, and how well the frame agrees with it."""
         return self.estimate.refinement
 
-    def is_accepted(self, acceptance: Acceptance) -> bool:
-        """Whether the pose is plausible, and within reach of the camera or conclusive."""
-        if not acceptance.is_plausible(self.refinement):
-            return False
-        return self.distance_squared < POSE_GATE or acceptance.allows_jump(self.refinement)
+    @property
+    def is_within_reach(self) -> bool:
+        """Whether the camera can have got to the pose."""
+        return self.distance_squared < POSE_GATE
+
+    def agreeing(self, matches: Correspondences, inlier_threshold: float) -> int:
+        """How many of the visual matches are nearer than a threshold, metres, at the pose."""
+        apart = distances(self.estimate.T_track_camera, matches)
+        return int(np.count_nonzero(apart <= inlier_threshold))
 
 
 def choose(
@@ -89,7 +93,15 @@ def choose(
         inlier_threshold: distance within which a match agrees with a pose, metres.
         acceptance: the evidence that it takes.
     """
-    accepted = [c for c in candidates if c.is_accepted(acceptance)]
+    accepted = [
+        candidate
+        for candidate in candidates
+        if acceptance.accepts(
+            candidate.refinement,
+            candidate.agreeing(matches, inlier_threshold),
+            is_within_reach=candidate.is_within_reach,
+        )
+    ]
     if not accepted:
         return None
     best = accepted[0]
@@ -118,8 +130,7 @@ def is_clear(
     visible = coarse.planes_visible * 2 ** COARSE_LEVELS[-1]
     if visible >= acceptance.min_planes and coarse.visible_agreement >= _CLEAR_AGREEMENT:
         return True
-    agreeing = distances(candidate.estimate.T_track_camera, matches) <= inlier_threshold
-    return bool(np.count_nonzero(agreeing) >= _DECIDING_MATCHES)
+    return candidate.agreeing(matches, inlier_threshold) >= _DECIDING_MATCHES
 
 
 def image_agreement(refinement: Refinement) -> float:
@@ -136,7 +147,7 @@ def _is_better(
     if se3.difference(T, T_other) <= _SAME_POSE:
         return False
     agreeing, agreeing_with_other = (
-        int(np.count_nonzero(distances(pose, matches) <= inlier_threshold)) for pose in (T, T_other)
+        each.agreeing(matches, inlier_threshold) for each in (candidate, than)
     )
     matches_are_for = _matches_decide(agreeing, agreeing_with_other)
     matches_are_against = _matches_decide(agreeing_with_other, agreeing)

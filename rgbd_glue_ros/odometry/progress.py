@@ -92,7 +92,7 @@ class Progress:
         if self.last_stamp_ns is None:
             return replace(self, last_stamp_ns=stamp_ns)
         interval_ns = stamp_ns - self.last_stamp_ns
-        usual_ns = self.last_interval_ns or interval_ns
+        usual_ns = self.last_interval_ns or 0
         return replace(
             self,
             last_stamp_ns=stamp_ns,

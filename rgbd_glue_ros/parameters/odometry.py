@@ -126,7 +126,8 @@ class OdometryConfig:
         0.6,
         "A pose is also accepted if the brightness of model and image correlates at least this "
         "much, unless fewer of the visible planes agree with it than half of plane_agreement; "
-        "after a frame without a pose, or a gap in time, it has to be half-way from this to 1.",
+        "after a frame without a pose, or a gap in time, the planes must agree too, and it has to "
+        "be half-way from this to 1 if no visual matches agree.",
         minimum=-1.0,
         maximum=1.0,
     )

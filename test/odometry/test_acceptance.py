@@ -61,6 +61,39 @@ def test_after_a_gap_a_few_planes_or_pixels_are_not_enough() -> None:
 
 
 @pytest.mark.parametrize(
+    ("pose", "agreeing_matches", "accepted"),
+    [
+        (found(MANY, 0.6, MANY, 0.9), 0, True),
+        # images that correlate less take a few matches
+        (found(MANY, 0.6, MANY, 0.7), 6, True),
+        (found(MANY, 0.6, MANY, 0.7), 5, False),
+        # with texture, planes or pixels alone are not enough
+        (found(MANY, 1.0, MANY, 0.5), 20, False),
+        (found(MANY, 0.4, MANY, 1.0), 20, False),
+        # without it, most planes
+        (found(MANY, 0.8, 0, 0.0), 0, True),
+        (found(MANY, 0.7, 0, 0.0), 0, False),
+        # half of the visible planes agree, but most of those that must be seen are occluded
+        (replace(found(5 * MANY, 0.1, MANY, 0.9), planes_occluded=4 * MANY), 0, False),
+    ],
+)
+def test_where_no_motion_leads_all_that_images_show_must_support_a_pose(
+    pose: Refinement, agreeing_matches: int, accepted: bool
+) -> None:
+    sceptical = USUAL.sceptical()
+    assert sceptical.accepts(pose, agreeing_matches, is_within_reach=True) is accepted
+    # a motion would make each of them plausible
+    assert USUAL.accepts(pose, agreeing_matches, is_within_reach=True)
+
+
+def test_a_pose_out_of_reach_takes_texture_too() -> None:
+    with_texture, without = found(MANY, 0.9, MANY, 0.9), found(MANY, 0.9, 0, 0.0)
+    for acceptance in USUAL, USUAL.sceptical():
+        assert acceptance.accepts(with_texture, 0, is_within_reach=False)
+        assert not acceptance.accepts(without, 0, is_within_reach=False)
+
+
+@pytest.mark.parametrize(
     ("pose", "allowed"), [(found(MANY, 0.9, MANY, 0.9), True), (found(MANY, 0.9, 0, 0.0), False)]
 )
 def test_a_jump_takes_a_conclusive_pose_where_jumps_are_accepted_at_all(

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
-from rigs.room import turned_frame
+from rigs.room import turned_frame, view_after
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.types import RgbdFrame
+from rgbd_glue_ros.types import RgbdFrame, TrackingState
 
 WALKS_PX = 6
 """How far somebody who walks by moves in the image of 320 pixels from frame to frame."""
@@ -48,3 +49,19 @@ def test_a_camera_that_only_turns_does_not_translate() -> None:
         assert T is not None
         assert np.linalg.norm(T[:3, 3]) < 0.01
         assert abs(se3.rotation_angle(T) - np.deg2rad(4.0 * i)) < np.deg2rad(0.3)
+
+
+@pytest.mark.parametrize(("yaw", "pitch"), [(160, -20), (180, 0), (200, 0), (300, 0)])
+def test_after_seconds_without_images_another_part_of_a_room_is_not_taken_for_the_last_one(
+    yaw: float, pitch: float
+) -> None:
+    moved = np.array([0.3, 0.0, -0.2, np.radians(pitch), 0.0, 0.0])
+    turn = np.array([0.0, 0.0, 0.0, 0.0, np.radians(yaw), 0.0])
+    with Odometry(Config()) as odometry:
+        for i in range(3):
+            step = se3.exp(np.array([0.01 * i, 0.0, 0.0, 0.0, 0.0, 0.0]))
+            before = odometry.process(view_after(step, 1_000_000_000 + i * 33_000_000))
+        elsewhere = view_after(se3.exp(moved) @ se3.exp(turn), 9_000_000_000)
+        after = odometry.process(elsewhere)
+    assert before.state is TrackingState.TRACKING
+    assert after.T_odom_camera is None

@@ -31,7 +31,8 @@ def after(*intervals_ms: int) -> Progress:
         ((33, 33, 133), False),
         ((33, 700, 33), False),
         # what is usual is not known yet
-        ((700,), False),
+        ((700,), True),
+        ((200,), False),
         ((), False),
     ],
 )
