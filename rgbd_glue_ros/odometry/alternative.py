@@ -13,13 +13,14 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.plane_counts import PlaneCounts
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine_at
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.residuals import (
     AGREEING_SIGMAS,
     pixel_residuals,
-    plane_residuals,
+    visible_planes,
 )
 from rgbd_glue_ros.types import Float64, Mask
 
@@ -64,7 +65,7 @@ def find_alternative(
         acceptance: the evidence that a pose needs.
 
     Returns:
-        None if little contradicts, or the contradicting parts disagree.
+        None if little contradicts, the contradicting parts disagree, or noise may explain them.
     """
     if not is_contradicted(pose):
         return None
@@ -82,7 +83,10 @@ def find_alternative(
         T = _coherent(rest, start, pose, problem.config.iterations, acceptance)
         if T is None or problem.basin.connects(T, pose.T_model_source):
             continue
-        share = _share(levels[-1][1], T, pose.T_model_source)
+        _, finest = levels[-1]
+        if not PlaneCounts.of(T, pose.T_model_source, finest).are_for_first:
+            continue
+        share = _share(finest, T, pose.T_model_source)
         if share >= _SUBSTANTIAL and (best is None or share > best.share):
             best = Alternative(T, share)
     return best
@@ -90,9 +94,7 @@ def find_alternative(
 
 def agreeing_planes(of_level: LevelProblem, T: Float64) -> Mask:
     """Which planes agree with a pose."""
-    residuals, squared, _ = plane_residuals(T, of_level)
-    agrees: Mask = (residuals.weight > 0) & (squared < AGREEING_SIGMAS**2)
-    return agrees
+    return visible_planes(T, of_level)[1]
 
 
 def agreeing_pixels(of_level: LevelProblem, T: Float64, affine_brightness: Float64) -> Mask:

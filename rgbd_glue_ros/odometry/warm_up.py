@@ -10,7 +10,10 @@ from rgbd_glue_ros.geometry.depth import metres_of_16_bits
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.own_parts import OwnParts
+from rgbd_glue_ros.odometry.plane_counts import PlaneCounts
 from rgbd_glue_ros.parameters import Config, with_values
+from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 
@@ -31,10 +34,12 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
     with Odometry(config, glue) as odometry:
         for i in range(4):
             odometry.process(_frame(i))
-    # these frames move too little for parts of the robot to be looked for
+    # these frames contain no contradiction, and too little motion to look for parts of the robot
     frame = _frame(0)
     view = view_of(frame, config.camera)
     with uninterrupted():
+        problem = RefinementProblem(model_of(view, config.refine.grid_step), view, config.refine)
+        PlaneCounts.of(np.eye(4), np.eye(4), problem.at_level(0))
         OwnParts().after_view(view, np.eye(4)).after_view(view, np.eye(4))
         reduced(frame, _WIDTH // 2)
 

@@ -17,7 +17,7 @@ from rgbd_glue_ros.geometry.motion_compensation import displaced_point
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.projection import Projection, as_numbers, project
 from rgbd_glue_ros.refinement.sampling import sample_visible
-from rgbd_glue_ros.types import Float64
+from rgbd_glue_ros.types import Float64, Mask
 
 # Lateral accuracy of depth, limited by blurred depth edges and the lens.
 _LATERAL_SIGMA_PX = 0.5
@@ -76,6 +76,21 @@ def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Residuals, Float
     measured = depth_at(problem.depth, seen.u, seen.v)
     residuals, squared = _distances(T, problem, seen, measured)
     return residuals, squared, _plane_fit(seen.z, measured, residuals.weight, squared)
+
+
+@compiled
+def visible_planes(T: Float64, problem: LevelProblem) -> tuple[Mask, Mask]:
+    """Which planes a frame shows at T and nothing hides, and which of them agree; bool [N] each."""
+    seen = project(T, problem.points, problem.depth_exposure)
+    measured = depth_at(problem.depth, seen.u, seen.v)
+    residuals, squared = _distances(T, problem, seen, measured)
+    size = len(measured)
+    visible, agrees = np.empty(size, np.bool_), np.empty(size, np.bool_)
+    for i in range(size):
+        fits = residuals.weight[i] > 0.0
+        visible[i] = fits | (measured[i] >= seen.z[i])
+        agrees[i] = fits & (squared[i] < AGREEING_SIGMAS**2)
+    return visible, agrees
 
 
 @compiled
@@ -149,6 +164,17 @@ def plane_variance(
     along = depth_sigma(z) * (nx * x + ny * y + nz * z) / z
     lateral = _LATERAL_SIGMA_PX * z / fx
     return along * along + lateral * lateral * (nx * nx + ny * ny)
+
+
+@compiled
+def plane_variances(normals: Float64, points: Float64, fx: float) -> Float64:
+    """``plane_variance`` of points [N, 3] along normals [N, 3]; float64 [N]."""
+    variances = np.empty(len(points))
+    for i in range(len(points)):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        variances[i] = plane_variance(nx, ny, nz, x, y, z, fx)
+    return variances
 
 
 @compiled

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
 from rigs.pose_problems import problem_at_rest
 from rigs.room import room_view, true_pose
+from rigs.scenes import SCENES
 
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
@@ -110,6 +113,17 @@ def test_a_person_in_view_contradicts_the_pose_and_noise_does_not() -> None:
     assert is_contradicted(evaluate_pose(true_poses()[4], of))
     of = problem_at_rest(prepared(recorded_frames()[0]), prepared(recorded_frames()[4]))
     assert not is_contradicted(evaluate_pose(true_poses()[4], of))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("place", ["a blank wall with one poster", "a bare corridor at 10 Hz"])
+def test_the_noise_of_stereo_depth_is_no_part_of_the_view_that_moves(place: str, seed: int) -> None:
+    scene = SCENES[place]
+    frames = [prepared(frame) for frame in islice(scene.noisy_frames(seed, is_stereo=True), 6)]
+    of = problem_at_rest(frames[0], frames[5])
+    truth = scene.true_poses()[5]
+    assert is_contradicted(evaluate_pose(truth, of))
+    assert alternative(of, truth) is None
 
 
 def test_a_view_that_agrees_with_its_pose_has_no_alternative() -> None:

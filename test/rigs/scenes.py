@@ -25,6 +25,8 @@ WIDE = replace(VGA_HALVED, fx=140.0, fy=140.0)
 
 # depth ends here, as that of most sensors does, metres
 _FARTHEST = 5.0
+# The distance between the two cameras of a RealSense D435, and the noise of its disparity.
+_STEREO_BASE_M, _STEREO_NOISE_PX = 0.05, 0.08
 # of the stairwell, metres
 _FIRST_STEP_Y, _STEP_Y, _STEP_Z = 1.0, 0.28, 0.17
 # a camera that looks along the world's y, with z up
@@ -66,11 +68,13 @@ class Scene:
                 color = np.zeros_like(color)
             yield RgbdFrame(round(time_s * 1e9), color, depth, self.camera)
 
-    def noisy_frames(self, seed: int) -> Iterator[RgbdFrame]:
+    def noisy_frames(self, seed: int, *, is_stereo: bool = False) -> Iterator[RgbdFrame]:
         """The same with the noise of a sensor: that of each depth is its own."""
         random = np.random.default_rng(seed)
         for frame in self.frames():
             sigma = 0.0012 + 0.0019 * (frame.depth - 0.4) ** 2
+            if is_stereo:
+                sigma = frame.depth**2 / (frame.intrinsics.fx * _STEREO_BASE_M) * _STEREO_NOISE_PX
             depth = frame.depth + sigma * random.normal(size=frame.depth.shape)
             color = frame.color + 2.0 * random.normal(size=frame.color.shape)
             yield replace(
