@@ -129,7 +129,9 @@ class GridFpfh:
     def extract(self, view: View) -> DescribedGrid:
         """Points, normals and FPFH of a grid that has no more points in a larger image."""
         step = widened_px(view, self._step)
-        points, normals = grid_points_and_normals(view.depth, view.intrinsics, step)
+        points, normals = grid_points_and_normals(
+            view.depth, view.intrinsics, step, view.depth_noise
+        )
         rows = np.arange(len(points)) * step + step // 2
         points = displaced_points(
             points, seconds_after_color(rows, view)[:, np.newaxis], view.twist

@@ -9,6 +9,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry.contrast import contrast_of
 from rgbd_glue_ros.geometry.depth import limit_depth
+from rgbd_glue_ros.geometry.depth_noise import depth_noise_of
 from rgbd_glue_ros.geometry.lens import undistorted, undistortion_maps
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
@@ -22,7 +23,8 @@ def view_of(frame: RgbdFrame, camera: CameraConfig) -> View:
     frame = rectified(frame)
     image, depth = grey(frame.color), limit_depth(frame.depth, camera)
     contrast = contrast_of(image, camera.well_lit_gradient)
-    return View(image, depth, frame.intrinsics, contrast=contrast)
+    noise = depth_noise_of(depth)
+    return View(image, depth, frame.intrinsics, contrast=contrast, depth_noise=noise)
 
 
 def grey(color: UInt8) -> UInt8:

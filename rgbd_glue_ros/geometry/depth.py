@@ -73,8 +73,11 @@ def _limited(depth: Float32, nearest: float, farthest: float) -> Float32:
 
 
 @compiled
-def sample_depth(depth: Float32, u: float, v: float) -> float:
-    """Bilinear depth at pixel (u, v); NaN outside, next to unknown depth and across edges."""
+def sample_depth(depth: Float32, u: float, v: float, noise: float = 1.0) -> float:
+    """Bilinear depth at pixel (u, v); NaN outside, next to unknown depth and across edges.
+
+    ``noise`` is that of depth, relative to ``depth_sigma``.
+    """
     height, width = depth.shape
     if not (u >= 0.0 and v >= 0.0 and u <= width - 1.0 and v <= height - 1.0):
         return np.nan
@@ -85,25 +88,26 @@ def sample_depth(depth: Float32, u: float, v: float) -> float:
     nearest = min(z00, z01, z10, z11)
     farthest = max(z00, z01, z10, z11)
     # false too if the first is unknown; another unknown one makes the sum below NaN
-    if not farthest - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest):
+    if not farthest - nearest < DEPTH_EDGE_SIGMAS * noise * depth_sigma(nearest):
         return np.nan
     z = (1 - b) * ((1 - a) * z00 + a * z01) + b * ((1 - a) * z10 + a * z11)
     return float(z)
 
 
 @compiled
-def depth_at(depth: Float32, u: Float64, v: Float64) -> Float64:
+def depth_at(depth: Float32, u: Float64, v: Float64, noise: float = 1.0) -> Float64:
     """``sample_depth`` at each of the pixels u, v [N]; float64 [N]."""
     z = np.empty(len(u))
     for i in range(len(u)):
-        z[i] = sample_depth(depth, u[i], v[i])
+        z[i] = sample_depth(depth, u[i], v[i], noise)
     return z
 
 
 @compiled
-def surface_tolerance(z: float) -> float:
+def surface_tolerance(z: float, noise: float) -> float:
     """Maximum difference from depth z of another depth of the same surface, metres.
 
     This exceeds the noise: images are not taken at exactly the same time, and surfaces recede.
+    ``noise`` is that of depth, relative to ``depth_sigma``.
     """
-    return SURFACE_SIGMAS * depth_sigma(z) + RECEDING * z
+    return SURFACE_SIGMAS * noise * depth_sigma(z) + RECEDING * z

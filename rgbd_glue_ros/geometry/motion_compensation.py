@@ -71,7 +71,8 @@ def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, Mask]:
         Points [M, 3] as seen when the middle row is read, and which pixels [N] have one.
     """
     motion = view.twist * view.depth_delay
-    z = _delayed_depth_at(view.depth, uv, view.intrinsics.focal_and_centre, motion)
+    K = view.intrinsics.focal_and_centre
+    z = _delayed_depth_at(view.depth, uv, K, motion, view.depth_noise)
     known = np.isfinite(z)
     points = back_project(uv[known], z[known], view.intrinsics)
     return displaced_points(
@@ -80,19 +81,22 @@ def keypoints_to_points(uv: Float32, view: View) -> tuple[Float64, Mask]:
 
 
 @compiled
-def _delayed_depth_at(depth: Float32, uv: Float32, K: Float64, motion: Float64) -> Float64:
+def _delayed_depth_at(
+    depth: Float32, uv: Float32, K: Float64, motion: Float64, noise: float
+) -> Float64:
     """Depth [N] at pixels uv [N, 2] of an image taken before the camera moved by ``motion`` [6]."""
     depths = np.empty(len(uv))
     for i in range(len(uv)):
         rx, ry = (uv[i, 0] - K[2]) / K[0], (uv[i, 1] - K[3]) / K[1]
-        z = sample_depth(depth, uv[i, 0], uv[i, 1])
+        z = sample_depth(depth, uv[i, 0], uv[i, 1], noise)
         # which depth pixel corresponds depends on the depth itself
         for _ in range(2):
             x, y, later = displaced_point(rx * z, ry * z, z, -1.0, motion)
             if not later > 0.0:
                 z = np.nan
                 break
-            measured = sample_depth(depth, K[0] * x / later + K[2], K[1] * y / later + K[3])
+            column, row = K[0] * x / later + K[2], K[1] * y / later + K[3]
+            measured = sample_depth(depth, column, row, noise)
             _, _, z = displaced_point(
                 x / later * measured, y / later * measured, measured, 1.0, motion
             )

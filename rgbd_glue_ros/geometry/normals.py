@@ -51,7 +51,7 @@ def widened_px(view: View, step: int) -> int:
 
 
 def grid_points_and_normals(
-    depth: Float32, intrinsics: CameraIntrinsics, step: int
+    depth: Float32, intrinsics: CameraIntrinsics, step: int, noise: float = 1.0
 ) -> tuple[Float64, Float64]:
     """Every ``step``-th pixel as a point with the normal of the plane around it.
 
@@ -61,18 +61,19 @@ def grid_points_and_normals(
         depth: float32 [H, W], metres, NaN where unknown.
         intrinsics: of the depth image.
         step: pixels between grid points.
+        noise: of depth, relative to ``depth_sigma``.
 
     Returns:
         Points and unit normals towards the camera, float64 [rows, columns, 3] in the optical
         frame; NaN where the surface is unknown, an edge, or seen too flat.
     """
     K = intrinsics
-    return _points_and_normals(depth, K.fx, K.fy, K.cx, K.cy, step)
+    return _points_and_normals(depth, K.fx, K.fy, K.cx, K.cy, step, noise)
 
 
 @compiled
 def _points_and_normals(
-    depth: Float32, fx: float, fy: float, cx: float, cy: float, step: int
+    depth: Float32, fx: float, fy: float, cx: float, cy: float, step: int, noise: float
 ) -> tuple[Float64, Float64]:
     height, width = depth.shape
     rows, columns = height // step, width // step
@@ -88,7 +89,7 @@ def _points_and_normals(
                 continue
             # The inverse depth of a plane is linear in the pixel: 1/z = a + b du + d dv. Least
             # squares in inverse depth also has the right weights, as its noise hardly depends on z.
-            gate = 4.0 * depth_sigma(z0) + RECEDING * z0
+            gate = 4.0 * noise * depth_sigma(z0) + RECEDING * z0
             n = 0
             su = sv = suu = suv = svv = sw = suw = svw = 0.0
             for v in range(max(0, v0 - reach), min(height, v0 + reach + 1), stride):

@@ -107,6 +107,7 @@ def _sigmas_apart(T: Float64, T_other: Float64, of_level: LevelProblem) -> Float
         normals @ T_camera[:3, :3].T,
         se3.transform(T_camera, points),
         of_level.depth_exposure.K[0],
+        of_level.depth_noise,
     )
     apart: Float64 = np.abs((normals * moved).sum(axis=1)) / np.sqrt(variances)
     return apart

@@ -31,12 +31,14 @@ class Surfaces:
             block without known depth.
         K: float64 [4], fx, fy, cx, cy of the image.
         T_track_depth: float64 [4, 4], the camera's pose when depth was taken.
+        noise: of depth, relative to ``depth_sigma``.
     """
 
     depth: Float32
     nearest: Float32
     K: Float64
     T_track_depth: Float64
+    noise: float = 1.0
 
     @staticmethod
     def seen(view: View, T_track_camera: Float64) -> Surfaces:
@@ -48,14 +50,16 @@ class Surfaces:
             _nearest_surfaces(view.depth),
             view.intrinsics.focal_and_centre,
             depth_pose(view, T_track_camera),
+            view.depth_noise,
         )
 
     def in_front_of(self, other: Surfaces) -> UInt8:
         """Blocks in front of everything that another view sees there, uint8 [R, C], 1 or 0."""
         T_other_depth = se3.inverse(other.T_track_depth) @ self.T_track_depth
-        return np.asarray(
-            _in_front(self.depth, self.K, T_other_depth, other.nearest, other.K), np.uint8
+        in_front = _in_front(
+            self.depth, self.K, T_other_depth, other.nearest, other.K, max(self.noise, other.noise)
         )
+        return np.asarray(in_front, np.uint8)
 
 
 def depth_pose(view: View, T_track_camera: Float64) -> Float64:
@@ -106,7 +110,12 @@ def _least_of_blocks(depth: Float32) -> Float32:
 
 @compiled
 def _in_front(
-    depth: Float32, K: Float64, T_other_depth: Float64, nearest: Float32, K_other: Float64
+    depth: Float32,
+    K: Float64,
+    T_other_depth: Float64,
+    nearest: Float32,
+    K_other: Float64,
+    noise: float,
 ) -> UInt8:
     """1 in blocks that are in front of everything that another depth image has there.
 
@@ -116,6 +125,7 @@ def _in_front(
         T_other_depth: from this camera to the other, float64 [4, 4].
         nearest: float32 [R, C], ``nearest`` of the other image.
         K_other: fx, fy, cx, cy of the other image.
+        noise: of depth, relative to ``depth_sigma``.
     """
     in_front = np.zeros(depth.shape, np.uint8)
     T = T_other_depth
@@ -135,6 +145,6 @@ def _in_front(
             column = math.floor((K_other[0] * right / there + K_other[2]) / BLOCK_PX)
             if 0 <= row < nearest.shape[0] and 0 <= column < nearest.shape[1]:
                 known = nearest[row, column]
-                if there < known - surface_tolerance(known):
+                if there < known - surface_tolerance(known, noise):
                     in_front[r, c] = 1
     return in_front

@@ -45,6 +45,7 @@ class LevelProblem(NamedTuple):
         match_target: float64 [L, 3], the same points in the model.
         match_weight: weight of a match relative to a plane.
         contrast: contrast of the frame's image, as a fraction of that of a well-lit one.
+        depth_noise: noise of the frame's depth, relative to ``depth_sigma``.
     """
 
     points: Float64
@@ -63,3 +64,4 @@ class LevelProblem(NamedTuple):
     match_target: Float64
     match_weight: float
     contrast: float
+    depth_noise: float

@@ -177,7 +177,9 @@ class LastBlend:
 
 
 def _planes(view: View, grid_step: int) -> Planes:
-    points, normals = grid_points_and_normals(view.depth, view.intrinsics, grid_step)
+    points, normals = grid_points_and_normals(
+        view.depth, view.intrinsics, grid_step, view.depth_noise
+    )
     known = np.isfinite(points[..., 2])
     rows = np.nonzero(known)[0] * grid_step + grid_step // 2
     seconds = seconds_after_color(rows, view)
@@ -196,7 +198,8 @@ def _textured_pixels(image: UInt8, level: int, view: View) -> Pixels:
     """The pixel with the strongest gradient in each cell of a level, if its depth is known."""
     least = _MIN_GRADIENT * view.contrast
     rows = _strongest_gradients(image, widened_px(view, _CELLS_PX[level]), least)
-    rows = rows[_uncovered(view.depth, rows * 2**level, _OCCLUSION_PX * 2**level)]
+    reach = _OCCLUSION_PX * 2**level
+    rows = rows[_uncovered(view.depth, rows * 2**level, reach, view.depth_noise)]
     uv = (rows[:, ::-1] * 2**level).astype(np.float32)
     points, known = keypoints_to_points(uv, view)
     return Pixels(
@@ -231,7 +234,7 @@ def _strongest_gradients(image: UInt8, cell: int, threshold: float) -> Int64:
 
 
 @compiled
-def _uncovered(depth: Float32, pixels: Int64, reach: int) -> Mask:
+def _uncovered(depth: Float32, pixels: Int64, reach: int, noise: float) -> Mask:
     """Which pixels, int64 [N, 2] rows and columns, have no nearer surface within ``reach``."""
     height, width = depth.shape
     free = np.zeros(len(pixels), np.bool_)
@@ -242,5 +245,6 @@ def _uncovered(depth: Float32, pixels: Int64, reach: int) -> Mask:
             for u in range(max(0, column - reach), min(width, column + reach + 1)):
                 nearest = min(nearest, depth[v, u])
         # false if depth is unknown
-        free[i] = z - nearest < DEPTH_EDGE_SIGMAS * depth_sigma(nearest) + RECEDING * nearest
+        step = DEPTH_EDGE_SIGMAS * noise * depth_sigma(nearest) + RECEDING * nearest
+        free[i] = z - nearest < step
     return free

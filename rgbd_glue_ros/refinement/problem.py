@@ -82,6 +82,7 @@ class RefinementProblem:
             match_target=self.matches.target,
             match_weight=_MATCH_WEIGHT,
             contrast=view.contrast,
+            depth_noise=view.depth_noise,
         )
 
 

@@ -73,7 +73,7 @@ def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Residuals, Float
         The residuals; their squares in units of their variance, float64 [N]; and how planes fit.
     """
     seen = project(T, problem.points, problem.depth_exposure)
-    measured = depth_at(problem.depth, seen.u, seen.v)
+    measured = depth_at(problem.depth, seen.u, seen.v, problem.depth_noise)
     residuals, squared = _distances(T, problem, seen, measured)
     return residuals, squared, _plane_fit(seen.z, measured, residuals.weight, squared)
 
@@ -82,7 +82,7 @@ def plane_residuals(T: Float64, problem: LevelProblem) -> tuple[Residuals, Float
 def visible_planes(T: Float64, problem: LevelProblem) -> tuple[Mask, Mask]:
     """Which planes a frame shows at T and nothing hides, and which of them agree; bool [N] each."""
     seen = project(T, problem.points, problem.depth_exposure)
-    measured = depth_at(problem.depth, seen.u, seen.v)
+    measured = depth_at(problem.depth, seen.u, seen.v, problem.depth_noise)
     residuals, squared = _distances(T, problem, seen, measured)
     size = len(measured)
     visible, agrees = np.empty(size, np.bool_), np.empty(size, np.bool_)
@@ -155,25 +155,26 @@ def by_rotation(
 
 @compiled
 def plane_variance(
-    nx: float, ny: float, nz: float, x: float, y: float, z: float, fx: float
+    nx: float, ny: float, nz: float, x: float, y: float, z: float, fx: float, noise: float
 ) -> float:
     """Variance of a measured point x, y, z along a normal, both in the optical frame, m².
 
-    It consists of depth noise along the ray and lateral blur.
+    It consists of depth noise along the ray, which is ``noise`` times ``depth_sigma``, and lateral
+    blur.
     """
-    along = depth_sigma(z) * (nx * x + ny * y + nz * z) / z
+    along = noise * depth_sigma(z) * (nx * x + ny * y + nz * z) / z
     lateral = _LATERAL_SIGMA_PX * z / fx
     return along * along + lateral * lateral * (nx * nx + ny * ny)
 
 
 @compiled
-def plane_variances(normals: Float64, points: Float64, fx: float) -> Float64:
+def plane_variances(normals: Float64, points: Float64, fx: float, noise: float) -> Float64:
     """``plane_variance`` of points [N, 3] along normals [N, 3]; float64 [N]."""
     variances = np.empty(len(points))
     for i in range(len(points)):
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        variances[i] = plane_variance(nx, ny, nz, x, y, z, fx)
+        variances[i] = plane_variance(nx, ny, nz, x, y, z, fx, noise)
     return variances
 
 
@@ -193,7 +194,7 @@ def _distances(
     points, normals = problem.points, problem.normals
     P0, P1, P2, N0, N1, N2 = points[0], points[1], points[2], normals[0], normals[1], normals[2]
     (fx, fy, cx, cy), _, twist, readout_time, delay = problem.depth_exposure
-    cauchy_squared = problem.plane_cauchy**2
+    cauchy_squared, noise = problem.plane_cauchy**2, problem.depth_noise
     u, v, row_time = seen.u, seen.v, seen.row_time
     size = len(measured)
     weight, residual, jacobian = np.empty(size), np.empty(size), np.empty((6, size))
@@ -213,7 +214,7 @@ def _distances(
         nx = T[0][0] * n0 + T[1][0] * n1 + T[2][0] * n2
         ny = T[0][1] * n0 + T[1][1] * n1 + T[2][1] * n2
         nz = T[0][2] * n0 + T[1][2] * n1 + T[2][2] * n2
-        variance = plane_variance(nx, ny, nz, x, y, z, fx)
+        variance = plane_variance(nx, ny, nz, x, y, z, fx, noise)
         s = r * r / variance
         is_same_surface = is_known & (s <= SURFACE_SIGMAS**2)
         weight[i] = 1.0 / (variance * (1.0 + s / cauchy_squared)) if is_same_surface else 0.0

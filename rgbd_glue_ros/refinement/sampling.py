@@ -47,18 +47,20 @@ def _bilinear(a: float, b: float, c00: float, c01: float, c10: float, c11: float
 
 
 @compiled
-def is_occluded(depth: Float32, K: tuple[float, ...], x: float, y: float, z: float) -> bool:
+def is_occluded(
+    depth: Float32, K: tuple[float, ...], x: float, y: float, z: float, noise: float
+) -> bool:
     """Whether depth shows another surface at the point x, y, z, in the depth camera's frame.
 
     That surface may be nearer, or farther if the point's own has moved away. False if depth is
-    unknown.
+    unknown. ``noise`` is that of depth, relative to ``depth_sigma``.
     """
     if z < NEAREST_M:
         return False
     row, column = int(K[1] * y / z + K[3] + 0.5), int(K[0] * x / z + K[2] + 0.5)
     if row < 0 or column < 0 or row >= depth.shape[0] or column >= depth.shape[1]:
         return False
-    return bool(abs(depth[row, column] - z) > surface_tolerance(z))
+    return bool(abs(depth[row, column] - z) > surface_tolerance(z, noise))
 
 
 @compiled
@@ -86,7 +88,7 @@ def sample_visible(seen: Projection, problem: LevelProblem) -> tuple[Mask, Float
         # occluded by a nearer surface, or the surface has moved away
         x, y = (u - cx) / fx * z, (v - cy) / fy * z
         x, y, z = displaced_point(x, y, z, -depth_delay, twist)
-        if is_occluded(depth, K_depth, x, y, z):
+        if is_occluded(depth, K_depth, x, y, z, problem.depth_noise):
             continue
         is_visible[i] = True
         brightness[i], gradient[0, i], gradient[1, i] = brightness_and_gradient(image, u, v)

@@ -17,6 +17,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file
 from rgbd_glue_ros.files.writing import write_whole
+from rgbd_glue_ros.geometry.depth_noise import depth_noise_of
 from rgbd_glue_ros.messages.image_codecs import decode, encode_png
 from rgbd_glue_ros.slam.map_check import check_edges, covariances, numbers, transforms
 from rgbd_glue_ros.slam.packed_view import PackedView, packed
@@ -153,7 +154,8 @@ def _map(arrays: Mapping[str, Any], path: Path, on_keyframe: OnKeyframe) -> Save
         camera = _camera(cameras[i], grey.shape, i)
         readout_time, depth_delay = times[i].tolist()
         contrast = float(contrasts[i])
-        view = View(grey, depth, camera, twists[i], readout_time, depth_delay, contrast)
+        noise = depth_noise_of(depth)
+        view = View(grey, depth, camera, twists[i], readout_time, depth_delay, contrast, noise)
         views.append(packed(view))
         on_keyframe(i + 1, count)
     return SavedMap(PoseGraph(Trajectory(stamps, poses), edges), tuple(views), str(path))

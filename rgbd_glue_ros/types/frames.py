@@ -66,6 +66,8 @@ class View:
         depth_delay: how much later than colour depth was taken, seconds.
         contrast: of ``grey``, relative to a well-lit image; grey-level limits are multiplied by
             it.
+        depth_noise: of ``depth``, relative to ``depth_sigma``, at least 1; limits of depth are
+            multiplied by it.
     """
 
     grey: UInt8
@@ -75,3 +77,4 @@ class View:
     readout_time: float = 0.0
     depth_delay: float = 0.0
     contrast: float = 1.0
+    depth_noise: float = 1.0

@@ -63,6 +63,26 @@ def test_in_an_empty_corridor_a_camera_stays_where_it_was_and_says_that_it_may_h
     assert (np.abs(off) < 1.5 * said + 0.01).all()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place", "centimetres"),
+    [
+        ("a wide field of view", 1.0),
+        ("a corridor walked along", 1.0),
+        ("a bare corridor at 10 Hz", 3.0),
+    ],
+)
+def test_depth_several_times_as_noisy_as_expected_does_no_harm(
+    place: str, centimetres: float
+) -> None:
+    scene = SCENES[place]
+    with Odometry(Config()) as odometry:
+        frames = scene.noisy_frames(seed=0, is_stereo=True)
+        estimates = [odometry.process(frame) for frame in frames]
+    metres, _ = errors(estimates, scene.true_poses())
+    assert 100 * metres.max() < centimetres
+
+
 def along_the_corridor(place: str) -> tuple[Float64, Float64]:
     """Errors of poses along a corridor, and their standard deviations as stated, metres."""
     scene = SCENES[place]
