@@ -46,6 +46,7 @@ def first_pose(
     imu = rig.publisher(Imu, IMU)
     rig.wait_until_matched()
     rig.wait(imu.get_subscription_count, "the subscription to the IMU")
+    rig.wait_for_answer("rgbd_odometry")
     for index in range(len(samples)):
         imu.publish(fields.copy_fields(fields.imu(samples, index, frame_id), Imu()))
     pose = rig.pose_of(corner_frame(START_NS))

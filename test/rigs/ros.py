@@ -165,6 +165,17 @@ class Rig(Closing):
         (result,) = change.result().results
         return "" if result.successful else result.reason
 
+    def wait_for_answer(self, node: str) -> None:
+        """Asks a node for a parameter, so that it knows this rig's publishers once it has answered.
+
+        A publisher knows a subscription of best effort before that knows the publisher, and what it
+        sends in between is lost.
+        """
+        client = AsyncParameterClient(self.node, node)
+        self.wait(client.services_are_ready, "the parameter services")
+        asked = client.get_parameters(["use_sim_time"])
+        self.wait(asked.done, "the answer")
+
     def trigger(self, service: str) -> Trigger.Response:
         """Calls a service, as ``/rgbd_odometry/save_graph``, and returns its answer."""
         client = self.node.create_client(Trigger, service)
