@@ -43,19 +43,21 @@ class Acceptance:
             config.relocalisation_inliers,
         )
 
-    def sceptical(self) -> ScepticalAcceptance:
-        """A stricter one for a pose that no motion leads to, as after frames without a pose.
+    def stricter(self) -> Acceptance:
+        """One that takes more, for a pose that follows frames without one.
 
-        Of the many poses that a camera may have reached, some agree with a few planes or pixels.
+        Of the poses that a camera may have reached, some agree with a few planes or pixels.
         """
-        return ScepticalAcceptance(
-            4 * self.min_planes,
-            4 * self.min_pixels,
-            self.plane_agreement,
-            _half_way_to_1(self.brightness_correlation),
-            self.min_inliers,
-            usual=self,
+        return replace(
+            self,
+            min_planes=4 * self.min_planes,
+            min_pixels=4 * self.min_pixels,
+            brightness_correlation=_half_way_to_1(self.brightness_correlation),
         )
+
+    def sceptical(self) -> ScepticalAcceptance:
+        """One that takes all kinds of evidence, for a pose that no motion leads to."""
+        return ScepticalAcceptance(**vars(self.stricter()), usual=self)
 
     def without_jumps(self) -> Acceptance:
         """One that accepts no pose that the camera can hardly reach."""

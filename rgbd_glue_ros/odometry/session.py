@@ -13,7 +13,7 @@ from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
 from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
-from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
+from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion, PredictedMotion
 from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
@@ -130,8 +130,11 @@ class Session:
             model, view, refine_config, predicted=predicted, basin=Basin.of(config)
         )
         acceptance = Acceptance.of(config)
-        if self.state is TrackingState.LOST or self._progress.is_after_gap:
+        is_lost = self.state is TrackingState.LOST
+        if self._progress.is_after_gap or (is_lost and predicted.elapsed_s > MEMORY_S):
             acceptance = acceptance.sceptical()
+        elif is_lost:
+            acceptance = acceptance.stricter()
         tracked = track(
             problem,
             references[0],
