@@ -43,6 +43,11 @@ class Acceptance:
             config.relocalisation_inliers,
         )
 
+    @property
+    def clear_agreement(self) -> float:
+        """The fraction of the planes that has to agree if nothing else tells poses apart."""
+        return _half_way_to_1(self.plane_agreement)
+
     def stricter(self) -> Acceptance:
         """One that takes more, for a pose that follows frames without one.
 
@@ -144,12 +149,10 @@ class ScepticalAcceptance(Acceptance):
         if self.is_conclusive(pose) or (matches_agree and self.usual.is_conclusive(pose)):
             return is_within_reach or self.includes_jumps
         has_texture = pose.pixels_seen >= self.min_pixels
-        return is_within_reach and not has_texture and self._planes_suffice(pose)
-
-    def _planes_suffice(self, pose: Refinement) -> bool:
-        """Whether so many planes agree that a pose needs no texture."""
-        least = _half_way_to_1(self.plane_agreement)
-        return pose.planes_seen >= self.min_planes and pose.plane_agreement >= least
+        planes_suffice = (
+            pose.planes_seen >= self.min_planes and pose.plane_agreement >= self.clear_agreement
+        )
+        return is_within_reach and not has_texture and planes_suffice
 
 
 def _half_way_to_1(value: float) -> float:

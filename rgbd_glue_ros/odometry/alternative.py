@@ -133,7 +133,7 @@ def _coherent(
             return None
         if refined.visible_agreement < acceptance.plane_agreement:
             return None
-    if refined.visible_agreement < (1 + acceptance.plane_agreement) / 2:
+    if refined.visible_agreement < acceptance.clear_agreement:
         return None
     is_blank = refined.pixels_seen < acceptance.min_pixels
     return T if is_blank or acceptance.correlates(refined) else None
