@@ -8,7 +8,7 @@ import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.depth import RECEDING, depth_sigma
-from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, View
+from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, Int64, View
 
 # The image that grid spacings refer to, pixels.
 _STEP_IMAGE = 640 * 480
@@ -16,6 +16,8 @@ _STEP_IMAGE = 640 * 480
 _HALF_WINDOW = 6
 _STRIDE = 2
 _MIN_POINTS = 12
+# Depth that is off a plane by more standard deviations is not of the plane.
+_PLANE_SIGMAS = 4.0
 # The cosine between normal and ray at 80 degrees; depth of surfaces seen flatter is unreliable.
 _MIN_COSINE = 0.17
 
@@ -136,3 +138,55 @@ def _points_and_normals(
             normals[r, c, 1] = ny / length
             normals[r, c, 2] = nz / length
     return points, normals
+
+
+@compiled
+def normals_of_nine(
+    depth: Float32, K: tuple[float, ...], rows: Int64, columns: Int64, noise: float
+) -> Float64:
+    """Normals at given pixels, of the plane through a pixel and the eight at half a window from it.
+
+    Near the border it is that of the nearest pixel that has eight others.
+
+    Noisier than those of ``grid_points_and_normals``, but whatever the angle that a surface is seen
+    at, noise does not decide which depths belong to it.
+
+    Args:
+        depth: float32 [H, W], metres, NaN where unknown.
+        K: fx, fy, cx, cy of the depth image.
+        rows: int64 [N].
+        columns: int64 [N].
+        noise: of depth, relative to ``depth_sigma``.
+
+    Returns:
+        Unit normals towards the camera, float64 [3, N] in the optical frame; NaN where one of the
+        nine is unknown or not on the plane.
+    """
+    (fx, fy, cx, cy), (height, width), step = K, depth.shape, _HALF_WINDOW
+    normals = np.full((3, len(rows)), np.nan)
+    if height <= 2 * step or width <= 2 * step:
+        return normals
+    nine = np.empty((3, 3))
+    for i in range(len(rows)):
+        v0 = min(max(rows[i], step), height - 1 - step)
+        u0 = min(max(columns[i], step), width - 1 - step)
+        for r in range(3):
+            for c in range(3):
+                nine[r, c] = 1.0 / depth[v0 + (r - 1) * step, u0 + (c - 1) * step]
+        # least squares as above: 1/z = a + b du + d dv
+        a = nine.mean()
+        b = (nine[:, 2].sum() - nine[:, 0].sum()) / (6 * step)
+        d = (nine[2].sum() - nine[0].sum()) / (6 * step)
+        gate = _PLANE_SIGMAS * noise * depth_sigma(1.0 / a) * a * a
+        is_plane = True
+        for r in range(3):
+            for c in range(3):
+                on_plane = a + step * (b * (c - 1) + d * (r - 1))
+                # false for NaN
+                is_plane &= abs(nine[r, c] - on_plane) < gate
+        if not is_plane:
+            continue
+        nx, ny, nz = -b * fx, -d * fy, -(a - b * (u0 - cx) - d * (v0 - cy))
+        length = math.sqrt(nx * nx + ny * ny + nz * nz)
+        normals[0, i], normals[1, i], normals[2, i] = nx / length, ny / length, nz / length
+    return normals

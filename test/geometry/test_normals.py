@@ -11,11 +11,12 @@ from rigs.room import CAMERA
 
 from rgbd_glue_ros.geometry.camera import back_project
 from rgbd_glue_ros.geometry.depth import depth_sigma
-from rgbd_glue_ros.geometry.normals import grid_points_and_normals
-from rgbd_glue_ros.types import Float32, Float64
+from rgbd_glue_ros.geometry.normals import grid_points_and_normals, normals_of_nine
+from rgbd_glue_ros.types import Float32, Float64, Int64
 
 STEP = 8
 ROWS, COLUMNS = CAMERA.height // STEP, CAMERA.width // STEP
+K = tuple(CAMERA.focal_and_centre.tolist())
 
 
 def rays() -> Float64:
@@ -43,6 +44,12 @@ def tilted(degrees: float, azimuth: float) -> Float64:
 
 def known(points: Float64) -> NDArray[np.bool_]:
     return np.isfinite(points[..., 2])
+
+
+def nine(depth: Float32, rows: Int64, columns: Int64) -> Float64:
+    """The normals of nine depths each, float64 [N, 3]."""
+    normals: Float64 = normals_of_nine(depth, K, rows, columns, 1.0).T
+    return normals
 
 
 @given(st.floats(0, 60), st.floats(0, 360), st.floats(0.5, 4))
@@ -134,3 +141,35 @@ def test_a_surface_seen_too_flat_is_not_trusted() -> None:
     angle = np.degrees(np.arcsin(seen[:, 1] / np.linalg.norm(seen, axis=1)))
     assert len(seen) > 300
     assert 9 < angle.min() < 12
+
+
+@given(st.floats(0, 60), st.floats(0, 360), st.floats(0.5, 4))
+@settings(max_examples=25, deadline=None)
+def test_on_a_plane_the_normals_of_nine_are_exact_up_to_the_border(
+    degrees: float, azimuth: float, distance: float
+) -> None:
+    normal = tilted(degrees, azimuth)
+    depth = plane_depth(normal, distance)
+    rows, columns = (x.ravel() for x in np.mgrid[: CAMERA.height, : CAMERA.width])
+    normals = nine(depth, rows, columns)
+    seen = known(normals)
+    assert seen.mean() > 0.3
+    np.testing.assert_allclose(normals[seen] @ normal, 1.0, atol=1e-5)
+
+
+def test_nine_depths_beside_an_edge_or_a_hole_have_no_normal() -> None:
+    left, right = (plane_depth(tilted(45, azimuth), 1.0) for azimuth in (0, 180))
+    middle = CAMERA.width // 2
+    corner = np.where(np.arange(CAMERA.width) < middle, left, right)
+    columns = np.array([middle - 30, middle, middle + 30])
+    rows = np.full(3, CAMERA.height // 2)
+    seen = known(nine(corner, rows, columns))
+    assert seen.tolist() == [True, False, True]
+    holed = left.copy()
+    holed[rows[0] + 6, columns[0]] = np.nan
+    assert not known(nine(holed, rows, columns))[0]
+
+
+def test_an_image_smaller_than_nine_depths_has_no_normals() -> None:
+    depth = np.ones((12, 40), np.float32)
+    assert not known(nine(depth, np.array([6]), np.array([20]))).any()
