@@ -1,4 +1,4 @@
-"""Puts a pose where it was expected in a direction in which its frame measured nothing."""
+"""Puts a pose where it was expected in directions in which its frame measured nothing."""
 
 from __future__ import annotations
 
@@ -8,19 +8,16 @@ import numpy as np
 
 from rgbd_glue_ros.odometry.pose_choice import CLEARLY_BETTER
 from rgbd_glue_ros.odometry.pose_refinement import FINAL_LEVEL, PoseEstimate, PoseProblem
+from rgbd_glue_ros.refinement import reliability
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
-from rgbd_glue_ros.refinement.reliability import (
-    ExpectedPose,
-    expected_where_weakest,
-    without_spurious_information,
-)
+from rgbd_glue_ros.refinement.reliability import ExpectedPose, without_spurious_information
 
 
 def expected_where_unmeasured(estimate: PoseEstimate, problem: PoseProblem) -> PoseEstimate:
     """The estimate without spurious information, as predicted where nothing was measured.
 
-    Which information is spurious is found from residuals nearby. If planes clearly contradict the
-    predicted pose farther away, the direction was measured, and the estimate is returned unchanged.
+    Which information is spurious is found at the pose. If planes clearly contradict the predicted
+    one farther away, these directions were measured, and the estimate is returned unchanged.
 
     Args:
         estimate: as refined.
@@ -33,9 +30,9 @@ def expected_where_unmeasured(estimate: PoseEstimate, problem: PoseProblem) -> P
     )
     if np.array_equal(corrected.T_model_source, refined.T_model_source):
         return replace(estimate, refinement=corrected)
-    # The direction is known to a few degrees only: going back along it also led across it.
+    # Directions are known to a few degrees only: going back along them also led across them.
     again = problem.refined(corrected.T_model_source, [FINAL_LEVEL])
-    put_back = expected_where_weakest(again, expected, reach)
+    put_back = reliability.expected_where_unmeasured(again, expected, problem, reach)
     evaluated = evaluate_pose(put_back.T_model_source, problem)
     if refined.plane_agreement > evaluated.plane_agreement + CLEARLY_BETTER:
         return estimate

@@ -6,8 +6,11 @@ seen at a grazing angle. There the visual matches of RGBD-Glue hold the pose.
 
 from __future__ import annotations
 
+import numpy as np
+
 from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
+from rgbd_glue_ros.refinement.normal_equations import mirror_upper_triangle
 from rgbd_glue_ros.refinement.projection import NEAREST_M
 from rgbd_glue_ros.refinement.residuals import by_rotation
 from rgbd_glue_ros.types import Float64
@@ -46,3 +49,11 @@ def add_matches(T: Float64, problem: LevelProblem, H: Float64, g: Float64) -> No
                 g[a] += w * r * J[a]
                 for b in range(a, 6):
                     H[a, b] += w * J[a] * J[b]
+
+
+def match_information(T: Float64, problem: LevelProblem) -> Float64:
+    """The information of the matches at T, float64 [6, 6], perturbation on the left."""
+    H = np.zeros((6, 6))
+    add_matches(T, problem, H, np.zeros(6))
+    mirror_upper_triangle(H)
+    return H

@@ -3,27 +3,37 @@
 Normals have errors: from noise, and where a plane was fitted across an edge. So have gradients of
 the brightness. In the normal equations the squares of these errors add up instead of cancelling, so
 that thousands of planes of one wall seem to hold a camera that can in fact slide along it. This is
-the bias of least squares with errors in the variables. A second measurement of the variables
-reveals it: how the residuals change when the pose moves, which depends on the images there and
-hardly on the derivatives here. The regression of the second measurement on the first is the
-reliability ratio (Fuller 1987, Measurement Error Models, 1.1): the fraction of the information that
-is real.
+the bias of least squares with errors in the variables.
+
+A second measurement of the derivatives, with errors of its own (``second_derivatives.py``), reveals
+it. With weights w, derivatives j and second ones c, each [6], the apparent information is
+A = Σ w j jᵀ, and that which both measurements have in common is R = Σ w j cᵀ: errors do not add up
+in it. The reliability ratio of a direction x is xᵀRx / xᵀAx (Fuller 1987, Measurement Error Models,
+1.1), the fraction of its information that is real. It is 1 where images determine a pose, and 0
+where they do not. So the directions that were not measured, three in front of a bare wall and one
+along a corridor, are the generalised eigenvectors, R x = ratio A x, with a small ratio. The
+weakest directions, eigenvectors of A, are others: errors tilt them towards what was measured.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import Rows, pixel_rows, plane_rows
+from rgbd_glue_ros.refinement.second_derivatives import real_and_apparent_information
 from rgbd_glue_ros.types import Float64
 
+# With a smaller reliability ratio information is spurious. The ratio of noise, and of the steps of
+# slanted edges, is up to 0.2; that of texture as fine as pixels, which a smaller image shows less
+# of, is 0.45 or more.
+_LEAST_REAL = 1 / 3
+# In all directions of more than this many times the information that is needed, some is real: edges
+# of black and white surfaces make up 8 times as much.
+_AMPLE = 20.0
 # The cosine between two directions that noise alone may separate: 26 degrees.
 _SAME_DIRECTION = 0.9
 # Information in a direction that is less than this part of all is rounding.
@@ -49,141 +59,125 @@ def without_spurious_information(
     problem: RefinementProblem,
     reach: float,
 ) -> Refinement:
-    """Removes the spurious part of a pose's information in its weakest direction.
+    """Removes the information about a pose in directions in which it is spurious.
 
-    If that is at least half of it, and the pose is farther than ``reach`` from where it was
-    expected, nothing was measured in that direction: the pose is moved to where it was expected,
-    and no information is left there.
+    Nothing was measured there: if the pose is farther than ``reach`` from where it was expected
+    along these directions, it is moved there.
 
     Args:
         refinement: the refined pose.
         expected: the pose that was expected before refinement.
         problem: the problem that it was refined with.
-        reach: distance, metres and radians, over which residuals must change. A pose that is
-            known more accurately than this is returned unchanged, and so is any if it is 0.
+        reach: distance, metres and radians. A pose that is known much more accurately than this in
+            all directions is returned unchanged, and so is any if it is 0.
     """
-    if reach == 0:
-        return refinement
-    T, information = refinement.T_model_source, _InformationInCamera.of(refinement)
-    strength, weakest = information.weakest
-    count = problem.config.residuals_per_independent_one
-    # the variance of the pose in that direction is count / strength
-    if strength * reach**2 > count or not strength > 0:
-        return refinement
-    direction = se3.adjoint(T) @ weakest
-    finest, brightness = problem.at_level(0), refinement.affine_brightness
-    both = (
-        partial(plane_rows, problem=finest),
-        partial(pixel_rows, problem=finest, affine_brightness=brightness),
-    )
-    spurious = sum(_spurious_information(rows_at, T, direction, reach) for rows_at in both)
-    share = min(spurious / strength, 1.0)
-    if share >= 1 / 2:
-        there = expected_where_weakest(refinement, expected, reach)
-        if se3.difference(T, there.T_model_source) > reach:
-            return there
-    least_known = information.direction_least_known(expected, reach)
-    return replace(refinement, information=information.without(share, least_known))
+    measured = _Measured.of(refinement, expected, problem, reach)
+    there = measured.as_expected(expected)
+    is_far = se3.difference(refinement.T_model_source, there.T_model_source) > reach
+    return there if is_far else measured.refinement
 
 
-def expected_where_weakest(
-    refinement: Refinement, expected: ExpectedPose, reach: float
+def expected_where_unmeasured(
+    refinement: Refinement,
+    expected: ExpectedPose,
+    problem: RefinementProblem,
+    reach: float,
 ) -> Refinement:
-    """A pose moved to where it was expected in its weakest direction, without information there.
-
-    Args:
-        refinement: the refined pose.
-        expected: the pose that was expected before refinement.
-        reach: as in ``without_spurious_information``.
-    """
-    T, information = refinement.T_model_source, _InformationInCamera.of(refinement)
-    direction = information.direction_least_known(expected, reach)
-    off = float(direction @ se3.log(se3.inverse(expected.T_model_source) @ T))
-    return replace(
-        refinement,
-        T_model_source=T @ se3.exp(-off * direction),
-        information=information.without(1.0, direction),
-    )
+    """The same, with the pose where it was expected however near that is."""
+    return _Measured.of(refinement, expected, problem, reach).as_expected(expected)
 
 
 @dataclass(frozen=True)
-class _InformationInCamera:
-    """The information of a pose about perturbations on its right.
-
-    In the camera's frame a metre and a radian move the image by about as much, so that directions
-    can be compared.
+class _Measured:
+    """What was measured of a pose.
 
     Attributes:
-        matrix: float64 [6, 6].
-        T: the pose, float64 [4, 4].
+        refinement: the pose, with the information that was.
+        not_along: float64 [6, M], orthonormal directions of perturbations on the right in which
+            nothing was.
     """
 
-    matrix: Float64
-    T: Float64
+    refinement: Refinement
+    not_along: Float64
 
     @staticmethod
-    def of(refinement: Refinement) -> _InformationInCamera:
-        T = refinement.T_model_source
-        A = se3.adjoint(T)
-        return _InformationInCamera(A.T @ refinement.information @ A, T)
+    def of(
+        refinement: Refinement, expected: ExpectedPose, problem: RefinementProblem, reach: float
+    ) -> _Measured:
+        """Arguments as of ``without_spurious_information``."""
+        T, nowhere = refinement.T_model_source, np.empty((6, 0))
+        if reach == 0:
+            return _Measured(refinement, nowhere)
+        # in the camera's frame a metre and a radian move the image by about as much, so that
+        # directions can be compared
+        to_model, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))
+        information = to_model.T @ refinement.information @ to_model
+        # of a direction in which the standard deviation of the pose is the reach
+        enough = problem.config.residuals_per_independent_one / reach**2
+        if not 0 < np.linalg.eigvalsh(information)[0] < _AMPLE * enough:
+            return _Measured(refinement, nowhere)
+        both = real_and_apparent_information(T, problem, refinement.affine_brightness)
+        real, apparent = (to_model.T @ m @ to_model for m in both)
+        ratio, x = _generalised_eigenvectors(real, apparent)
+        x /= np.linalg.norm(x, axis=0)
+        not_compared = np.einsum("ik,ij,jk->k", x, information - apparent, x)
+        unmeasured = x[:, (ratio < _LEAST_REAL) & (not_compared < enough)]
+        if unmeasured.shape[1] == 0:
+            return _Measured(refinement, nowhere)
+        unmeasured = _as_uncertain(unmeasured, expected.covariance, reach)
+        measured = to_camera.T @ _without(information, unmeasured) @ to_camera
+        return _Measured(replace(refinement, information=measured), unmeasured)
 
-    @property
-    def weakest(self) -> tuple[float, Float64]:
-        """The least information, and its direction, float64 [6]."""
-        strengths, directions = np.linalg.eigh(self.matrix)
-        return float(strengths[0]), directions[:, 0]
-
-    def direction_least_known(self, expected: ExpectedPose, reach: float) -> Float64:
-        """The weakest direction, float64 [6], or the one in which the expected pose is uncertain.
-
-        Noise tilts the weakest direction by a few degrees in every frame. If information is removed
-        in another direction each time, what is left of it adds up to a measurement that nobody
-        made, as in filters that linearise at a new estimate each time (Huang, Mourikis and
-        Roumeliotis, Observability-based rules for designing consistent EKF SLAM estimators, 2010).
-        So if the expected pose is already uncertain by more than ``reach`` in about the same
-        direction, that one is taken.
-        """
-        weakest = self.weakest[1]
-        variances, directions = np.linalg.eigh(expected.covariance)
-        uncertain: Float64 = directions[:, -1]
-        is_same = variances[-1] > reach**2 and abs(uncertain @ weakest) > _SAME_DIRECTION
-        return uncertain if is_same else weakest
-
-    def without(self, share: float, direction: Float64) -> Float64:
-        """The information [6, 6], perturbation on the left, less a share of that in a direction.
-
-        All other directions keep what is known of them wherever the pose is along this one.
-        """
-        along = self.matrix @ direction
-        known = float(direction @ along)
-        left = self.matrix
-        if known > _NOTHING * np.trace(self.matrix):
-            left = left - share * np.outer(along, along) / known
-        to_camera = se3.adjoint(se3.inverse(self.T))
-        information: Float64 = to_camera.T @ left @ to_camera
-        return information
+    def as_expected(self, expected: ExpectedPose) -> Refinement:
+        """The pose moved to where it was expected in directions in which nothing was measured."""
+        T, U = self.refinement.T_model_source, self.not_along
+        off = U @ (U.T @ se3.log(se3.inverse(expected.T_model_source) @ T))
+        return replace(self.refinement, T_model_source=T @ se3.exp(-off))
 
 
-def _spurious_information(
-    rows_at: Callable[[Float64], Rows], T: Float64, direction: Float64, reach: float
-) -> float:
-    """The information of planes or pixels in a direction, times one minus the reliability ratio."""
-    rows = rows_at(T)
-    derivative = rows.jacobian @ direction
-    ahead, behind = (
-        _residuals(rows_at(se3.exp(step * direction) @ T), rows) for step in (reach, -reach)
-    )
-    change = (ahead - behind) / (2 * reach)
-    known = np.isfinite(change)
-    weighted = rows.weight[known] * derivative[known]
-    expected, changed = float(weighted @ derivative[known]), float(weighted @ change[known])
-    reliability = min(max(changed / max(expected, np.finfo(float).tiny), 0.0), 1.0)
-    return (1 - reliability) * float(rows.weight @ derivative**2)
+def _generalised_eigenvectors(R: Float64, A: Float64) -> tuple[Float64, Float64]:
+    """Ratios [6] and vectors x [6, 6], the columns, with R x = ratio A x and xᵀ A x = 1.
+
+    The ratio is 1 where A is 0: nothing is known to be spurious.
+    """
+    nothing = (_NOTHING * np.trace(A) + np.finfo(float).tiny) * np.eye(len(A))
+    L = np.linalg.cholesky(A + nothing)
+    half = np.linalg.solve(L, R + nothing)
+    ratio, y = np.linalg.eigh(np.linalg.solve(L, half.T))
+    return ratio, np.asarray(np.linalg.solve(L.T, y), np.float64)
 
 
-def _residuals(moved: Rows, rows: Rows) -> Float64:
-    """The residuals of the same points at another pose; NaN for those that are not seen there."""
-    size = 1 + max(moved.point.max(initial=0), rows.point.max(initial=0))
-    residuals = np.full(size, np.nan)
-    residuals[moved.point] = moved.residual
-    return residuals[rows.point]
+def _as_uncertain(unmeasured: Float64, covariance: Float64, reach: float) -> Float64:
+    """Directions [6, M], orthonormal, in place of others by which they nearly are spanned.
+
+    Noise tilts unmeasured directions by a few degrees in every frame. If information is removed in
+    others each time, what is left of it adds up to a measurement that nobody made, as in filters
+    that linearise at a new estimate each time (Huang, Mourikis and Roumeliotis, Observability-based
+    rules for designing consistent EKF SLAM estimators, 2010). So directions in which the expected
+    pose is already uncertain by more than ``reach`` are taken first.
+
+    Args:
+        unmeasured: float64 [6, M], of any length.
+        covariance: of the expected pose, float64 [6, 6].
+        reach: metres and radians.
+    """
+    U = np.linalg.qr(unmeasured)[0]
+    variances, directions = np.linalg.eigh(covariance)
+    uncertain = directions[:, variances > reach**2][:, ::-1]
+    D = uncertain[:, np.linalg.norm(U.T @ uncertain, axis=0) > _SAME_DIRECTION][:, : U.shape[1]]
+    # the part of U across D: as many directions as D has not replaced
+    across = np.linalg.svd(U - D @ (D.T @ U))[0][:, : U.shape[1] - D.shape[1]]
+    return np.column_stack([D, across])
+
+
+def _without(information: Float64, U: Float64) -> Float64:
+    """Information [6, 6] less all of that along U [6, M].
+
+    All other directions keep what is known of them wherever the pose is along these.
+    """
+    along = information @ U
+    known = U.T @ along
+    strengths, directions = np.linalg.eigh(known)
+    kept = strengths > _NOTHING * np.trace(information)
+    W = along @ directions[:, kept] / np.sqrt(strengths[kept])
+    return np.asarray(information - W @ W.T, np.float64)

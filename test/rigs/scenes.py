@@ -128,6 +128,13 @@ def empty_corridor() -> Tables:
     return pack(_bare_walls())
 
 
+@cache
+def plain_room() -> Tables:
+    """White walls and a grey floor: of a wall or the floor alone, nothing says which part it is."""
+    white, grey = _white(), Material(textures.plain(), (150, 150, 150))
+    return pack([room((-9.0, -4.0, 0.0), (9.0, 1.5, 3.0), *[white] * 4, grey, white)])
+
+
 def _bare_walls() -> list[Any]:
     white, grey = _white(), Material(textures.plain(), (150, 150, 150))
     return [room((-1.0, -1.0, 0.0), (1.0, 19.0, 2.4), *[white] * 4, grey, white)]
@@ -196,6 +203,34 @@ def before_the_poster(time_s: float) -> Float64:
     return se3.from_rotation_translation(_LOOKS_ALONG_Y, np.array([x, 0.8, z]))
 
 
+def looking(x: float, y: float, z: float, turned_up: float = 0.0) -> Float64:
+    """A camera at x, y, z that looks along the world's y, turned up by an angle."""
+    T = se3.from_rotation_translation(_LOOKS_ALONG_Y, np.array([x, y, z]))
+    return T @ se3.exp(np.array([0.0, 0.0, 0.0, turned_up, 0.0, 0.0]))
+
+
+def at_a_wall(time_s: float) -> Float64:
+    """Still, a metre from a wall."""
+    del time_s
+    return looking(0.0, 0.5, 1.5)
+
+
+def turning_at_a_wall(time_s: float) -> Float64:
+    """To the right and back to the left, by up to 17 degrees."""
+    turn = 0.3 * np.sin(1.5 * time_s)
+    return at_a_wall(time_s) @ se3.exp(np.array([0.0, 0.0, 0.0, 0.0, turn, 0.0]))
+
+
+def above_the_floor(time_s: float) -> Float64:
+    """A quarter of a metre above the floor, looking down, at half a metre a second."""
+    return looking(0.5 * time_s, 0.0, 0.25, turned_up=-np.pi / 2)
+
+
+def along_the_edge(time_s: float) -> Float64:
+    """Along the edge of a wall and the floor, at half a metre a second."""
+    return looking(0.5 * time_s, 0.0, 0.6, turned_up=-0.2)
+
+
 def carried_by_hand(time_s: float) -> Float64:
     """The motion of the bundled recording."""
     return hand_held(time_s).matrix
@@ -210,6 +245,10 @@ SCENES = {
     "an empty corridor at 30 Hz": Scene(empty_corridor, walk(1.0), VGA_HALVED, 30.0, 24),
     "stairs": Scene(stairwell, upstairs, VGA_HALVED, 15.0, 18),
     "a blank wall with one poster": Scene(blank_wall, before_the_poster, VGA_HALVED, 15.0, 15),
+    "a bare wall": Scene(plain_room, at_a_wall, VGA_HALVED, 30.0, 30),
+    "a bare wall, turning": Scene(plain_room, turning_at_a_wall, VGA_HALVED, 30.0, 30),
+    "a bare floor": Scene(plain_room, above_the_floor, VGA_HALVED, 30.0, 30),
+    "the edge of a bare wall": Scene(plain_room, along_the_edge, VGA_HALVED, 30.0, 30),
     "the depth of a phone": Scene(living_room, carried_by_hand, PHONE_LIDAR, 30.0, 24),
     "the depth of a phone alone": Scene(
         living_room, carried_by_hand, PHONE_LIDAR, 30.0, 24, has_color=False
