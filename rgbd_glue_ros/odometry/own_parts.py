@@ -93,7 +93,7 @@ class OwnParts:
             return OwnParts(np.zeros(now.depth.shape, np.int8), (now,))
         if self.views:
             own = np.any([_own(now, before, votes) for before in self.views], axis=0)
-            changed = _sigmas_apart(now.depth, self.views[-1].depth) > _CHANGED_SIGMAS
+            changed = _sigmas_apart(now, self.views[-1]) > _CHANGED_SIGMAS
             votes = np.where(changed, 0, np.minimum(votes + own, _MOST_VOTES)).astype(np.int8)
         after = OwnParts(votes, _spaced((*self.views, now)), self.logged_share)
         share = 0.0 if after.blocks is None else float(after.blocks.mean())
@@ -144,7 +144,7 @@ def _own(now: Surfaces, before: Surfaces, votes: NDArray[np.int8]) -> Mask:
         votes: int8 [R, C]; known own parts say nothing about the pose.
     """
     none = np.zeros(votes.shape, np.bool_)
-    apart = _sigmas_apart(now.depth, before.depth)
+    apart = _sigmas_apart(now, before)
     elsewhere = now.depth[apart >= _STAYED_SIGMAS]
     if len(elsewhere) == 0:
         return none
@@ -171,9 +171,14 @@ def _is_far(a: Surfaces, b: Surfaces) -> bool:
     return se3.difference(a.T_track_depth, b.T_track_depth) > _FAR_APART
 
 
+def _sigmas_apart(now: Surfaces, before: Surfaces) -> Float64:
+    """Difference of two views' depths, float64 [R, C], in standard deviations; NaN if unknown."""
+    return _depths_apart(now.depth, before.depth) / max(now.noise, before.noise)
+
+
 @compiled
-def _sigmas_apart(depth: Float32, other: Float32) -> Float64:
-    """Difference of two depths, float64 [R, C], in standard deviations; NaN where unknown."""
+def _depths_apart(depth: Float32, other: Float32) -> Float64:
+    """Difference of two depths, float64 [R, C], in ``depth_sigma``; NaN where one is unknown."""
     apart = np.full(depth.shape, np.nan)
     for r in range(depth.shape[0]):
         for c in range(depth.shape[1]):

@@ -17,6 +17,7 @@ from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.experiments.bench.robot_part import pixels_of_part, with_robot_part
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.depth import depth_sigmas
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.own_parts import OwnParts
@@ -70,6 +71,18 @@ def test_parts_that_move_with_the_camera_are_found_block_by_block(known: OwnPart
     for row, column in zip(*np.nonzero(found), strict=True):
         apart = np.maximum(np.abs(rows - row), np.abs(columns - column))
         assert apart.min() <= 2
+
+
+def test_parts_are_found_in_depth_several_times_as_noisy_as_expected() -> None:
+    frames, rng = with_part(), np.random.default_rng(1)
+    noises = (8 * depth_sigmas(f.depth) * rng.standard_normal(f.depth.shape) for f in frames)
+    noisy = [
+        replace(frame, depth=(frame.depth + noise).astype(np.float32))
+        for frame, noise in zip(frames, noises, strict=True)
+    ]
+    found = after(noisy, poses())
+    assert found.blocks is not None
+    assert (found.blocks > 0)[IN_BLOCKS].mean() > 0.9
 
 
 def test_own_parts_are_removed_from_depth_and_image_and_the_rest_is_kept(known: OwnParts) -> None:
