@@ -19,17 +19,14 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # A velocity is meaningful for this long; after that the camera is expected where it was.
 MEMORY_S = 0.25
-# Initial standard deviations: a camera on a robot or in a hand, m/s and rad/s.
-_START_SPEED = np.array([1.0] * 3 + [1.0] * 3)
+# Standard deviations of an unknown velocity: a camera on a robot or in a hand, m/s and rad/s.
+_UNKNOWN_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 # How much a camera with a usable image may change its speed between two frames, m/s and rad/s.
 _CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
 # No camera with a usable image moves faster: it was found again elsewhere.
 _FASTEST = np.array([5.0] * 3 + [10.0] * 3)
-LOST_COVARIANCE = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) ** 2
-"""The covariance of a pose a second after it was lost, float64 [6, 6], m² and rad².
-
-A hand-held camera or a robot indoors.
-"""
+LOST_COVARIANCE = np.diag(_UNKNOWN_SPEED**2)
+"""The covariance of a pose a second after it was lost, float64 [6, 6], m² and rad²."""
 # A covariance has no digits left after a clock jump of months: time makes a motion no less certain
 # than this long, and no pose is off by more.
 _LONGEST_S = 3600.0
@@ -74,7 +71,7 @@ class Motion:
     @staticmethod
     def start(stamp_ns: int, T_track_camera: Float64, pose_covariance: Float64 = _EXACT) -> Motion:
         """A known pose, by default exactly, with unknown velocity."""
-        covariance = np.diag(np.concatenate([np.zeros(6), _START_SPEED**2]))
+        covariance = np.diag(np.concatenate([np.zeros(6), _UNKNOWN_SPEED**2]))
         covariance[_POSE, _POSE] = pose_covariance
         return Motion(stamp_ns, T_track_camera, np.zeros(6), covariance)
 
