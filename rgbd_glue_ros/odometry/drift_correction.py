@@ -17,7 +17,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
-from rgbd_glue_ros.odometry.keyframes import Anchor, RecentKeyframe
+from rgbd_glue_ros.odometry.keyframes import Anchor, NewestKeyframe
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS
 from rgbd_glue_ros.parameters import RefineConfig
@@ -97,7 +97,7 @@ class DriftCorrection:
 
     def after_revisit(
         self,
-        keyframe: RecentKeyframe,
+        keyframe: NewestKeyframe,
         anchors: Sequence[Anchor],
         refine_config: RefineConfig,
         acceptance: Acceptance,
@@ -132,7 +132,7 @@ class DriftCorrection:
 
     def _compared(
         self,
-        keyframe: RecentKeyframe,
+        keyframe: NewestKeyframe,
         anchor: Anchor,
         problem: RefinementProblem,
         acceptance: Acceptance,

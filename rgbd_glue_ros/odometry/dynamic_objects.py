@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rgbd_glue_ros.odometry.surfaces import BLOCK_PX, Surfaces, dense, pixels_of, widened
+from rgbd_glue_ros.odometry.surfaces import Surfaces, dense, pixels_of, widened
 from rgbd_glue_ros.types import Float64, View
 
 # If more than this fraction of a frame seems to have moved, the pose is wrong instead.
@@ -20,24 +20,24 @@ _MOST = 0.7
 
 
 def without_dynamic_objects(
-    view: View, T_track_camera: Float64, others: Sequence[tuple[View, Float64]]
+    view: View, T_track_camera: Float64, others: Sequence[Surfaces]
 ) -> View | None:
     """The view without the depth of moving objects.
 
     Args:
         view: a frame.
         T_track_camera: its pose, float64 [4, 4].
-        others: frames that saw the same room before, each with its T_track_camera.
+        others: what was seen of the same room before, in the same track frame.
 
     Returns:
         None if nothing moves, or almost everything seems to.
     """
-    if min(size for v in (view, *(o for o, _ in others)) for size in v.depth.shape) < BLOCK_PX:
-        return None  # nothing to compare with
     surfaces = Surfaces.seen(view, T_track_camera)
+    if surfaces.depth.size == 0:
+        return None  # nothing to compare
     blocks = np.zeros(surfaces.depth.shape, np.uint8)
-    for other, T_track_other in others:
-        blocks |= surfaces.in_front_of(Surfaces.seen(other, T_track_other))
+    for other in others:
+        blocks |= surfaces.in_front_of(other)
     moving = widened(dense(blocks))
     if not 0 < moving.mean() < _MOST:
         return None

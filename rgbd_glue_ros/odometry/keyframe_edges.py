@@ -9,7 +9,7 @@ somewhat correlated.
 from __future__ import annotations
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.keyframes import Keyframe, RecentKeyframe
+from rgbd_glue_ros.odometry.keyframes import Keyframe, NewestKeyframe
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors, refined_covariance
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
@@ -39,7 +39,7 @@ def edge_from(
 
 
 def revisit_edge(
-    anchor: Keyframe, keyframe: RecentKeyframe, refinement: Refinement, errors: PoseErrors
+    anchor: Keyframe, keyframe: NewestKeyframe, refinement: Refinement, errors: PoseErrors
 ) -> PoseGraphEdge:
     """The edge from an anchor to a keyframe that was refined on the anchor's model."""
     twist = keyframe.features.view.twist

@@ -14,7 +14,13 @@ from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
-from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes, RecentKeyframe
+from rgbd_glue_ros.odometry.keyframes import (
+    Anchor,
+    Keyframe,
+    Keyframes,
+    NewestKeyframe,
+    RecentKeyframe,
+)
 from rgbd_glue_ros.odometry.motion_filter import Motion, lost_covariance
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config
@@ -49,7 +55,7 @@ class KeyframeMap:
         """Sets other parameters; the keyframes remain."""
         self._config = config
 
-    def newest(self) -> RecentKeyframe | None:
+    def newest(self) -> NewestKeyframe | None:
         """The keyframe made last; None before the first."""
         return self._keyframes.newest()
 
@@ -80,7 +86,7 @@ class KeyframeMap:
         model = model_of(features.view, self._config.refine.grid_step)
         return model if self._shows_enough(model) else None
 
-    def start(self, stamp_ns: int, features: FrameFeatures, model: Model) -> RecentKeyframe:
+    def start(self, stamp_ns: int, features: FrameFeatures, model: Model) -> NewestKeyframe:
         """Makes the first keyframe, which is the origin."""
         return self._add(stamp_ns, np.eye(4), _ORIGIN_COVARIANCE, features, model)
 
@@ -90,7 +96,7 @@ class KeyframeMap:
         last_motion: Motion,
         features: FrameFeatures,
         model: Model,
-    ) -> RecentKeyframe:
+    ) -> NewestKeyframe:
         """Tracks from a new keyframe at the last pose, where the camera is assumed to be.
 
         The keyframes before it become anchors: when the camera returns to one, the error of the
@@ -130,7 +136,9 @@ class KeyframeMap:
         T_start_camera = se3.inverse(start.T_track_camera) @ motion.T_track_camera
         view = replace(start.features.view, twist=se3.log(T_start_camera) / seconds)
         features = self._glue.with_other_depth(start.features, view)
-        self._keyframes.rebuild_newest(features, model_of(view, self._config.refine.grid_step))
+        self._keyframes.rebuild_newest(
+            start, features, model_of(view, self._config.refine.grid_step)
+        )
 
     def add_if_due(self, candidate: KeyframeCandidate, calibration: SelfCalibration) -> bool:
         """Makes a keyframe of a frame that is far enough from its reference and shows enough.
@@ -190,13 +198,13 @@ class KeyframeMap:
         covariance: Float64,
         features: FrameFeatures,
         model: Model,
-    ) -> RecentKeyframe:
+    ) -> NewestKeyframe:
         T_odom_track = self._drift.current().T_odom_track_known
         return self._keyframes.add(
             stamp_ns, T_track_camera, covariance, features, model, T_odom_track
         )
 
-    def _compare_with_anchors(self, keyframe: RecentKeyframe, calibration: SelfCalibration) -> None:
+    def _compare_with_anchors(self, keyframe: NewestKeyframe, calibration: SelfCalibration) -> None:
         """Starts comparisons with anchors that saw the same part of the room."""
         T_odom_camera = self._drift.current().T_odom_track_known @ keyframe.T_track_camera
         radius = self._config.odometry.drift_radius
@@ -230,11 +238,8 @@ class KeyframeMap:
     def _shown_of_the_room(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model]:
         """A frame's features and model without dynamic objects."""
         features, grid_step = candidate.features, self._config.refine.grid_step
-        others = [
-            (keyframe.features.view, keyframe.T_track_camera)
-            for keyframe in self.nearest(candidate.pose.T_track_camera)
-        ]
-        view = without_dynamic_objects(features.view, candidate.pose.T_track_camera, others)
+        T = candidate.pose.T_track_camera
+        view = without_dynamic_objects(features.view, T, [k.surfaces for k in self.nearest(T)])
         if view is None:
             return features, model_of(features.view, grid_step)
         static_features = self._background.submit(self._glue.with_other_depth, features, view)

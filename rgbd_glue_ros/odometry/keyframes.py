@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.surfaces import Surfaces
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures
@@ -37,14 +38,25 @@ class Keyframe:
 
 @dataclass(frozen=True)
 class RecentKeyframe(Keyframe):
-    """A keyframe that tracking uses, with its images."""
+    """A keyframe that tracking uses.
+
+    Attributes:
+        surfaces: what its depth shows, in the track frame.
+    """
+
+    surfaces: Surfaces
+
+
+@dataclass(frozen=True)
+class NewestKeyframe(RecentKeyframe):
+    """The keyframe made last, with its images; others keep none where features allow that."""
 
     features: FrameFeatures
 
 
 @dataclass(frozen=True)
 class Anchor(Keyframe):
-    """A keyframe that tracking has left behind; it keeps no images where features allow that.
+    """A keyframe that tracking has left behind.
 
     Attributes:
         T_odom_track: float64 [4, 4], the correction of all drift of ``T_track_camera`` that was
@@ -74,20 +86,21 @@ class Keyframes:
 
         Args:
             config: how many are kept.
-            without_images: gives what anchors keep of the features of a frame.
+            without_images: gives what is kept of the features of a frame.
         """
         self._config = config
         self._without_images = without_images
-        self._window: deque[RecentKeyframe] = deque()
+        self._newest: NewestKeyframe | None = None
+        self._earlier: deque[RecentKeyframe] = deque()
         self._anchors: deque[Anchor] = deque()
         self._count = 0
 
     def __len__(self) -> int:
-        return len(self._anchors) + len(self._window)
+        return len(self._anchors) + len(self._window())
 
     def __iter__(self) -> Iterator[Keyframe]:
         yield from self._anchors
-        yield from self._window
+        yield from self._window()
 
     def add(
         self,
@@ -97,7 +110,7 @@ class Keyframes:
         features: FrameFeatures,
         model: Model,
         T_odom_track: Float64,
-    ) -> RecentKeyframe:
+    ) -> NewestKeyframe:
         """Makes a keyframe of a frame.
 
         Args:
@@ -108,27 +121,45 @@ class Keyframes:
             model: in its camera's frame.
             T_odom_track: the correction of all drift that is known, float64 [4, 4].
         """
-        moved = model.moved(T_track_camera)
+        self._drop_images()
         number, self._count = self._count, self._count + 1
-        keyframe = RecentKeyframe(number, stamp_ns, T_track_camera, covariance, features, moved)
-        self._window.append(keyframe)
-        if len(self._window) > min(self._config.window, self._config.keyframes):
-            self._leave(self._window.popleft(), T_odom_track)
+        self._newest = NewestKeyframe(
+            number,
+            stamp_ns,
+            T_track_camera,
+            covariance,
+            features,
+            model.moved(T_track_camera),
+            Surfaces.seen(features.view, T_track_camera),
+        )
+        if len(self._window()) > min(self._config.window, self._config.keyframes):
+            self._leave(self._earlier.popleft(), T_odom_track)
         while len(self) > self._config.keyframes:
             self._anchors.popleft()
-        return keyframe
+        return self._newest
 
-    def rebuild_newest(self, features: FrameFeatures, model: Model) -> None:
-        """Replaces what the keyframe made last shows; the model is in its camera's frame."""
-        newest = self._window[-1]
-        moved = model.moved(newest.T_track_camera)
-        self._window[-1] = replace(newest, features=features, model=moved)
+    def rebuild_newest(self, newest: NewestKeyframe, features: FrameFeatures, model: Model) -> None:
+        """Replaces what the newest keyframe shows; the model is in its camera's frame."""
+        T = newest.T_track_camera
+        surfaces = Surfaces.seen(features.view, T)
+        self._newest = replace(newest, features=features, model=model.moved(T), surfaces=surfaces)
+
+    def _window(self) -> list[RecentKeyframe]:
+        return [*self._earlier, *([self._newest] if self._newest else [])]
+
+    def _drop_images(self) -> None:
+        """The newest keyframe becomes an earlier one."""
+        newest, self._newest = self._newest, None
+        if newest is not None:
+            kept = {**vars(newest), "features": self._without_images(newest.features)}
+            self._earlier.append(RecentKeyframe(**kept))
 
     def _leave(self, keyframe: RecentKeyframe, T_odom_track: Float64) -> None:
         T_odom_camera = T_odom_track @ keyframe.T_track_camera
         if self.anchors(T_odom_camera, self._config.keyframe_spacing):
             return
-        kept = {**vars(keyframe), "features": self._without_images(keyframe.features)}
+        kept = dict(vars(keyframe))
+        del kept["surfaces"]
         self._anchors.append(Anchor(**kept, T_odom_track=T_odom_track))
 
     def leave_window(self, T_odom_track: Float64) -> None:
@@ -137,8 +168,9 @@ class Keyframes:
         Args:
             T_odom_track: the correction of all drift that is known, float64 [4, 4].
         """
-        while self._window:
-            self._leave(self._window.popleft(), T_odom_track)
+        self._drop_images()
+        while self._earlier:
+            self._leave(self._earlier.popleft(), T_odom_track)
 
     def anchors(self, T_odom_camera: Float64, radius: float) -> list[Anchor]:
         """The anchors whose views are nearer to a pose than ``radius``, the earliest first.
@@ -149,9 +181,9 @@ class Keyframes:
         """
         return [k for k in self._anchors if se3.difference(k.T_odom_camera, T_odom_camera) < radius]
 
-    def newest(self) -> RecentKeyframe | None:
+    def newest(self) -> NewestKeyframe | None:
         """The keyframe made last; None before the first."""
-        return self._window[-1] if self._window else None
+        return self._newest
 
     def latest(self, count: int) -> list[Keyframe]:
         """The last ``count`` keyframes, newest first."""
@@ -170,5 +202,5 @@ class Keyframes:
 
     def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
         """The window, ordered by nearness of the view to a pose."""
-        newest_first = reversed(self._window)
+        newest_first = reversed(self._window())
         return sorted(newest_first, key=lambda k: se3.difference(k.T_track_camera, T_track_camera))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
-from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
+from rgbd_glue_ros.odometry.keyframes import NewestKeyframe
 from rgbd_glue_ros.odometry.session import Session
 from rgbd_glue_ros.parameters import Config, check_changes, load_preset
 from rgbd_glue_ros.registration.glue import Glue
@@ -144,7 +144,7 @@ class Odometry(Closing):
         return self._session.update_map()
 
     @property
-    def newest_keyframe(self) -> RecentKeyframe | None:
+    def newest_keyframe(self) -> NewestKeyframe | None:
         """The keyframe made last; None before the first."""
         return self._session.keyframes.newest()
 

@@ -12,7 +12,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
-from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
+from rgbd_glue_ros.odometry.keyframes import NewestKeyframe
 from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion, PredictedMotion
 from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
@@ -227,7 +227,7 @@ class Session:
         anew = self.keyframes.start_anew(stamp_ns, last, features, model)
         return self._start_at(anew, attempt.stages_ms)
 
-    def _start_at(self, keyframe: RecentKeyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
+    def _start_at(self, keyframe: NewestKeyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Goes on from the pose of a keyframe, and reports it."""
         self._compare_with_no_earlier_pose()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)

@@ -42,7 +42,7 @@ class Surfaces:
 
     @staticmethod
     def seen(view: View, T_track_camera: Float64) -> Surfaces:
-        """The surfaces of a view of at least one block, with its pose, float64 [4, 4]."""
+        """The surfaces of a view with its pose, float64 [4, 4]; none in less than one block."""
         rows, columns = (size // BLOCK_PX for size in view.depth.shape)
         middle = slice(BLOCK_PX // 2, None, BLOCK_PX)
         return Surfaces(
@@ -88,6 +88,8 @@ def pixels_of(blocks: UInt8, view: View) -> Mask:
 def _nearest_surfaces(depth: Float32) -> Float32:
     """Smallest depth in each block and its neighbours, float32 [R, C]; NaN in empty blocks."""
     blocks = _least_of_blocks(depth)
+    if blocks.size == 0:
+        return blocks
     around = cv2.erode(blocks, np.ones((_AROUND, _AROUND), np.uint8))
     return np.asarray(np.where(np.isinf(blocks), np.nan, around), np.float32)
 

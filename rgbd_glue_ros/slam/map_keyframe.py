@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.keyframes import RecentKeyframe
+from rgbd_glue_ros.odometry.keyframes import NewestKeyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
@@ -32,7 +32,7 @@ class MapKeyframe:
     model: Model
 
     @staticmethod
-    def of(keyframe: RecentKeyframe, T_odom_camera: Float64) -> MapKeyframe:
+    def of(keyframe: NewestKeyframe, T_odom_camera: Float64) -> MapKeyframe:
         """A keyframe of the odometry, published with the pose ``T_odom_camera`` [4, 4]."""
         model = keyframe.model.moved(se3.inverse(keyframe.T_track_camera))
         return MapKeyframe(

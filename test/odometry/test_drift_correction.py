@@ -15,9 +15,10 @@ from rigs.room import room_view, true_pose
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
-from rgbd_glue_ros.odometry.keyframes import Anchor, RecentKeyframe
+from rgbd_glue_ros.odometry.keyframes import Anchor, NewestKeyframe
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
+from rgbd_glue_ros.odometry.surfaces import Surfaces
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
@@ -32,14 +33,17 @@ NONE = np.eye(4)
 DRIFT = se3.exp(np.array([0.04, -0.03, 0.02, 0.01, 0.02, -0.01]))
 
 
-def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> RecentKeyframe:
+def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> NewestKeyframe:
     model = model_of(view, CONFIG.refine.grid_step).moved(T_track_camera)
     features = FrameFeatures(view, None, None, {})
-    return RecentKeyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model)
+    surfaces = Surfaces.seen(view, T_track_camera)
+    return NewestKeyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model, surfaces)
 
 
 def anchor(view: View, T_track_camera: Float64, T_odom_track: Float64) -> Anchor:
-    return Anchor(**vars(keyframe(view, T_track_camera)), T_odom_track=T_odom_track)
+    known = keyframe(view, T_track_camera)
+    features, model, covariance = known.features, known.model, known.covariance
+    return Anchor(0, 0, T_track_camera, covariance, features, model, T_odom_track)
 
 
 # how the pose follows

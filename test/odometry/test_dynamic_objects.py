@@ -14,6 +14,7 @@ from rigs.unseen import without_depth
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
+from rgbd_glue_ros.odometry.surfaces import Surfaces
 from rgbd_glue_ros.types import Float32, RgbdFrame, View
 
 BEFORE, NOW = 0.0, 0.6
@@ -30,6 +31,11 @@ def crossed(time_s: float, somebody: PasserBy = SOMEBODY) -> View:
     return view_of(somebody.before(room_frame(time_s), 0), room_view(time_s))
 
 
+def seen(view: View, time_s: float) -> Surfaces:
+    """What a view shows, taken at a time."""
+    return Surfaces.seen(view, true_pose(time_s))
+
+
 def known(depth: Float32) -> float:
     return float(np.isfinite(depth).mean())
 
@@ -40,7 +46,7 @@ def known(depth: Float32) -> float:
 def test_in_a_still_room_nothing_moves(before: float, now: float) -> None:
     now, before = round(now, 1), round(before, 1)
     found = without_dynamic_objects(
-        room_view(now), true_pose(now), [(room_view(before), true_pose(before))]
+        room_view(now), true_pose(now), [seen(room_view(before), before)]
     )
     assert found is None or known(room_view(now).depth) - known(found.depth) < 0.01
 
@@ -49,7 +55,7 @@ def test_a_person_who_appears_is_removed_and_the_room_is_kept() -> None:
     room, view = room_view(NOW), crossed(NOW)
     person = view.depth != room.depth
     assert 0.2 < person.mean() < 0.6
-    found = without_dynamic_objects(view, true_pose(NOW), [(room_view(BEFORE), true_pose(BEFORE))])
+    found = without_dynamic_objects(view, true_pose(NOW), [seen(room_view(BEFORE), BEFORE)])
     assert found is not None
     assert np.isfinite(found.depth[person]).mean() < 0.05
     behind = ~person & np.isfinite(room.depth)
@@ -62,39 +68,35 @@ def test_a_person_who_appears_is_removed_and_the_room_is_kept() -> None:
 
 def test_a_person_who_leaves_does_not_remove_anything_else() -> None:
     assert (
-        without_dynamic_objects(room_view(NOW), true_pose(NOW), [(crossed(NOW), true_pose(NOW))])
-        is None
+        without_dynamic_objects(room_view(NOW), true_pose(NOW), [seen(crossed(NOW), NOW)]) is None
     )
 
 
 def test_one_frame_that_saw_the_place_empty_is_enough() -> None:
-    full, empty = (crossed(NOW), true_pose(NOW)), (room_view(BEFORE), true_pose(BEFORE))
-    assert without_dynamic_objects(*full, [full]) is None
-    found = without_dynamic_objects(*full, [full, empty])
+    view, T = crossed(NOW), true_pose(NOW)
+    full, empty = seen(view, NOW), seen(room_view(BEFORE), BEFORE)
+    assert without_dynamic_objects(view, T, [full]) is None
+    found = without_dynamic_objects(view, T, [full, empty])
     assert found is not None
     assert known(found.depth) < known(crossed(NOW).depth) - 0.2
 
 
 def test_nothing_appears_where_depth_was_unknown_before() -> None:
     blind = without_depth(room_view(BEFORE))
-    assert (
-        without_dynamic_objects(crossed(NOW), true_pose(NOW), [(blind, true_pose(BEFORE))]) is None
-    )
+    assert without_dynamic_objects(crossed(NOW), true_pose(NOW), [seen(blind, BEFORE)]) is None
     assert without_dynamic_objects(crossed(NOW), true_pose(NOW), []) is None
 
 
 def test_if_everything_seems_to_have_moved_the_pose_is_wrong() -> None:
     room = room_view(NOW)
     twice = replace(room, depth=2 * room.depth)
-    assert without_dynamic_objects(room, true_pose(NOW), [(twice, true_pose(NOW))]) is None
+    assert without_dynamic_objects(room, true_pose(NOW), [seen(twice, NOW)]) is None
 
 
 @pytest.mark.parametrize("radians", [-0.02, 0.02])
 def test_a_pose_error_of_a_few_pixels_removes_little_of_the_room(radians: float) -> None:
     turned = true_pose(NOW) @ se3.exp(np.array([0, 0, 0, radians, radians, 0]))
-    found = without_dynamic_objects(
-        room_view(NOW), turned, [(room_view(BEFORE), true_pose(BEFORE))]
-    )
+    found = without_dynamic_objects(room_view(NOW), turned, [seen(room_view(BEFORE), BEFORE)])
     assert found is None or known(room_view(NOW).depth) - known(found.depth) < 0.03
 
 
@@ -103,5 +105,5 @@ def test_late_depth_is_compared_where_it_was_taken() -> None:
     delay, twist = 0.05, np.array([0, 0, 0, 0, 3.0, 0])
     back = se3.exp(-delay * twist)
     late = replace(room_view(NOW), twist=twist, depth_delay=delay)
-    found = without_dynamic_objects(late, true_pose(NOW) @ back, [(room_view(NOW), true_pose(NOW))])
+    found = without_dynamic_objects(late, true_pose(NOW) @ back, [seen(room_view(NOW), NOW)])
     assert found is None or known(late.depth) - known(found.depth) < 0.01

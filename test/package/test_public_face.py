@@ -66,7 +66,7 @@ def types_in(function: Callable[..., Any]) -> set[type]:
 
 def test_whatever_a_public_name_takes_or_gives_is_public() -> None:
     # for the rest of the package: a shared registration, and what maps are made of
-    internal = {"__init__ of Odometry": {"Glue"}, "newest_keyframe of Odometry": {"RecentKeyframe"}}
+    internal = {"__init__ of Odometry": {"Glue"}, "newest_keyframe of Odometry": {"NewestKeyframe"}}
     public = {getattr(rgbd_glue_ros, name) for name in rgbd_glue_ros.__all__}
     for thing in public:
         members = vars(thing) if inspect.isclass(thing) else {}
