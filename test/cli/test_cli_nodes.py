@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from rigs.paths import ROOT
 
 from rgbd_glue_ros.cli.parser import split_ros_arguments
 from rgbd_glue_ros.experiments.demo.node_process import ros_environment
+from rgbd_glue_ros.parameters import Value
 
 PROGRAM = (sys.executable, "-m", "rgbd_glue_ros")
 NODES = ("odometry", "mapping")
@@ -78,35 +80,49 @@ def test_without_ros_it_says_in_one_line_what_to_install(node: str) -> None:
     assert "ros-jazzy-rclpy" in line
 
 
-@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("node", ["node", "mapping"])
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ("max_width:=abc", "max_width: 'abc' is not of type int"),
-        ("max_width:=1.5", "max_width: 1.5 is not of type int"),
-        ("camera.depth_max:=far", "camera.depth_max: 'far' is not of type float"),
+        ({"max_width": "abc"}, "max_width: 'abc' is not of type int"),
+        ({"max_width": 1.5}, "max_width: 1.5 is not of type int"),
+        ({"camera.depth_max": "far"}, "camera.depth_max: 'far' is not of type float"),
     ],
 )
 def test_a_value_of_the_wrong_type_is_refused_whether_or_not_the_camera_sets_another(
-    node: str, given: str, says: str, ros_domain: int, tmp_path: Path
+    node: str,
+    given: dict[str, object],
+    says: str,
+    ros_domain: int,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    from rigs.refusal import refusal
+
+    main = import_module(f"rgbd_glue_ros.node.{node}").main
+    presets: tuple[dict[str, Value], ...] = ({}, {"max_width": 640, "camera.depth_max": 5.0})
+    refusals = [refusal(main, ros_domain, capfd, given, preset) for preset in presets]
+    assert says in refusals[0]
+    assert refusals[0] == refusals[1]
+
+
+def test_that_refusal_ends_the_command_of_a_node_with_the_file_of_a_camera(
+    ros_domain: int, tmp_path: Path
 ) -> None:
     camera = tmp_path / "mine.yaml"
     camera.write_text("topics: {}\nparameters: {max_width: 640, camera.depth_max: 5.0}\n")
-    refusals = []
-    for words in ([], ["--camera", str(camera)]):
-        done = subprocess.run(
-            [*PROGRAM, node, *words, "--ros-args", "-p", given],
-            cwd=ROOT,
-            env={**os.environ, **ros_environment(ros_domain)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 2
-        (line,) = [line for line in done.stderr.splitlines() if "[FATAL]" in line]
-        refusals.append(line.partition("]: ")[2])
-    assert says in refusals[0]
-    assert refusals[0] == refusals[1]
+    given = ["--camera", str(camera), "--ros-args", "-p", "max_width:=abc"]
+    done = subprocess.run(
+        [*PROGRAM, "odometry", *given],
+        cwd=ROOT,
+        env={**os.environ, **ros_environment(ros_domain)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if "[FATAL]" in line]
+    assert "max_width: 'abc' is not of type int" in line
 
 
 def test_the_words_of_ros_may_come_in_groups_as_launch_gives_them() -> None:

@@ -25,7 +25,10 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.parameter_client import AsyncParameterClient
 from rigs.faults import rig_environment, rig_node, shown
 from rigs.pan import Pan
+from rigs.refusal import refusal
 from rigs.ros import PATIENCE_S, START_S, Rig, corner_frame
+
+from rgbd_glue_ros.node import mapping
 
 NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
@@ -141,12 +144,16 @@ def test_nodes_of_two_robots_with_one_home_do_not_write_the_same_files(
         ({"stamps": "receipt"}, "stamps: receipt gives an image another stamp in each process, so"),
     ],
 )
-def test_invalid_arguments_end_the_mapping_node_with_exit_code_2_and_one_line(
-    ros_domain: int, given: dict[str, object], said: str
+def test_invalid_arguments_are_refused_with_exit_code_2_and_one_line(
+    ros_domain: int, given: dict[str, object], said: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    environment = ros_environment(ros_domain)
+    assert said in refusal(mapping.main, ros_domain, capfd, given)
+
+
+def test_an_invalid_argument_ends_the_process_with_that_code_and_that_line(ros_domain: int) -> None:
+    given, environment = {"map_frame_id": "odom"}, ros_environment(ros_domain)
     with shown(NodeProcess(given, environment, module=MODULE)) as node:
-        node.wait_for_line(said, START_S)
+        node.wait_for_line("map_frame_id: is 'odom', as odom_frame_id is, and a frame", START_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
 

@@ -42,10 +42,13 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigs.faults import running_node
+from rigs.refusal import refusal
 from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, START_S, Rig, corner_frame, frame_messages
 from rigs.unseen import covered
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Empty
+
+from rgbd_glue_ros.node import node as node_module
 
 PERIOD_NS = NANOSECONDS // 30
 
@@ -304,25 +307,27 @@ def test_given_values_override_the_preset_and_an_int_is_accepted_for_a_double(
         assert values == [3.0, "map", "fpfh"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        pytest.param(
-            {"glue.k": 0.1},
-            "glue.k: 0.1 is out of range; give a number from 1 to 100, or 0",
-            marks=pytest.mark.every_python,
-        ),
+        ({"glue.k": 0.1}, "glue.k: 0.1 is out of range; give a number from 1 to 100, or 0"),
         ({"features.visual": "surf"}, "features.visual: 'surf' is not known; give one of none,"),
         ({"glue.k": "many"}, "glue.k: 'many' is not of type float"),
         ({"glue.kk": 7}, "glue.kk: no such parameter; did you mean glue.k?"),
         ({"guess_frame_id": "wheels"}, "guess_frame_id: needs frame_id and TF"),
     ],
 )
-def test_a_bad_parameter_ends_the_node_with_exit_code_2_and_a_line_that_says_why(
-    ros_domain: int, given: dict[str, object], said: str
+def test_a_bad_parameter_is_refused_with_exit_code_2_and_a_line_that_says_why(
+    ros_domain: int, given: dict[str, object], said: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with running_node(ros_domain, **given) as node:
+    assert said in refusal(node_module.main, ros_domain, capfd, given)
+
+
+@pytest.mark.slow
+@pytest.mark.every_python
+def test_a_bad_parameter_ends_the_process_with_that_code_and_that_line(ros_domain: int) -> None:
+    with running_node(ros_domain, **{"glue.k": 0.1}) as node:
+        said = "glue.k: 0.1 is out of range; give a number from 1 to 100, or 0"
         node.wait_for_line(said, PATIENCE_S)
         assert node.wait_for_end(PATIENCE_S) == 2
         assert not [line for line in node.lines if "Traceback" in line]
