@@ -163,6 +163,11 @@ room_frame(0.0)
 EOF
 }
 
+# Imports all that tests import: else each of the processes that test would translate it for itself.
+import_once() {
+  python -m pytest --collect-only --quiet >/dev/null || true  # the tests say what is wrong
+}
+
 # How many tests run at once: one more than there are cores, as those over DDS mostly wait.
 workers() {
   local cores
