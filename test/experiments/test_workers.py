@@ -13,6 +13,7 @@ from typing import Any
 
 import make_bag
 import pytest
+from rigs.bag_frames import write_small_bag
 from rigs.data_sets import write_data_set
 from rigs.tasks import digits, threads
 
@@ -173,11 +174,16 @@ def test_certificates_for_a_scheduler_are_those_of_dasks_configuration(tmp_path:
 # pairs
 
 
-def pairs_on(where: Pool, folder: Path, on_pair: object = None) -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bundled recording in a quarter of its pixels, which show the same."""
+    return write_small_bag(tmp_path_factory.mktemp("small") / "bag", make_bag.FRAME_COUNT)
+
+
+def pairs_on(where: Pool, bag: Path, folder: Path, on_pair: object = None) -> dict[str, Any]:
     experiment = Experiment(Config(), [GAP], EVERY)
     taken = on_pair if callable(on_pair) else lambda _: None
-    recordings = [make_bag.FOLDER]
-    return run_pairs(recordings, Opening(), experiment, folder, pool=where, on_pair=taken)
+    return run_pairs([bag], Opening(), experiment, folder, pool=where, on_pair=taken)
 
 
 def without_times(folder: Path) -> list[str]:
@@ -189,16 +195,16 @@ def without_times(folder: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def serial_results(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+def serial_results(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     """Those of a run in this process, one pair after the other."""
     folder = tmp_path_factory.mktemp("serial")
-    pairs_on(Serial(), folder)
+    pairs_on(Serial(), bag, folder)
     return without_times(folder)
 
 
 @pytest.mark.slow
 def test_a_killed_worker_changes_no_bit_of_the_results(
-    tmp_path: Path, serial_results: list[str]
+    tmp_path: Path, bag: Path, serial_results: list[str]
 ) -> None:
     pytest.importorskip("distributed")
     from distributed import Client, LocalCluster
@@ -217,7 +223,7 @@ def test_a_killed_worker_changes_no_bit_of_the_results(
                 killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        parallel = pairs_on(workers, tmp_path / "parallel", kill_one)
+        parallel = pairs_on(workers, bag, tmp_path / "parallel", kill_one)
         assert killed
         assert killed[0] not in client.run(os.getpid).values()
     assert len(serial_results) > 15
@@ -248,7 +254,7 @@ def test_a_recording_that_is_damaged_is_reported_on_workers_as_in_this_process(
 
 @pytest.mark.slow
 def test_a_run_that_broke_off_goes_on_to_the_same_results(
-    tmp_path: Path, serial_results: list[str]
+    tmp_path: Path, bag: Path, serial_results: list[str]
 ) -> None:
     done: list[Results] = []
 
@@ -259,23 +265,26 @@ def test_a_run_that_broke_off_goes_on_to_the_same_results(
 
     folder = tmp_path / "broken"
     with pytest.raises(KeyboardInterrupt):
-        pairs_on(Serial(), folder, interrupt)
+        pairs_on(Serial(), bag, folder, interrupt)
     journal = folder / JOURNAL
     # killed while it wrote
     journal.write_bytes(journal.read_bytes()[:-9])
     more: list[Results] = []
-    pairs_on(Serial(), folder, more.append)
+    pairs_on(Serial(), bag, folder, more.append)
     assert len(more) == len(serial_results) - 4
     assert without_times(folder) == serial_results
 
 
 @pytest.mark.slow
 def test_the_command_goes_on_with_a_run_that_another_way_of_working_left(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    bag: Path,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     pytest.importorskip("distributed")
     config = ["--preset", "live", "--set", "features.geometric=none"]
-    arguments = ["pairs", str(make_bag.FOLDER), "--gap", "20", *config, "-o", str(tmp_path)]
+    arguments = ["pairs", str(bag), "--gap", "20", *config, "-o", str(tmp_path)]
     assert cli.main(arguments) == 0
     first = capsys.readouterr().out
     journal = tmp_path / JOURNAL
