@@ -325,16 +325,29 @@ def test_a_frame_whose_stamp_is_ahead_by_seconds_costs_no_other_frame(
     assert all(abs(m.info - m.color) <= PERIOD for m in matches)
 
 
-@pytest.mark.parametrize("pause_s", [0.6, 3.0, 9.0, 3600.0])
-@given(data=st.data())
-def test_a_pause_costs_no_frame_and_delays_its_first_one_by_a_period(
-    pause_s: float, data: st.DataObject
-) -> None:
+PAUSES_S = [0.6, 3.0, 9.0, 3600.0]
+
+
+def with_pause(pause_s: float) -> list[int]:
+    """The stamps of eleven frames, and of as many after a pause."""
     before = [i * PERIOD for i in range(1, 12)]
-    stamps = [*before, *(before[-1] + round(pause_s * 1000) * MS + t for t in before)]
+    return [*before, *(before[-1] + round(pause_s * 1000) * MS + t for t in before)]
+
+
+@pytest.mark.parametrize("pause_s", PAUSES_S)
+def test_a_pause_delays_its_first_frame_by_a_period(pause_s: float) -> None:
+    stamps = with_pause(pause_s)
     steps = matched_in_steps(triples(stamps), queue_size=10)
     arrived = [len(list(chain.from_iterable(steps[: 3 * i]))) for i in range(1, len(stamps) + 1)]
     assert arrived == [*range(1, 12), 11, *range(13, 23)]
+
+
+@pytest.mark.parametrize("pause_s", PAUSES_S)
+@given(data=st.data())
+def test_a_pause_costs_no_frame_however_the_channels_interleave(
+    pause_s: float, data: st.DataObject
+) -> None:
+    stamps = with_pause(pause_s)
     matches = matched_at_once(interleaved(dict.fromkeys(Channel, stamps), data))
     assert [(m.color, m.depth) for m in matches] == [(t, t) for t in stamps]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ def sample_by_sample(samples: ImuSamples, gyroscope: Gyroscope, stamp_ns: int) -
     return np.asarray(mean / np.linalg.norm(mean), np.float64)
 
 
+@cache
 def moving() -> ImuSamples:
     return simulated_imu(true_pose, -0.5, 1.5, BMI055)
 
