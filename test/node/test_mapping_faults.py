@@ -192,16 +192,13 @@ def test_while_a_large_map_is_loaded_its_progress_is_logged_and_a_signal_ends_th
         assert not [line for line in node.lines if "Subscribed" in line or "Traceback" in line]
 
 
-def test_a_damaged_map_ends_the_node_with_exit_code_2_and_one_line(
-    ros_domain: int, tmp_path: Path
+def test_a_damaged_map_is_refused_with_exit_code_2_and_one_line(
+    ros_domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     room = tmp_path / "room.rgbdmap"
     room.write_text("no map")
-    given = {"map_file": str(room)}
-    with shown(NodeProcess(given, ros_environment(ros_domain), module=MODULE)) as node:
-        node.wait_for_line(f"{room}: holds no valid map", START_S)
-        assert node.wait_for_end(PATIENCE_S) == 2
-        assert not [line for line in node.lines if "Traceback" in line]
+    given: dict[str, object] = {"map_file": str(room)}
+    assert f"{room}: holds no valid map" in refusal(mapping.main, ros_domain, capfd, given)
 
 
 @pytest.mark.slow

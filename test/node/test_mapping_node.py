@@ -42,11 +42,13 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
 from rclpy.qos import ReliabilityPolicy
 from rigs.faults import rig_environment
+from rigs.refusal import refusal
 from rigs.ros import OPTICAL_FRAME, START_S, frame_messages
 from rigs.slow_map_writer import PIPE
 from rigs.tf import Robot, transform
 from std_srvs.srv import Trigger
 
+from rgbd_glue_ros.node import mapping
 from rgbd_glue_ros.node.mapping import KEYFRAMES_WAITING
 
 NODE_NAME = "rgbd_mapping"
@@ -492,8 +494,8 @@ def test_keyframes_of_another_camera_have_its_own_pose_on_the_robot(ros_domain: 
     np.testing.assert_allclose(T, np.eye(4), atol=1e-3)
 
 
-def test_localising_without_a_map_is_refused(ros_domain: int) -> None:
-    environment = ros_environment(ros_domain)
-    with NodeProcess({"localize_only": True}, environment, module=MODULE) as node:
-        node.wait_for_line("localize_only: there is no map; set map_file", START_S)
-        assert node.wait_for_end(START_S) == 2
+def test_localising_without_a_map_is_refused(
+    ros_domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    said = refusal(mapping.main, ros_domain, capfd, {"localize_only": True})
+    assert said.startswith("localize_only: there is no map; set map_file")
