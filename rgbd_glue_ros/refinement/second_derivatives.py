@@ -58,12 +58,10 @@ def real_and_apparent_information(
     of_planes = of_planes._replace(weight=2 * of_planes.weight)
     in_smaller = smaller._replace(pixels=finest.pixels, brightness=finest.brightness)
     of_pixels = _pixels_derived_twice(T, finest, in_smaller, affine_brightness, planes)
-    (real, apparent), (of_pixels_real, of_pixels_apparent) = (
-        _information(of_planes),
-        _information(of_pixels),
-    )
+    R_planes, A_planes = _information(of_planes)
+    R_pixels, A_pixels = _information(of_pixels)
     of_matches = match_information(T, finest)
-    return real + of_pixels_real + of_matches, apparent + of_pixels_apparent + of_matches
+    return R_planes + R_pixels + of_matches, A_planes + A_pixels + of_matches
 
 
 class _TwiceDerived(NamedTuple):
