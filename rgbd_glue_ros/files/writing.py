@@ -31,8 +31,13 @@ def not_written(path: Path, error: OSError) -> InputError:
     return InputError(path, f"cannot be written ({error.strerror or error})", remedy)
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
+def write_whole(path: Path, content: str | bytes, backup: Path | None = None) -> None:
     """Writes a file (a text in UTF-8) under a temporary name, then renames it.
+
+    Args:
+        path: of the file.
+        content: of the file.
+        backup: name beside it for the file that is replaced, if there is one; None keeps none.
 
     Raises:
         InputError: it cannot be written; what was there before is unchanged.
@@ -46,6 +51,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
             file.flush()
             # otherwise a power cut may leave the name without content
             os.fsync(file.fileno())
+        # only now, so that a full disk costs no earlier backup
+        if backup is not None and path.exists():
+            _keep(path, backup)
         aside.replace(path)
     except OSError as error:
         raise not_written(path, error) from error
@@ -53,6 +61,20 @@ def write_whole(path: Path, content: str | bytes) -> None:
         # if the location itself is at fault, this fails like the rest
         with contextlib.suppress(OSError):
             aside.unlink(missing_ok=True)
+
+
+def _keep(path: Path, backup: Path) -> None:
+    """Gives a file a second name; what had that name is replaced."""
+    linked = _aside(backup)
+    try:
+        os.link(path, linked)
+        linked.replace(backup)
+    except OSError:
+        # file systems such as FAT have no links, so for a moment there is nothing under its name
+        path.replace(backup)
+    finally:
+        # renaming one link of a file to another does nothing
+        linked.unlink(missing_ok=True)
 
 
 def check_writable(path: Path) -> None:

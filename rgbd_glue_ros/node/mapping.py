@@ -25,7 +25,7 @@ from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
-from rgbd_glue_ros.live.map_summary import SavedState, describe_end
+from rgbd_glue_ros.live.map_summary import DroppedMap, describe_dropped, describe_end
 from rgbd_glue_ros.live.recent_images import RecentImages
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -45,7 +45,7 @@ from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.parameters.inputs import MAP_BY_RECEIPT
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
-from rgbd_glue_ros.slam.map_file import write_map
+from rgbd_glue_ros.slam.map_saving import MapSaving
 from rgbd_glue_ros.types import PoseGraphEdge, RgbdFrame
 
 NODE_NAME = "rgbd_mapping"
@@ -88,7 +88,7 @@ class MappingNode(BaseNode):
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
         self._map_lock = threading.Lock()
-        self._saved: SavedState | None = None
+        self._saving = MapSaving()
         self._stream = KeyframeStream()
         self._matches: RecentImages[Match[Any]] = RecentImages(lambda: self._stream.awaited_ns)
         self._input = RgbdInput(
@@ -131,10 +131,14 @@ class MappingNode(BaseNode):
         return has_ended
 
     def _say_what_is_left(self) -> None:
-        service = self.resolve_service_name(topics.SAVE_MAP_SERVICE)
-        changed = not self._config.localize_only
-        said = describe_end(len(self._map.poses), self._map.loops, self._saved, service, changed)
+        changed, saved = not self._config.localize_only, self._saving.state
+        service = self._save_service
+        said = describe_end(len(self._map.poses), self._map.loops, saved, service, changed)
         self.get_logger().info(said)
+
+    @property
+    def _save_service(self) -> str:
+        return str(self.resolve_service_name(topics.SAVE_MAP_SERVICE))
 
     def _take_parameters(self, config: cfg.NodeConfig, _: cfg.Config) -> None:
         self._config = config
@@ -142,12 +146,11 @@ class MappingNode(BaseNode):
     def _save_map(self) -> str:
         path = file_to_write(self._config.save_map_file, "save_map_file")
         with self._map_lock:
-            saved = self._map.saved()
+            # of this map, even if another begins while the file is written
+            saved, saving = self._map.saved(), self._saving
         if not len(saved):
             raise InputError(path, "there is no keyframe yet", "move the camera")
-        write_map(path, saved)
-        self._saved = SavedState(str(path), len(saved))
-        return f"{path}: {len(saved)} keyframes"
+        return saving.save(path, saved)
 
     # Input
 
@@ -218,15 +221,30 @@ class MappingNode(BaseNode):
             elif isinstance(item, PoseGraphEdge):
                 self._add_edge(item)
             else:
-                # the odometry may have restarted with another camera
-                self._extrinsics.forget()
-                with self._map_lock:
-                    self._map.clear()
-                    self._saved = None
+                self._begin_anew()
         except InputError as fault:
             self.report(fault)
         except Exception as error:
             self.report_failure("A keyframe could not be mapped", error)
+
+    def _begin_anew(self) -> None:
+        """Starts another map, and says what becomes of the one before."""
+        # the odometry may have restarted with another camera
+        self._extrinsics.forget()
+        with self._map_lock:
+            said = describe_dropped(self._dropped(), self._save_service)
+            self._map.clear()
+            self._saving = MapSaving()
+        if said:
+            self.get_logger().warning(said)
+
+    def _dropped(self) -> DroppedMap:
+        """What there is before another map begins."""
+        given, count = self._map.given, self._map.session_keyframes
+        if given is None:
+            return DroppedMap(count, self._saving.state)
+        is_placed = self._map.is_placed
+        return DroppedMap(count, self._saving.state, given.name, len(given), is_placed)
 
     def _frame(self, item: _Keyframe) -> RgbdFrame | None:
         """The images of a keyframe; None if they are missing or unusable."""

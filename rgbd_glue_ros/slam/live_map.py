@@ -102,6 +102,16 @@ class LiveMap:
             self.T_map_odom = None
 
     @property
+    def given(self) -> SavedMap | None:
+        """The existing map; None if it began empty."""
+        return self._before
+
+    @property
+    def session_keyframes(self) -> int:
+        """Number of keyframes added, also of those that wait for a place of an existing map."""
+        return len(self._rows) + len(self._waiting)
+
+    @property
     def is_placed(self) -> bool:
         """Whether the pose of ``odom`` in the map is known."""
         return self.T_map_odom is not None

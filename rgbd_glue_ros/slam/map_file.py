@@ -72,8 +72,13 @@ class SavedMap:
         return len(self.views)
 
 
-def write_map(path: Path, saved: SavedMap) -> None:
+def write_map(path: Path, saved: SavedMap, backup: Path | None = None) -> None:
     """Writes a map atomically.
+
+    Args:
+        path: its file.
+        saved: the map.
+        backup: as for ``write_whole``.
 
     Raises:
         InputError: the file cannot be written, or a keyframe cannot be stored.
@@ -98,7 +103,7 @@ def write_map(path: Path, saved: SavedMap) -> None:
         arrays[f"depth_{i}"] = np.frombuffer(encode_png(units), np.uint8)
     file = BytesIO()
     np.savez(file, **arrays)
-    write_whole(path, file.getvalue())
+    write_whole(path, file.getvalue(), backup)
 
 
 def read_map(path: Path, on_keyframe: OnKeyframe = lambda _done, _total: None) -> SavedMap:

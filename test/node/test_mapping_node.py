@@ -267,6 +267,28 @@ def test_when_a_bag_restarts_nothing_waits_for_images_from_before(
 
 
 @pytest.mark.slow
+def test_a_map_that_an_odometry_begun_anew_replaces_is_said_to_go_and_its_file_is_kept(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes, room = drifted()[:4], tmp_path / "room.rgbdmap"
+    given = {**CHANGED, "save_map_file": str(room)}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        session.map_with_drift(keyframes[:3])
+        session.save()
+        session.map_with_drift(keyframes)
+        session.map_with_drift(keyframes[:2])
+        line = node.wait_for_line("4 keyframes of the map are dropped", START_S)
+        assert line.startswith("[WARN]")
+        assert session.save().endswith(f"is kept as {room}.bak")
+        assert len([line for line in node.lines if "are dropped" in line]) == 2
+    assert (len(read_map(room)), len(read_map(tmp_path / "room.rgbdmap.bak"))) == (2, 3)
+
+
+@pytest.mark.slow
 def test_a_new_map_starts_even_if_the_first_image_of_the_new_graph_is_missing(
     ros_domain: int,
 ) -> None:
