@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import logging
 from contextlib import ExitStack
+from datetime import datetime
 from pathlib import Path
 
 from rgbd_glue_ros.cli import arguments, exports, given_parameters
 from rgbd_glue_ros.cli.replay import interrupted, summary
+from rgbd_glue_ros.errors import InputError
 
 logger = logging.getLogger(__name__)
 
@@ -54,6 +56,7 @@ def run(args: argparse.Namespace) -> str:
         arguments.opened(args, args.recording) as recording,
     ):
         exports.check(args, folder, MAP_RESULTS)
+        _say_what_is_replaced(args.save_map, args.map)
         shown = exports.rerun_recording(args, recording)
         if shown is not None:
             left.enter_context(shown)
@@ -90,3 +93,20 @@ def run(args: argparse.Namespace) -> str:
         f"{text}map      {folder / CLOUD}, {figures['map_points']} points\n"
         f"path     {folder / TRAJECTORY}\nreport   {folder / REPORT}\n"
     )
+
+
+def _say_what_is_replaced(save_map: Path | None, continued: Path | None) -> None:
+    """Logs which map a new one will replace; a warning, unless the new one continues it."""
+    from rgbd_glue_ros.cli.progress import counted
+    from rgbd_glue_ros.slam.map_file import keyframes_in
+
+    if save_map is None or not save_map.is_file():
+        return
+    try:
+        what = f"the map of {counted(keyframes_in(save_map), 'keyframe')}"
+    except InputError:
+        what = "a file that is no map of this version"
+    at = f"{datetime.fromtimestamp(save_map.stat().st_mtime).astimezone():%Y-%m-%d %H:%M}"
+    is_same = continued is not None and continued.resolve() == save_map.resolve()
+    level = logging.INFO if is_same else logging.WARNING
+    logger.log(level, "%s: replacing %s, written %s, once this one is finished", save_map, what, at)

@@ -10,6 +10,7 @@ import math
 import os
 import secrets
 import shutil
+import stat
 from collections.abc import Collection, Iterator
 from glob import escape
 from pathlib import Path
@@ -22,6 +23,7 @@ from rgbd_glue_ros.errors import InputError
 _NO_LOCKS = {errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
 
 _TOKEN_BYTES = 4
+_WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def not_written(path: Path, error: OSError) -> InputError:
@@ -40,12 +42,12 @@ def write_whole(path: Path, content: str | bytes, backup: Path | None = None) ->
         backup: name beside it for the file that is replaced, if there is one; None keeps none.
 
     Raises:
-        InputError: it cannot be written; what was there before is unchanged.
+        InputError: it cannot be written, or is read-only; what was there before is unchanged.
     """
     aside = _aside(path)
     data = content.encode() if isinstance(content, str) else content
     try:
-        _check_kind(path)
+        _check_replaceable(path)
         with aside.open("xb") as file:
             file.write(data)
             file.flush()
@@ -83,11 +85,11 @@ def check_writable(path: Path) -> None:
     What is there stays as it is.
 
     Raises:
-        InputError: no file can be written there.
+        InputError: no file can be written there, or the one that is there is read-only.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _check_kind(path)
+        _check_replaceable(path)
         aside = _aside(path)
         aside.open("xb").close()
         aside.unlink()
@@ -106,10 +108,13 @@ def _left_asides(path: Path) -> Iterator[Path]:
     return path.parent.glob(f".{escape(path.name)}.{token}.part")
 
 
-def _check_kind(path: Path) -> None:
+def _check_replaceable(path: Path) -> None:
     if path.exists() and not path.is_file():
         # the file would replace a device or a pipe, if the user is permitted
         raise InputError(path, "exists and is not a file", "give another path")
+    if path.exists() and not (os.access(path, os.W_OK) and path.stat().st_mode & _WRITABLE):
+        # renaming replaces it, and the superuser may write to it, but somebody protected it
+        raise InputError(path, "is read-only", "make it writable (chmod u+w), or give another path")
 
 
 def json_text(content: Any) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -50,6 +50,7 @@ _FARTHEST = 65535
 _MOST_KEYFRAMES = 100_000
 
 
+_Result = TypeVar("_Result")
 OnKeyframe = Callable[[int, int], None]
 """Called with the number of keyframes that are done, and that of all."""
 
@@ -116,12 +117,27 @@ def read_map(path: Path, on_keyframe: OnKeyframe = lambda _done, _total: None) -
     Raises:
         InputError: the file cannot be read, is not a map, or is of another version.
     """
+    return _read(path, lambda arrays: _map(arrays, path, on_keyframe))
+
+
+def keyframes_in(path: Path) -> int:
+    """The number of keyframes in the file of a map, which are not read.
+
+    Raises:
+        InputError: the file cannot be read, or is not a map.
+    """
+    return _read(path, lambda arrays: len(arrays["stamps_ns"]))
+
+
+def _read(path: Path, read: Callable[[Mapping[str, Any]], _Result]) -> _Result:
+    """What a function makes of the arrays of a map's file, which may be any file."""
     with open_file(path) as file:
         try:
             _check_stored(zipfile.ZipFile(file))
             file.seek(0)
             with np.load(file, allow_pickle=False) as arrays:
-                return _map(arrays, path, on_keyframe)
+                _check_format(str(arrays["format"]), path)
+                return read(arrays)
         except InputError:
             raise
         except Exception as error:
@@ -143,7 +159,6 @@ def _check_stored(archive: zipfile.ZipFile) -> None:
 
 
 def _map(arrays: Mapping[str, Any], path: Path, on_keyframe: OnKeyframe) -> SavedMap:
-    _check_format(str(arrays["format"]), path)
     stamps = arrays["stamps_ns"]
     if stamps.dtype != np.int64 or stamps.ndim != 1 or not 0 < len(stamps) <= _MOST_KEYFRAMES:
         raise ValueError(f"stamps_ns are {stamps.dtype} {list(stamps.shape)}")

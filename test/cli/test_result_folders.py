@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 from rigs.data_sets import write_data_set
+from rigs.maps import map_of
 
 from rgbd_glue_ros.cli.main import main
 from rgbd_glue_ros.files.writing import ResultFolder
+from rgbd_glue_ros.slam.map_file import write_map
 
 OWN = [
     ("replay", "--cloud", "out/trajectory.txt"),
@@ -128,6 +132,59 @@ def test_where_no_file_can_be_written_that_is_said_before_the_first_frame(
     assert line.startswith(f"rgbd-glue: {place}: ")
     assert line.endswith("; give another path")
     assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(("command", "option"), [("replay", "--cloud"), ("map", "--save-map")])
+def test_a_read_only_file_is_not_replaced_and_that_is_said_before_the_first_frame(
+    command: str,
+    option: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if missing(command):
+        pytest.skip("GTSAM is not installed")
+    monkeypatch.chdir(tmp_path)
+    write_data_set(tmp_path / "desk", 2)
+    place = Path("kept.ply")
+    place.write_text("of another place")
+    place.chmod(0o444)
+    line = refused([command, "desk", "-o", "out", option, str(place)], capsys)
+    cause = "is read-only; make it writable (chmod u+w), or give another path"
+    assert line == f"rgbd-glue: kept.ply: {cause}"
+    assert place.read_text() == "of another place"
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("is_map", "said"),
+    [(True, "the map of 1 keyframe"), (False, "a file that is no map of this version")],
+)
+def test_a_map_that_is_replaced_is_named_with_its_keyframes_and_its_time_before_the_first_frame(
+    is_map: bool,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    if missing("map"):
+        pytest.skip("GTSAM is not installed")
+    monkeypatch.chdir(tmp_path)
+    write_data_set(tmp_path / "desk", 2)
+    room = Path("room.rgbdmap")
+    if is_map:
+        write_map(room, map_of(1))
+    else:
+        room.write_text("notes")
+    written = datetime(2026, 3, 4, 17, 5).astimezone()
+    os.utime(room, (written.timestamp(),) * 2)
+    with ResultFolder(Path("out"), ()):  # so that no frame is read
+        assert main(["map", "desk", "-o", "out", "--save-map", str(room)]) == 2
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert record.message == (
+        f"room.rgbdmap: replacing {said}, written 2026-03-04 17:05, once this one is finished"
+    )
 
 
 @pytest.mark.parametrize("command", ["replay", "map", "pairs", "bench", "demo"])

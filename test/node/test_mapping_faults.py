@@ -12,9 +12,7 @@ import pytest
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_domain, ros_environment
 from rgbd_glue_ros.live.topics import KEYFRAME_EDGES, KEYFRAME_FRAME, KEYFRAME_POSE, POSE
 from rgbd_glue_ros.parameters import Config, NodeConfig, parameters
-from rgbd_glue_ros.slam.map_file import SavedMap, write_map
-from rgbd_glue_ros.slam.packed_view import packed
-from rgbd_glue_ros.types import PoseGraph, PoseGraphEdge, Trajectory, View
+from rgbd_glue_ros.slam.map_file import write_map
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
@@ -24,7 +22,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.parameter_client import AsyncParameterClient
 from rigs.faults import rig_environment, rig_node, shown
-from rigs.pan import Pan
+from rigs.maps import map_of
 from rigs.refusal import refusal
 from rigs.ros import PATIENCE_S, START_S, Rig, corner_frame
 
@@ -166,23 +164,13 @@ def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: in
         assert node.stop() == 0
 
 
-def large_map(count: int) -> SavedMap:
-    """A map of one view many times."""
-    frame = next(iter(Pan(1)))
-    view = packed(View(frame.color[..., 0].copy(), frame.depth, frame.intrinsics))
-    poses = np.tile(np.eye(4), (count, 1, 1))
-    edges = tuple(PoseGraphEdge(i, i + 1, np.eye(4), np.eye(6)) for i in range(count - 1))
-    graph = PoseGraph(Trajectory(np.arange(count, dtype=np.int64), poses), edges)
-    return SavedMap(graph, (view,) * count)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("task", ["read", "features extracted of"])
 def test_while_a_large_map_is_loaded_its_progress_is_logged_and_a_signal_ends_the_node(
     ros_domain: int, tmp_path: Path, task: str
 ) -> None:
     room, count = tmp_path / "room.rgbdmap", 200
-    write_map(room, large_map(count))
+    write_map(room, map_of(count))
     given = {"map_file": str(room)}
     environment = rig_environment(ros_domain)
     with shown(NodeProcess(given, environment, module="rigs.hasty_loading")) as node:

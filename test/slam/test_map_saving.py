@@ -6,25 +6,13 @@ import errno
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
-from rigs.pan import Pan
+from rigs.maps import map_of
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import write_whole
-from rgbd_glue_ros.slam.map_file import SavedMap, read_map
+from rgbd_glue_ros.slam.map_file import read_map
 from rgbd_glue_ros.slam.map_saving import MapSaving
-from rgbd_glue_ros.slam.packed_view import packed
-from rgbd_glue_ros.types import PoseGraph, PoseGraphEdge, Trajectory, View
-
-
-def map_of(count: int) -> SavedMap:
-    frame = next(iter(Pan(1)))
-    view = packed(View(frame.color[..., 0].copy(), frame.depth, frame.intrinsics))
-    poses = np.tile(np.eye(4), (count, 1, 1))
-    edges = tuple(PoseGraphEdge(i, i + 1, np.eye(4), np.eye(6)) for i in range(count - 1))
-    graph = PoseGraph(Trajectory(np.arange(count, dtype=np.int64), poses), edges)
-    return SavedMap(graph, (view,) * count)
 
 
 def sizes(folder: Path) -> dict[str, int]:
