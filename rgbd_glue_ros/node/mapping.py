@@ -46,6 +46,7 @@ from rgbd_glue_ros.parameters.inputs import MAP_BY_RECEIPT
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
 from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
 from rgbd_glue_ros.slam.map_saving import MapSaving
+from rgbd_glue_ros.slam.unrecognised import Unrecognised
 from rgbd_glue_ros.types import PoseGraphEdge, RgbdFrame
 
 NODE_NAME = "rgbd_mapping"
@@ -89,6 +90,7 @@ class MappingNode(BaseNode):
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
         self._map_lock = threading.Lock()
         self._saving = MapSaving()
+        self._unrecognised = Unrecognised()
         self._stream = KeyframeStream()
         self._matches: RecentImages[Match[Any]] = RecentImages(lambda: self._stream.awaited_ns)
         self._input = RgbdInput(
@@ -144,6 +146,10 @@ class MappingNode(BaseNode):
         self._config = config
 
     def _save_map(self) -> str:
+        if self._config.localize_only:
+            cause = "is true, so the map does not change and there is nothing to save"
+            remedy = f"it is in {self._config.map_file}; to add to it, start without localize_only"
+            raise InputError("localize_only", cause, remedy)
         path = file_to_write(self._config.save_map_file, "save_map_file")
         with self._map_lock:
             # of this map, even if another begins while the file is written
@@ -234,6 +240,7 @@ class MappingNode(BaseNode):
         with self._map_lock:
             said = describe_dropped(self._dropped(), self._save_service)
             self._map.clear()
+            self._unrecognised.recognised()
             self._saving = MapSaving()
         if said:
             self.get_logger().warning(said)
@@ -290,12 +297,23 @@ class MappingNode(BaseNode):
         self._diagnostics.mapped()
         if self._map.is_placed and not was_placed:
             self.get_logger().info(f"Keyframe {keyframe.number} shows a known place")
+        self._say_if_unrecognised()
         if self._map.loops > before:
             self.get_logger().info(
                 f"Keyframe {keyframe.number}: {self._map.loops - before} loops closed, "
                 f"{self._map.loops} in total"
             )
         self._path.publish(self._map, extrinsics.T_camera_child, keyframe.stamp_ns)
+
+    def _say_if_unrecognised(self) -> None:
+        """Warns, from time to time, if keyframes show no place of a given map."""
+        given = self._map.given
+        if given is None or self._map.is_placed:
+            self._unrecognised.recognised()
+            return
+        said = self._unrecognised.add(given.name, len(given))
+        if said:
+            self.get_logger().warning(said)
 
     def _broadcast(self, pose: PoseStamped) -> None:
         """Publishes map -> odom at the stamp of a pose, once the transform is known."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -180,6 +180,40 @@ def test_while_a_large_map_is_loaded_its_progress_is_logged_and_a_signal_ends_th
         assert not [line for line in node.lines if "Subscribed" in line or "Traceback" in line]
 
 
+@pytest.mark.slow
+def test_a_map_of_another_place_is_told_in_a_line_and_is_not_saved_where_it_cannot_change(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    room, other = tmp_path / "room.rgbdmap", tmp_path / "other.rgbdmap"
+    write_map(room, map_of(2))
+    given = {"map_file": str(room), "localize_only": True, "save_map_file": str(other)}
+    with (
+        shown(NodeProcess(given, ros_environment(ros_domain), module=MODULE)) as node,
+        Rig(ros_domain) as rig,
+    ):
+        node.wait_for_line("Subscribed", START_S)
+        poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
+        edges = rig.publisher(OdometryMessage, KEYFRAME_EDGES)
+        publishers = (rig.color, rig.depth, rig.info, poses, edges)
+        rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+        numbers: list[int] = []
+
+        def is_told() -> bool:
+            publish_keyframe(rig, poses.publish, edges.publish, numbers)
+            return any("keyframes were compared with the 2 keyf" in line for line in node.lines)
+
+        rig.wait(is_told, "the line")
+        answer = rig.trigger(f"/{NODE_NAME}/save_map")
+        assert not answer.success
+        assert answer.message == (
+            "localize_only: is true, so the map does not change and there is nothing to save; it "
+            f"is in {room}; to add to it, start without localize_only"
+        )
+        assert not other.exists()
+        assert node.stop() == 0
+        assert any("there was nothing to save" in line for line in node.lines)
+
+
 def test_a_damaged_map_is_refused_with_exit_code_2_and_one_line(
     ros_domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -187,6 +221,31 @@ def test_a_damaged_map_is_refused_with_exit_code_2_and_one_line(
     room.write_text("no map")
     given: dict[str, object] = {"map_file": str(room)}
     assert f"{room}: holds no valid map" in refusal(mapping.main, ros_domain, capfd, given)
+
+
+def publish_keyframe(
+    rig: Rig,
+    publish_pose: Callable[[PoseStamped], None],
+    publish_edge: Callable[[OdometryMessage], None],
+    numbers: list[int],
+    *,
+    has_stamp: bool = True,
+) -> None:
+    """The next keyframe after ``numbers`` with its edge and image, as of a camera at rest."""
+    now = rig.node.get_clock().now()
+    pose, edge = PoseStamped(), OdometryMessage()
+    pose.header.stamp = edge.header.stamp = now.to_msg()
+    number = len(numbers)
+    edge.header.frame_id = KEYFRAME_FRAME.format(number - 1)
+    edge.child_frame_id = KEYFRAME_FRAME.format(number)
+    edge.pose.covariance = np.eye(6).ravel()
+    pose.pose.orientation.w = edge.pose.pose.orientation.w = 1.0
+    publish_pose(pose)
+    if numbers:
+        publish_edge(edge)
+    numbers.append(number)
+    rig.publish(corner_frame(now.nanoseconds if has_stamp else 0))
+    rig.spin_for(0.05)
 
 
 @pytest.mark.slow
@@ -202,20 +261,7 @@ def test_keyframes_of_images_without_a_stamp_are_skipped_and_the_reason_is_logge
             rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
 
             def publish_until(line: str) -> bool:
-                now = rig.node.get_clock().now().to_msg()
-                pose, edge = PoseStamped(), OdometryMessage()
-                pose.header.stamp = edge.header.stamp = now
-                number = len(numbers)
-                edge.header.frame_id = KEYFRAME_FRAME.format(number)
-                edge.child_frame_id = KEYFRAME_FRAME.format(number + 1)
-                edge.pose.covariance = np.eye(6).ravel()
-                pose.pose.orientation.w = edge.pose.pose.orientation.w = 1.0
-                poses.publish(pose)
-                if numbers:
-                    edges.publish(edge)
-                numbers.append(number)
-                rig.publish(corner_frame(0))
-                rig.spin_for(0.05)
+                publish_keyframe(rig, poses.publish, edges.publish, numbers, has_stamp=False)
                 return any(line in said for said in node.lines)
 
             numbers: list[int] = []
