@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rgbd_glue_ros.live.topics import RESET_SERVICE
+from rgbd_glue_ros.printable import counted
+
 
 @dataclass(frozen=True)
 class OdometryTopic:
@@ -15,12 +18,14 @@ class OdometryTopic:
         publishers: descriptions of its publishers; empty if there are none.
         received: received messages: of poses since the last check, of the others in total.
         last: when the last message came, of how many, by ``Arrivals``; "" if none ever did.
+        nodes: full names of the nodes that publish it, as far as they are known.
     """
 
     topic: str
     publishers: tuple[str, ...]
     received: int
     last: str = ""
+    nodes: tuple[str, ...] = ()
 
 
 def explain_no_keyframes(
@@ -28,7 +33,7 @@ def explain_no_keyframes(
 ) -> str | None:
     """Why no keyframe arrives, and what to do; None if nothing is wrong.
 
-    Keyframes are created as the camera moves, so none for a while is not a fault.
+    Keyframes are created where the camera has not been, so none for a while is not a fault.
 
     Args:
         pose: the topic of every frame's pose.
@@ -46,10 +51,36 @@ def explain_no_keyframes(
     if not pose.received:
         return f"No keyframes: {_silent(pose)}: the odometry has no pose; its log says why"
     if not keyframe.received:
-        return f"No keyframes: {_silent(keyframe)}: they are created as the camera moves"
+        return (
+            f"No keyframes: {_silent(keyframe)}: the odometry creates them only where it has not "
+            f"been, and does not send earlier ones again: {_new_keyframes(keyframe.nodes)}"
+        )
     if keyframe.received > 1 and not edge.received:
         return f"No keyframes: {_silent(edge)}: check whether type and QoS of the topic match"
     return None
+
+
+def explain_late_start(first: int, nodes: Sequence[str]) -> str:
+    """What a map that begins with a later keyframe than the first lacks, and what to do.
+
+    Args:
+        first: number of the first keyframe that came, which is not 0.
+        nodes: full names of the nodes that publish keyframes, as far as they are known.
+    """
+    return (
+        f"begins with keyframe {first}, without {counted(first, 'earlier one')}: the odometry "
+        "sends none again to a node that subscribes later, or they were lost on the way. To map "
+        f"those places, {_new_keyframes(nodes)}"
+    )
+
+
+def _new_keyframes(nodes: Sequence[str]) -> str:
+    """How to get keyframes from an odometry that knows where the camera is."""
+    reset = f"its service {RESET_SERVICE}"
+    if len(nodes) == 1:
+        service = RESET_SERVICE.replace("~", nodes[0], 1)
+        reset = f"{service} (ros2 service call {service} std_srvs/srv/Empty)"
+    return f"move the camera to a new view, or call {reset}, with which the odometry begins anew"
 
 
 def _stopped(pose: OdometryTopic, unpublished: list[str]) -> str:

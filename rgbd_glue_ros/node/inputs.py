@@ -166,6 +166,17 @@ def describe_node(endpoint: TopicEndpointInfo) -> str:
     return topics.full_name(endpoint.node_namespace, endpoint.node_name)
 
 
+def publishing_nodes(node: Node, topic: str) -> tuple[str, ...]:
+    """Full names of the nodes that publish a topic, sorted; of some DDS does not know the name.
+
+    Args:
+        node: any node; its view of the ROS graph is used.
+        topic: full name of the topic.
+    """
+    infos = node.get_publishers_info_by_topic(topic)
+    return tuple(sorted({describe_node(i) for i in infos if i.node_name != _UNKNOWN}))
+
+
 def message_number(info: dict[str, Any]) -> int | None:
     """The number of a message among those of its publisher; None if the middleware gives none."""
     return info.get("publication_sequence_number")

@@ -26,6 +26,7 @@ from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.map_summary import DroppedMap, describe_dropped, describe_end
+from rgbd_glue_ros.live.odometry_faults import explain_late_start
 from rgbd_glue_ros.live.recent_images import RecentImages
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages.poses import pose_from_message
@@ -186,6 +187,7 @@ class MappingNode(BaseNode):
                 # images of the previous graph may never come, for example when time went back
                 self._waiting.clear()
                 self._waiting.append(_NewGraph())
+                self._say_what_it_missed(item.number)
             self._waiting.append(item)
         while self._waiting and (
             len(self._waiting) > KEYFRAMES_WAITING or not self._is_awaited(self._waiting[0])
@@ -195,6 +197,11 @@ class MappingNode(BaseNode):
                 self._submit_keyframe(oldest)
             else:
                 self._worker.submit(oldest)
+
+    def _say_what_it_missed(self, first: int) -> None:
+        """Warns if the first keyframe that came of a graph is a later one."""
+        if first > 0:
+            self.warn_once("Map", explain_late_start(first, self._odometry.nodes))
 
     def _is_awaited(self, item: _NewGraph | NewKeyframe | PoseGraphEdge) -> bool:
         """Whether the images of a keyframe may still arrive."""

@@ -15,7 +15,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.arrivals import Arrivals
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
 from rgbd_glue_ros.node.input_watch import LOOK_S
-from rgbd_glue_ros.node.inputs import describe_publishers
+from rgbd_glue_ros.node.inputs import describe_publishers, publishing_nodes
 from rgbd_glue_ros.node.silence import SilenceLog
 
 # Queued messages of each topic, at most.
@@ -67,6 +67,11 @@ class OdometryInput:
         """Full names of the subscribed topics."""
         return tuple(s.topic for s in (self._pose, self._keyframe, self._edge))
 
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Full names of the nodes that publish keyframes, as far as they are known."""
+        return publishing_nodes(self._node, self._keyframe.topic)
+
     def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None]) -> _Subscribed:
         subscribed = _Subscribed(self._node.resolve_topic_name(topic), kind)
 
@@ -91,4 +96,6 @@ class OdometryInput:
     def _seen(self, subscribed: _Subscribed) -> OdometryTopic:
         publishers = describe_publishers(self._node, subscribed.topic, subscribed.type)
         lately = subscribed.arrivals.count - subscribed.received_before
-        return OdometryTopic(subscribed.topic, publishers, lately, str(subscribed.arrivals))
+        nodes = publishing_nodes(self._node, subscribed.topic)
+        last = str(subscribed.arrivals)
+        return OdometryTopic(subscribed.topic, publishers, lately, last, nodes)

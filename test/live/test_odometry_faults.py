@@ -7,6 +7,7 @@ import pytest
 from rgbd_glue_ros.live.odometry_faults import (
     OdometryTopic,
     describe_network,
+    explain_late_start,
     explain_no_keyframes,
     explain_no_poses,
 )
@@ -52,7 +53,7 @@ def test_an_odometry_that_had_poses_is_said_to_have_stopped_and_when() -> None:
         ((0, 7, 8), "no message on /pose arrived"),
         (
             (150, 0, 0),
-            f"no message on /keyframe/pose arrived from {BY}: they are created as the camera mo",
+            f"no message on /keyframe/pose arrived from {BY}: the odometry creates them only where",
         ),
         (
             (150, 2, 0),
@@ -64,6 +65,29 @@ def test_the_missing_topic_is_named_with_the_remedy(
     received: tuple[int | None, ...], line: str
 ) -> None:
     assert line in str(said(*received))
+
+
+def test_where_the_odometry_knows_the_room_new_views_and_its_reset_service_are_named() -> None:
+    def line(*nodes: str) -> str:
+        topics = (("/pose", 150), ("/keyframe/pose", 0), ("/keyframe/edges", 0))
+        return str(
+            explain_no_keyframes(*(OdometryTopic(t, (BY,), n, "", nodes) for t, n in topics))
+        )
+
+    called = "/a/odo/reset_odom (ros2 service call /a/odo/reset_odom std_srvs/srv/Empty)"
+    assert line("/a/odo").endswith(
+        "only where it has not been, and does not send earlier ones again: "
+        f"move the camera to a new view, or call {called}, with which the odometry begins anew"
+    )
+    for nodes in ((), ("/a", "/b")):
+        assert "or call its service ~/reset_odom, with" in line(*nodes)
+
+
+def test_a_map_that_begins_late_is_said_to_lack_the_earlier_keyframes() -> None:
+    said = explain_late_start(12, ["/rgbd_odometry"])
+    assert said.startswith("begins with keyframe 12, without 12 earlier ones: the odometry sends")
+    assert "call /rgbd_odometry/reset_odom (" in said
+    assert "without 1 earlier one:" in explain_late_start(1, [])
 
 
 @pytest.mark.parametrize("received", [(150, 7, 20), (150, 1, 0), (1, 7, 20)])

@@ -274,6 +274,31 @@ def test_keyframes_of_images_without_a_stamp_are_skipped_and_the_reason_is_logge
 
 
 @pytest.mark.slow
+def test_a_mapping_node_that_is_started_late_says_once_how_many_keyframes_it_has_not_got(
+    ros_domain: int,
+) -> None:
+    with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
+        node.wait_for_line("Subscribed", START_S)
+        with Rig(ros_domain) as rig:
+            poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
+            edges = rig.publisher(OdometryMessage, KEYFRAME_EDGES)
+            publishers = (rig.color, rig.depth, rig.info, poses, edges)
+            rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+            numbers = [*range(12)]
+
+            def is_told() -> bool:
+                publish_keyframe(rig, poses.publish, edges.publish, numbers)
+                return any("without 12 earlier ones" in line for line in node.lines)
+
+            rig.wait(is_told, "the line")
+            for _ in range(3):
+                is_told()
+        (line,) = [line for line in node.lines if "earlier one" in line]
+        assert line.startswith("[WARN]")
+        assert "call /rig/reset_odom" in line
+
+
+@pytest.mark.slow
 def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: int) -> None:
     with rig_node(ros_domain, "hasty_mapping") as node:
         nobody = node.wait_for_line("No frame for 1 s", START_S)
@@ -300,8 +325,9 @@ def test_missing_topics_are_named_one_by_one_until_messages_arrive(ros_domain: i
                 poses.publish(PoseStamped())
                 return logs(line)
 
-            at_rest = f"no message on /keyframe/pose {by}: they are created as the camera moves"
+            at_rest = f"no message on /keyframe/pose {by}: the odometry creates them only where"
             rig.wait(lambda: publish_until(at_rest), "a look at keyframes")
+            assert "ros2 service call /rig/reset_odom std_srvs" in node.wait_for_line(at_rest, 0)
             rig.wait(lambda: logs("No more keyframes: the last of "), "a look after the last pose")
             line = node.wait_for_line("No more keyframes: the last of ", PATIENCE_S)
             assert "on /pose from /rig (geometry_msgs/msg/PoseStamped, reliable)" in line
