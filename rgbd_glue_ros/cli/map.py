@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> str:
     """Builds the map and returns the figures."""
     from rgbd_glue_ros.cli.progress import tracking_bar
     from rgbd_glue_ros.experiments.mapping.mapping import MAP_RESULTS, MapOutputs, map_recording
-    from rgbd_glue_ros.experiments.replay.result_names import CLOUD, ODOMETRY, REPORT, TRAJECTORY
+    from rgbd_glue_ros.experiments.replay.result_names import CLOUD, REPORT, TRAJECTORY
     from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
     from rgbd_glue_ros.slam.map_file import read_map
 
@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> str:
     ):
         exports.check(args, folder, MAP_RESULTS)
         _say_what_is_replaced(args.save_map, args.map)
+        replaced = _state(args.save_map)
         shown = exports.rerun_recording(args, recording)
         if shown is not None:
             left.enter_context(shown)
@@ -72,12 +73,7 @@ def run(args: argparse.Namespace) -> str:
                     provenance=arguments.provenance(args, heard),
                 )
         except KeyboardInterrupt:
-            said = interrupted(folder)
-            if (folder / TRAJECTORY).is_file():
-                said = f"interrupted after the map was finished; it is in {folder}"
-            elif (folder / ODOMETRY).is_file():
-                said += f", of the odometry alone: no loop is closed in {ODOMETRY}"
-            logger.warning("%s", said)
+            logger.warning("%s; %s", _interrupted(folder), _saved(args.save_map, replaced))
             raise
     figures = mapped.figures
     loops = "{found} found, {refused} of them refused by the optimiser".format(**figures["loops"])
@@ -93,6 +89,41 @@ def run(args: argparse.Namespace) -> str:
         f"{text}map      {folder / CLOUD}, {figures['map_points']} points\n"
         f"path     {folder / TRAJECTORY}\nreport   {folder / REPORT}\n"
     )
+
+
+def _interrupted(folder: Path) -> str:
+    """What an interrupted run has left in its folder."""
+    from rgbd_glue_ros.experiments.replay.result_names import ODOMETRY, TRAJECTORY
+
+    if (folder / TRAJECTORY).is_file():
+        return f"interrupted after the loops were closed; the results are in {folder}"
+    said = interrupted(folder)
+    if (folder / ODOMETRY).is_file():
+        said += f", of the odometry alone: no loop is closed in {ODOMETRY}, and there is no map"
+    return said
+
+
+def _saved(save_map: Path | None, before: tuple[int, int] | None) -> str:
+    """Whether an interrupted run has saved its map.
+
+    Args:
+        save_map: where it should; None if nowhere.
+        before: state of that file when the run began.
+    """
+    if save_map is None:
+        return "no map was to be saved (--save-map)"
+    if _state(save_map) != before:
+        return f"the map is saved in {save_map}"
+    left = "" if before is None else ", and the file that was there is unchanged"
+    return f"the map was not saved in {save_map}{left}"
+
+
+def _state(path: Path | None) -> tuple[int, int] | None:
+    """What changes when a file is replaced; None if there is none."""
+    if path is None or not path.is_file():
+        return None
+    found = path.stat()
+    return found.st_ino, found.st_mtime_ns
 
 
 def _say_what_is_replaced(save_map: Path | None, continued: Path | None) -> None:
