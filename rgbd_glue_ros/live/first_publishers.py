@@ -18,11 +18,14 @@ class FirstPublishers:
 
     def __init__(self) -> None:
         """Begins before the first check."""
-        self._had_none = False
+        # before the first check nothing is known, and a publisher seen there may be a moment old
+        self._had_none = True
         self._has_heard = False
 
     def judge(self, *, has_publishers: bool, has_messages: bool) -> Silence:
         """What silence at this check means; to be called at each.
+
+        The first publishers have from the check that finds them until the next to send something.
 
         Args:
             has_publishers: whether any of the topics has a publisher now.

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -170,6 +171,31 @@ def test_the_first_frame_reaches_a_node_that_was_there_before(
     stamp = fields.header(frames[0].stamp_ns, "").stamp
     first = listener.poses[0].header.stamp
     assert (first.sec, first.nanosec) == (stamp.sec, stamp.nanosec)
+
+
+def test_subscribers_that_come_late_are_not_waited_for_longer_than_nodes_wait_for_a_message(
+    bag: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    from rgbd_glue_ros.experiments.demo import player
+    from rgbd_glue_ros.node.input_watch import LOOK_S
+
+    now_s = 0.0
+
+    def wait(_condition: object, timeout_s: float) -> bool:
+        """The first subscriber comes after three seconds, and others never do."""
+        nonlocal now_s
+        is_first = now_s == 0
+        now_s += 3.0 if is_first else timeout_s
+        return is_first
+
+    with open_recording(bag) as recording:
+        camera = player.Camera(PlayedRecording(recording, RAW), ros_domain)
+        with camera:
+            monkeypatch.setattr(player, "time", SimpleNamespace(monotonic=lambda: now_s))
+            monkeypatch.setattr(camera, "wait", wait)
+            camera.wait_for_listeners()
+    assert now_s <= LOOK_S
 
 
 @pytest.mark.slow

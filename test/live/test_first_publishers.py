@@ -19,8 +19,8 @@ def test_publishers_that_have_just_appeared_get_until_the_next_look() -> None:
     assert seen == [Silence.WAITING, Silence.TOO_EARLY, Silence.FAULT]
 
 
-def test_publishers_that_were_there_from_the_start_and_send_nothing_are_a_fault() -> None:
-    assert judged((True, False)) == [Silence.FAULT]
+def test_publishers_that_appeared_before_the_first_look_get_until_the_next_too() -> None:
+    assert judged((True, False), (True, False)) == [Silence.TOO_EARLY, Silence.FAULT]
 
 
 def test_once_something_has_arrived_silence_is_a_fault_also_without_publishers() -> None:

@@ -120,7 +120,11 @@ class Camera(Closing):
         return True
 
     def wait_for_listeners(self) -> Listeners:
-        """Waits until all subscribers are matched, or until it is clear that there are none."""
+        """Waits until all subscribers are matched, or until it is clear that there are none.
+
+        That takes ``LISTENERS_S``, or ``SETTLED_S`` more if the first of them came late: nodes
+        take a publisher that sends nothing for longer as a fault.
+        """
         start = since = time.monotonic()
         known = self._subscriptions()
 
@@ -135,7 +139,8 @@ class Camera(Closing):
         publishers = self._publishers.values()
         if not self.wait(lambda: any(p.get_subscription_count() for p in publishers), LISTENERS_S):
             return Listeners((), self._unheard())
-        self.wait(is_settled, LISTENERS_S)
+        left_s = LISTENERS_S - (time.monotonic() - start)
+        self.wait(is_settled, max(left_s, SETTLED_S))
         names = {name for _, name, _ in self._subscriptions()[0]}
         return Listeners(tuple(sorted(names)), self._unheard())
 
