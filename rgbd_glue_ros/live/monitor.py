@@ -156,6 +156,7 @@ class Monitor:
         self._imu: ImuCalibration | None = None
         self._last_estimate_ns = self._last_pose_ns = clock()
         self._refused = ""
+        self._is_unplaced = False
         self._why_no_pose = ""
 
     def processed(
@@ -182,7 +183,7 @@ class Monitor:
             self._state = estimate.state
             self._frames += 1
             self._tracked += estimate.T_odom_camera is not None
-            self._refused = ""
+            self._refused, self._is_unplaced = "", False
             self._last_estimate_ns = published_ns
             if estimate.T_odom_camera is not None:
                 self._last_pose_ns = published_ns
@@ -227,7 +228,10 @@ class Monitor:
         """Records a frame without an estimate, and the error that caused this; "" if none did."""
         with self._lock:
             self._drops[reason] += 1
-            if reason not in WISHED:
+            # while the camera's pose is awaited, frames are left out because of this wait
+            is_effect = reason is Drop.SUPERSEDED and self._is_unplaced
+            self._is_unplaced = is_effect or reason is Drop.UNPLACED
+            if reason not in WISHED and not is_effect:
                 self._refused = f"{reason.value}: {error}" if error else reason.value
 
     def is_news(self, where: str, cause: str) -> bool:

@@ -120,8 +120,11 @@ def explain_no_poses(
     if odom.publishers:
         return f"{_silent(odom)}: check whether it has images, and whether type and QoS match"
     if heard_of:
+        run = "runs: give its namespace"
+        if len(heard_of) > 1:
+            run = "run: give the namespace of one"
         return (
-            f"nobody publishes {odom.topic}, but {_listed([*heard_of])} runs: give its namespace, "
+            f"nobody publishes {odom.topic}, but {_listed([*heard_of])} {run}, "
             "as in --ros-args -r __ns:=/robot, or its topic, -r odom:=/robot/odom"
         )
     if was_there:

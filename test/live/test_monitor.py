@@ -108,6 +108,21 @@ def test_frames_that_are_all_refused_are_reported_with_what_refused_the_last() -
     assert monitor.why_refused(7000 * MS) == ""
 
 
+def test_frames_left_out_while_others_wait_for_the_pose_of_the_camera_are_not_the_cause() -> None:
+    monitor = Monitor(lambda: 0)
+    unplaced = "because the camera's pose on the robot was not known yet"
+    for _ in range(3):
+        monitor.dropped(Drop.UNPLACED)
+        for _ in range(2):
+            monitor.dropped(Drop.SUPERSEDED)
+            assert monitor.why_refused(7000 * MS).endswith(unplaced)
+    monitor.processed(POSE, 0, 7000 * MS)
+    monitor.dropped(Drop.SUPERSEDED)
+    assert monitor.why_refused(14_000 * MS).endswith(
+        "because a newer frame came while the odometry was busy"
+    )
+
+
 def test_a_lost_camera_is_not_reported_as_an_overload() -> None:
     monitor = Monitor(lambda: 0)
     monitor.processed(POSE, 0, 0)

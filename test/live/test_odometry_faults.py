@@ -112,6 +112,12 @@ NETWORK = "it must have the same ROS_DOMAIN_ID, which is 7 here"
         ),
         ((), [], True, "/odom has no publisher any more: the node has ended; start it again"),
         ((), ["/a/x"], True, "nobody publishes /odom, but /a/x runs: give its namespace, as in"),
+        (
+            (),
+            ["/a/x", "/b/x"],
+            False,
+            "nobody publishes /odom, but /a/x and /b/x run: give the namespace of one, as in",
+        ),
         ((BY,), ["/a/x"], False, f"no message on /odom arrived from {BY}: check whether it has"),
         ((BY,), [], True, f"no message on /odom arrived from {BY} lately: it hangs, or was killed"),
     ],
