@@ -46,13 +46,26 @@ def positive(text: str) -> int:
 
 def positive_number(text: str) -> float:
     """A finite positive number."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = 0.0
+    number = _number(text)
     if not 0 < number < float("inf"):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number greater than zero")
     return number
+
+
+def number_from_zero(text: str) -> float:
+    """A finite number that is not negative."""
+    number = _number(text)
+    if not 0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from zero on")
+    return number
+
+
+def _number(text: str) -> float:
+    """A number; NaN if the text is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
 
 
 def add_output(parser: argparse.ArgumentParser, default: Path | None, said: str = "") -> None:
@@ -165,7 +178,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         help="speed of the recording (default: %(default)s)",
     )
     parser.add_argument(
-        "--start", metavar="S", type=positive_number, default=0.0, help="skip its first S s"
+        "--start", metavar="S", type=number_from_zero, default=0.0, help="skip its first S s"
     )
     parser.add_argument("--duration", metavar="S", type=positive_number, help="stop after S s")
     images = parser.add_mutually_exclusive_group()
@@ -299,10 +312,10 @@ def command(args: argparse.Namespace) -> str:
 def node_command(args: argparse.Namespace) -> str:
     """The command that starts a node for what is played, also without a ROS installation."""
     words = ["odometry", *(["--camera", args.camera] if args.camera else [])]
+    ros = list(args.ros)
     if args.compressed:
-        words += ["--ros-args", "-p", "image_transport:=compressed"]
-        words += ["-p", "depth_transport:=compressedDepth"]
-    return shlex.join(words)
+        ros += ["-p", "image_transport:=compressed", "-p", "depth_transport:=compressedDepth"]
+    return shlex.join([*words, *(["--ros-args", *ros] if ros else [])])
 
 
 def parameter_names(prefix: str = "", **_: object) -> list[str]:

@@ -48,7 +48,7 @@ COMMANDS = (
     Command("odometry", "run the ROS node", is_ros_node=True),
     Command("mapping", "run the ROS node that closes loops of the odometry", is_ros_node=True),
     Command("watch", "show the odometry's pose and state as they come", is_ros_node=True),
-    Command("play", "publish a recording on the topics of a camera"),
+    Command("play", "publish a recording on the topics of a camera", is_ros_node=True),
     Command("replay", "run the odometry over a recording"),
     Command("map", "close the loops of a recording and build a map"),
     Command("evaluate", "compare a trajectory with ground truth"),

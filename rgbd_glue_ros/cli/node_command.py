@@ -8,10 +8,13 @@ import os
 import sys
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rgbd_glue_ros.cli import arguments
 from rgbd_glue_ros.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from rgbd_glue_ros.live.camera_presets import Camera
 
 _EPILOG = """\
 ROS arguments, as for every node, follow --ros-args:
@@ -60,13 +63,25 @@ def run_node(args: argparse.Namespace, module: str) -> str:
     """
     if not args.camera:
         return run_module(module, args.ros)
-    from rgbd_glue_ros.live.camera_presets import load_camera, remappings
+    from rgbd_glue_ros.live.camera_presets import load_camera
 
     camera = load_camera(args.camera)
+    # of several values of a parameter, ROS takes one of another type than the last
+    return run_module(module, ros_arguments(args.ros, camera), camera=camera.parameters)
+
+
+def ros_arguments(given: list[str], camera: Camera) -> list[str]:
+    """ROS arguments with the topics of a camera.
+
+    Args:
+        given: those of the command line, which override the camera's.
+        camera: its preset.
+    """
+    from rgbd_glue_ros.live.camera_presets import remappings
+
     # of several remappings of a topic, the first counts
     mapped = [w for own, topic in remappings(camera, {}) for w in ("-r", f"{own}:={topic}")]
-    # of several values of a parameter, ROS takes one of another type than the last
-    return run_module(module, [*args.ros, *mapped], camera=camera.parameters)
+    return [*given, *mapped]
 
 
 def run_module(module: str, ros: list[str], **options: Any) -> str:

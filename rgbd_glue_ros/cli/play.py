@@ -7,16 +7,27 @@ import os
 from typing import TYPE_CHECKING
 
 from rgbd_glue_ros.cli import arguments
+from rgbd_glue_ros.cli.node_command import ros_arguments
 from rgbd_glue_ros.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from rgbd_glue_ros.experiments.demo.player import Listeners
 
 QOS = ("reliable", "best_effort")
+_EPILOG = """\
+ROS arguments, as for every node, follow --ros-args:
+  -r __ns:=/robot                play into a namespace
+  -r rgb/image:=/camera/color    publish on another topic
+
+For example:
+  rgbd-glue play recording/ --loop --ros-args -r __ns:=/robot
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """A recording, its part and speed, and how it is published."""
+    """A recording, its part and speed, and how it is published; ROS arguments come elsewhere."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _EPILOG
     arguments.add_recording(parser)
     arguments.add_set(parser)
     arguments.add_part(parser)
@@ -31,10 +42,11 @@ def run(args: argparse.Namespace) -> str:
     """Plays until the end, or until it is interrupted."""
     from rgbd_glue_ros.cli.progress import bar, counted
     from rgbd_glue_ros.experiments.demo.node_process import shared_environment
-    from rgbd_glue_ros.live.camera_presets import load_camera, remappings
+    from rgbd_glue_ros.experiments.demo.played import begun
+    from rgbd_glue_ros.live.camera_presets import load_camera
     from rgbd_glue_ros.messages.synchronizer import Channel
 
-    remapped = dict(remappings(load_camera(args.camera), {})) if args.camera else {}
+    ros = ros_arguments(args.ros, load_camera(args.camera)) if args.camera else args.ros
     os.environ.update(shared_environment())  # before ROS is loaded
     try:
         from rgbd_glue_ros.experiments.demo.player import Camera
@@ -43,8 +55,10 @@ def run(args: argparse.Namespace) -> str:
 
     with arguments.opener(args)(args.recording) as recording:
         played = arguments.played(args, recording)
+        # before the wait: to skip a long part takes a while, and there may be no frame after it
+        messages = begun(played.messages)
         with (
-            Camera(played, reliable=args.qos == "reliable", remapped=remapped) as camera,
+            Camera(played, reliable=args.qos == "reliable", ros_arguments=ros) as camera,
             bar(" frames", played.frame_count) as shown,
         ):
             shown.write(f"publishing {', '.join(camera.topics.values())}")
@@ -54,13 +68,14 @@ def run(args: argparse.Namespace) -> str:
             while True:
                 shown.reset()
                 stamps_ns = []
-                for message in camera.play(args.rate, played):
+                for message in camera.play(args.rate, messages):
                     if message.channel is Channel.COLOR:
                         stamps_ns.append(message.stamp_ns)
                         shown.update()
                 if not args.loop:
                     break
                 played = played.next_round(stamps_ns)
+                messages = iter(played.messages)
     return f"played {counted(len(stamps_ns), 'frame')} of {recording.name}\n"
 
 

@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -63,12 +63,25 @@ def init(name: str, args: list[str] | None) -> None:
     no_file = explain_no_file()
     if no_file is not None:
         args = [*(sys.argv if args is None else args), *WITHOUT_FILE]
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except (RuntimeError, UnknownROSArgsError) as error:
-        raise _init_fault(error) from error
+    init_context(args, signal_handler_options=SignalHandlerOptions.NO)
     if no_file is not None:
         PrintableLogger(name).warning(no_file)
+
+
+def init_context(args: list[str] | None, **options: Any) -> None:
+    """Initialises a ROS context, as ``rclpy.init`` does.
+
+    Args:
+        args: ROS arguments; None uses those of the process.
+        options: of ``rclpy.init``.
+
+    Raises:
+        InputError: the ROS arguments are invalid.
+    """
+    try:
+        rclpy.init(args=args, **options)
+    except (RuntimeError, UnknownROSArgsError) as error:
+        raise _init_fault(error) from error
 
 
 def check_domain(domain: str) -> None:

@@ -212,6 +212,47 @@ def test_where_nobody_listens_it_is_said_and_played_all_the_same(
 
 
 @pytest.mark.slow
+def test_a_recording_is_played_into_a_namespace_and_arguments_of_ros_come_before_the_camera(
+    bag: Path, ros_domain: int
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    ros = ["--ros-args", "-r", "__ns:=/r1", "-r", "rgb/image:=color"]
+    for camera, topics_said in (
+        ([], "/r1/rgb/camera_info, /r1/color/compressed, /r1/depth/image/compressedDepth"),
+        (
+            ["--camera", "oak_d"],
+            "/oak/rgb/camera_info, /r1/color/compressed, /oak/stereo/image_raw/compressedDepth",
+        ),
+    ):
+        words = [str(bag), "--compressed", "--start", "0", *camera, *ros]
+        with playing(ros_domain, *words) as player:
+            said, faults = player.communicate()
+        assert player.returncode == 0, faults
+        assert f"publishing {topics_said}\n" in said
+        assert "--ros-args -r __ns:=/r1 -r rgb/image:=color -p image_transport" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["--start", "100"], "small: has no frames to play from 100 s on; start earlier"),
+        (["--ros-args", "-r", "nonsense"], "ROS arguments: "),
+        (["--start", "-1"], "'-1' is not a number from zero on"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_before_anything_is_published(
+    bag: Path, ros_domain: int, words: list[str], fault: str
+) -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed")
+    with playing(ros_domain, str(bag), *words) as player:
+        said, faults = player.communicate()
+    assert player.returncode == 2
+    assert fault in faults
+    assert "publishing" not in said
+
+
+@pytest.mark.slow
 def test_topics_that_nobody_listens_to_are_named(bag: Path, ros_domain: int) -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
     from rigs.ros import Rig

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import chain
 from pathlib import Path
 from typing import Protocol
 
@@ -86,6 +87,16 @@ class Played(Protocol):
 
     def sample(self, count: int) -> list[RgbdFrame]:
         """At most ``count`` frames spread over the recording, for viewing."""
+
+
+def begun(messages: Iterable[PlayedMessage]) -> Iterator[PlayedMessage]:
+    """The same messages, of which the first is read at once.
+
+    Raises:
+        InputError: it cannot be read, or there is none.
+    """
+    rest = iter(messages)
+    return chain([next(rest)], rest)
 
 
 def transport(played: Played, channel: Stream) -> str:
@@ -190,8 +201,9 @@ class PlayedRecording(WrappedRecording):
             is_empty = False
             yield from messages
         if is_empty:
+            after = f" from {self.start_s:g} s on" if self.start_s else ""
             raise InputError(
-                self.name, "has no frames to play", "start earlier, or play for longer"
+                self.name, f"has no frames to play{after}", "start earlier, or play for longer"
             )
 
     def next_round(self, stamps_ns: Sequence[int]) -> PlayedRecording:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 import rclpy
@@ -25,6 +24,7 @@ from rgbd_glue_ros.live.monitor import Summary
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.node.runtime import init_context
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 MESSAGE_TYPES = {
@@ -70,7 +70,7 @@ class Camera(Closing):
         domain: int | None = None,
         *,
         reliable: bool = True,
-        remapped: Mapping[str, str] = MappingProxyType({}),
+        ros_arguments: Sequence[str] = (),
     ) -> None:
         """Joins the domain.
 
@@ -78,21 +78,25 @@ class Camera(Closing):
             recording: what to play.
             domain: ROS domain; None for the environment's.
             reliable: whether lost messages are resent; otherwise best effort.
-            remapped: topics without the transport, by the node's own names for them.
+            ros_arguments: remappings and others, without ``--ros-args``; as with the node, those
+                of images have no transport.
+
+        Raises:
+            InputError: the ROS arguments are invalid.
         """
         self._recording = recording
         self._reliability = (
             ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         )
         self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain)
+        init_context(["--ros-args", *ros_arguments], context=self._context, domain_id=domain)
         self._node = Node("player", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._publishers = {
             channel: self._node.create_publisher(
                 MESSAGE_TYPES[message_type],
-                _topic(channel, remapped, transport(recording, channel)),
+                self._topic(channel, transport(recording, channel)),
                 QoSProfile(
                     depth=IMU_QUEUE if channel is Sensor.IMU else QUEUE,
                     reliability=self._reliability,
@@ -101,6 +105,10 @@ class Camera(Closing):
             for channel, message_type in recording.types.items()
         }
         self.topics = {channel: p.topic_name for channel, p in self._publishers.items()}
+
+    def _topic(self, stream: Stream, image_transport: str) -> str:
+        own = topics.IMU if isinstance(stream, Sensor) else topics.SUBSCRIBED[stream]
+        return topics.transported(self._node.resolve_topic_name(own), image_transport)
 
     def close(self) -> None:
         """Leaves the domain."""
@@ -168,15 +176,17 @@ class Camera(Closing):
         """Publishes a message as it was recorded, byte for byte."""
         self._publishers[message.channel].publish(message.data)
 
-    def play(self, rate: float, recording: Played | None = None) -> Iterator[PlayedMessage]:
+    def play(
+        self, rate: float, messages: Iterable[PlayedMessage] | None = None
+    ) -> Iterator[PlayedMessage]:
         """Publishes all messages at ``rate`` times the recording's speed; yields each after that.
 
         Args:
             rate: 1 for the speed of the recording.
-            recording: with the same channels, instead of the original one.
+            messages: of the same channels, instead of the recording's.
         """
         start_ns = first_ns = None
-        for message in (recording or self._recording).messages:
+        for message in self._recording.messages if messages is None else messages:
             if start_ns is None or first_ns is None:
                 start_ns, first_ns = time.monotonic_ns(), message.recorded_ns
             due_ns = start_ns + (message.recorded_ns - first_ns) / rate
@@ -188,11 +198,6 @@ class Camera(Closing):
                 self._executor.spin_once(timeout_sec=max(0.0, left_ns / NANOSECONDS))
             self.publish(message)
             yield message
-
-
-def _topic(stream: Stream, remapped: Mapping[str, str], image_transport: str) -> str:
-    own = topics.IMU if isinstance(stream, Sensor) else topics.SUBSCRIBED[stream]
-    return topics.transported(remapped.get(own, own), image_transport)
 
 
 class Player(Camera):
