@@ -45,7 +45,7 @@ from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.node.viewer import NodeViewer
-from rgbd_glue_ros.odometry.depth_diagnosis import doubt_at_start, explain_no_pose
+from rgbd_glue_ros.odometry.depth_diagnosis import NO_POSE_YET, doubt_at_start, explain_no_pose
 from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
@@ -342,7 +342,7 @@ class OdometryNode(BaseNode):
     def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
         """Logs changes of state, and once for each cause why there is no first pose."""
         if estimate.state is TrackingState.INITIALIZING:
-            self.warn_once("No pose yet", why)
+            self.warn_once(NO_POSE_YET, why)
             return
         if estimate.is_start and before is not TrackingState.INITIALIZING:
             doubt = self.monitor.restarts.doubt

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
 
+from rgbd_glue_ros.errors import without_numbers
 from rgbd_glue_ros.parameters import CameraConfig
-from rgbd_glue_ros.types import DepthSummary, Float32, OdometryEstimate
+from rgbd_glue_ros.types import DepthSummary, Float32, OdometryEstimate, TrackingState
+
+logger = logging.getLogger(__name__)
+
+NO_POSE_YET = "No pose yet"
+"""What a reason for the lack of a first pose follows in a log."""
 
 # One pixel in this many rows and columns is sampled: shares to within a percent.
 _STEP = 4
@@ -74,9 +81,27 @@ def explain_no_pose(estimate: OdometryEstimate, limits: CameraConfig, topic: str
     if _are_millimetres(depth.median_m):
         return (
             f"{seen}, so these are millimetres: set depth_scale to 0.001 (commands: --depth-scale "
-            "0.001, node: -p depth_scale:=0.001)"
+            "0.001, node: -p depth_scale:=0.001, Python: divide depth by 1000)"
         )
     return f"{seen}: if the unit is another, set {_SET_SCALE}"
+
+
+class StartWarning:
+    """Logs why there is no first pose: each cause once, however many frames have it."""
+
+    def __init__(self) -> None:
+        """Begins before the first frame."""
+        self._logged: set[str] = set()
+
+    def take(self, estimate: OdometryEstimate, limits: CameraConfig) -> None:
+        """Takes the estimate of a frame, and the usable range of depth."""
+        if estimate.state is not TrackingState.INITIALIZING:
+            return
+        why = explain_no_pose(estimate, limits)
+        cause = without_numbers(why)
+        if cause not in self._logged:
+            self._logged.add(cause)
+            logger.warning("%s: %s", NO_POSE_YET, why)
 
 
 def doubt_at_start(depth: Float32) -> str | None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
+from rgbd_glue_ros.odometry.depth_diagnosis import StartWarning
 from rgbd_glue_ros.odometry.keyframes import NewestKeyframe
 from rgbd_glue_ros.odometry.session import Session
 from rgbd_glue_ros.parameters import Config, check_changes, load_preset
@@ -40,6 +41,7 @@ class Odometry(Closing):
         self._config = config
         self._glue = glue or Glue(self._config)
         self._background = BackgroundThread()
+        self._start_warning = StartWarning()
         self.reset()
 
     def close(self) -> None:
@@ -89,15 +91,13 @@ class Odometry(Closing):
         return self._session.state
 
     def process(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
-        """``track``, completed by ``update_map`` and ``new_edges``."""
-        estimate = self.track(frame, T_guess_camera)
-        became_keyframe, ms = timed(self.update_map)
-        return replace(
-            estimate,
-            is_keyframe=became_keyframe or estimate.is_keyframe,
-            edges=self.new_edges(),
-            stages_ms={**estimate.stages_ms, stages.KEYFRAME: ms},
-        )
+        """``track``, completed by ``update_map`` and ``new_edges``.
+
+        Why there is no first pose is logged as a warning, once for each cause.
+        """
+        estimate = completed(self.track(frame, T_guess_camera), self)
+        self._start_warning.take(estimate, self._config.camera)
+        return estimate
 
     @uninterrupted()
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None = None) -> OdometryEstimate:
@@ -159,3 +159,14 @@ class Odometry(Closing):
         that to an anchor, after the next ``track``.
         """
         return self._session.keyframes.take_edges()
+
+
+def completed(estimate: OdometryEstimate, odometry: Odometry) -> OdometryEstimate:
+    """The estimate of the frame tracked last, completed by ``update_map`` and ``new_edges``."""
+    became_keyframe, ms = timed(odometry.update_map)
+    return replace(
+        estimate,
+        is_keyframe=became_keyframe or estimate.is_keyframe,
+        edges=odometry.new_edges(),
+        stages_ms={**estimate.stages_ms, stages.KEYFRAME: ms},
+    )

@@ -17,6 +17,7 @@ from rgbd_glue_ros.odometry.depth_diagnosis import (
     explain_no_pose,
     summarise_depth,
 )
+from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import CameraConfig, InputConfig, load_preset
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.first_frames import first_frames
@@ -83,6 +84,27 @@ def test_a_room_in_another_unit_makes_the_unit_doubtful_unless_it_is_told_later(
 def test_near_depth_is_doubtful_and_unknown_depth_is_not(is_known: bool) -> None:
     table = np.full((50, 80), 0.5 if is_known else np.nan, np.float32)
     assert (doubt_at_start(table) is not None) is is_known
+
+
+def test_why_the_first_frames_have_no_pose_is_logged_once_for_each_cause(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    frames = recorded_frames()[:7]
+    thousand = np.float32(1000)
+    with Odometry() as odometry:
+        for i, frame in enumerate(frames[:3]):
+            millimetres = frame.depth * (thousand + i)
+            assert odometry.process(replace(frame, depth=millimetres)).T_odom_camera is None
+        odometry.reset()
+        for frame in frames[3:5]:
+            odometry.process(replace(frame, depth=np.full_like(frame.depth, np.nan)))
+        for frame in frames[5:]:
+            assert odometry.process(frame).T_odom_camera is not None
+    millimetres_said, nothing_said = caplog.messages
+    assert millimetres_said.startswith("No pose yet: ")
+    assert "so these are millimetres" in millimetres_said
+    assert "0% of the pixels have a depth" in nothing_said
+    assert {record.levelname for record in caplog.records} == {"WARNING"}
 
 
 class Frames:

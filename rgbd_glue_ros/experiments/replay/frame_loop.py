@@ -10,7 +10,7 @@ from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.sinks import FrameSink
 from rgbd_glue_ros.odometry.depth_diagnosis import doubt_at_start
-from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.odometry.odometry import Odometry, completed
 from rgbd_glue_ros.trajectories.tum import TumWriter
 from rgbd_glue_ros.types import (
     ImuCalibration,
@@ -80,7 +80,8 @@ class FrameLoop:
             self._start_anew()
         starts = odometry.state is TrackingState.INITIALIZING
         before = perf_counter()
-        estimate = odometry.process(frame)
+        # not by ``process``: the replay itself says why nothing was tracked
+        estimate = completed(odometry.track(frame), odometry)
         now = perf_counter()
         run.add(estimate, 1000 * (now - before))
         run.wall_s = now - self._start_s
