@@ -44,9 +44,16 @@ def open_file(path: Path) -> BinaryIO:
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
-        is_absent = isinstance(error, (FileNotFoundError, NotADirectoryError))
-        remedy = "check the path" if is_absent else "restore the file"
-        raise InputError(path, f"cannot be read ({reason})", remedy) from error
+        raise InputError(path, f"cannot be read ({reason})", _remedy(error)) from error
+
+
+def _remedy(error: Exception) -> str:
+    """What to do about a file that cannot be opened."""
+    if isinstance(error, (FileNotFoundError, NotADirectoryError)):
+        return "check the path"
+    if isinstance(error, PermissionError):
+        return "give read permission for the file and its folders"
+    return "restore the file"
 
 
 def read_bytes(path: Path, most: int) -> bytes:

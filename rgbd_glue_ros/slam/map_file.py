@@ -132,6 +132,8 @@ def keyframes_in(path: Path) -> int:
 def _read(path: Path, read: Callable[[Mapping[str, Any]], _Result]) -> _Result:
     """What a function makes of the arrays of a map's file, which may be any file."""
     with open_file(path) as file:
+        if not file.read(1):
+            raise InputError(path, "is empty", "give one of --save-map")
         try:
             _check_stored(zipfile.ZipFile(file))
             file.seek(0)
@@ -148,6 +150,8 @@ def _read(path: Path, read: Callable[[Mapping[str, Any]], _Result]) -> _Result:
 
 def _why(error: Exception) -> str:
     """What is wrong in one line; some errors have no text, and those of a key have quotes."""
+    if isinstance(error, zipfile.BadZipFile):
+        return "it is cut off or damaged, or of another kind"
     text = error.args[0] if isinstance(error, KeyError) and error.args else str(error)
     return str(text) or type(error).__name__
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import struct
@@ -49,6 +50,18 @@ READERS: dict[str, Callable[[Path], object]] = {
     "image": read_image,
     "sensor stream": SensSequence,
 }
+
+
+def test_of_a_file_that_may_not_be_read_the_permission_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> int:
+        # no bits of the file would do: the superuser may read it all the same
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(InputError, match=r"\(Permission denied\); give read permission for the"):
+        open_file(tmp_path / "room.rgbdmap")
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -214,6 +214,22 @@ def test_a_file_that_holds_no_map_is_refused_in_one_line(damage: object, tmp_pat
 
 
 @pytest.mark.parametrize(
+    ("share", "said"),
+    [(0.0, "is empty"), (0.5, "holds no valid map (it is cut off or damaged, or of another kind)")],
+)
+def test_an_empty_map_and_one_that_is_cut_off_are_said_to_be_that(
+    share: float, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "room.rgbdmap"
+    write_map(path, first_session())
+    data = path.read_bytes()
+    path.write_bytes(data[: round(share * len(data))])
+    with pytest.raises(InputError) as refused:
+        read_map(path)
+    assert str(refused.value) == f"{path}: {said}; give one of --save-map"
+
+
+@pytest.mark.parametrize(
     ("name", "rows", "value", "said"),
     [
         ("poses", 1, 2 * np.eye(4), "poses: row 1 is no rotation and translation"),
