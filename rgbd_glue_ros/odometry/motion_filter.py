@@ -198,6 +198,20 @@ class PredictedMotion(Motion):
 
     elapsed_s: float
 
+    def along(self, T_last_camera: Float64, last: Motion) -> PredictedMotion:
+        """The prediction where another odometry has measured the way since the last pose.
+
+        It is no more certain than without it. A way too long for any camera is not taken.
+
+        Args:
+            T_last_camera: float64 [4, 4], the way.
+            last: the motion that this one is predicted from.
+        """
+        twist = se3.log(T_last_camera) / self.elapsed_s
+        if not (np.abs(twist) < _FASTEST).all():
+            return self
+        return replace(self, T_track_camera=last.T_track_camera @ T_last_camera, twist=twist)
+
     def expects(self, T_track_camera: Float64) -> bool:
         """Whether a pose is possible according to the filter."""
         return mahalanobis_squared(self._error(T_track_camera), self.pose_covariance) < POSE_GATE

@@ -111,7 +111,7 @@ class Progress:
         if self.last is None or self.T_guess_camera is None or T_guess_camera is None:
             return predicted
         T_last_camera = se3.inverse(self.T_guess_camera) @ T_guess_camera
-        return replace(predicted, T_track_camera=self.last.motion.T_track_camera @ T_last_camera)
+        return predicted.along(T_last_camera, self.last.motion)
 
     def repeated(self, stamp_ns: int, view: View) -> OdometryEstimate | None:
         """The estimate for a frame that repeats the last one; None if it does not.

@@ -263,3 +263,19 @@ def test_the_prediction_is_always_within_reach() -> None:
     for frames in (1, 5, 100):
         predicted = last.predicted(frames * PERIOD_NS, CONFIG)
         assert predicted.reaches(predicted.T_track_camera)
+
+
+def test_a_way_that_another_odometry_measured_gives_pose_and_velocity() -> None:
+    last = moving(np.array([0.1, 0, 0, 0, 0, 0.2]), at(np.array([1.0, 2, 3])))
+    predicted = last.predicted(last.stamp_ns + NANOSECONDS // 10, CONFIG)
+    way = se3.exp(np.array([0.0, 0.03, 0, 0.01, 0, 0]))
+    along = predicted.along(way, last)
+    np.testing.assert_allclose(along.T_track_camera, last.T_track_camera @ way)
+    np.testing.assert_allclose(along.twist, [0, 0.3, 0, 0.1, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(along.covariance, predicted.covariance)
+
+
+def test_a_way_that_no_camera_goes_is_not_taken() -> None:
+    last = moving(np.zeros(6))
+    predicted = last.predicted(last.stamp_ns + NANOSECONDS // 10, CONFIG)
+    assert predicted.along(at(np.array([0.6, 0, 0])), last) is predicted

@@ -779,3 +779,18 @@ def test_motion_from_another_odometry_helps_where_images_alone_fail() -> None:
     assert T is not None
     error = se3.inverse(T) @ se3.inverse(true_pose(0.0)) @ true_pose(2.4)
     assert np.linalg.norm(error[:3, 3]) < 0.01
+
+
+@pytest.mark.slow
+def test_with_the_motion_of_another_odometry_the_velocity_is_that_of_the_camera() -> None:
+    frames, truth = recorded_frames()[:40], true_poses()
+    with Odometry(PATIENT) as odometry:
+        estimates = [odometry.process(f, T) for f, T in zip(frames, truth, strict=False)]
+    for i in range(5, 39):
+        passed_s = (frames[i + 1].stamp_ns - frames[i - 1].stamp_ns) / NANOSECONDS
+        velocity = se3.log(se3.inverse(truth[i - 1]) @ truth[i + 1]) / passed_s
+        twist, covariance = estimates[i].twist, estimates[i].twist_covariance
+        assert twist is not None
+        assert covariance is not None
+        assert (np.abs(twist - velocity) < 3 * np.sqrt(np.diag(covariance))).all()
+        np.testing.assert_allclose(twist, velocity, atol=0.12)
