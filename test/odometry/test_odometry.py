@@ -38,7 +38,6 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, FeaturesConfig, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
-from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import (
@@ -494,18 +493,19 @@ def test_keyframes_are_numbered_and_frames_name_their_keyframe() -> None:
 
 def test_old_keyframes_are_forgotten_and_the_images_of_all_but_the_newest() -> None:
     config = with_values(PATIENT, {"odometry.keyframes": 2, "odometry.keyframe_translation": 0.02})
-    estimates, models, features = [], list[ref[Model]](), list[ref[FrameFeatures]]()
+    estimates = []
+    keypoints, features = list[ref[DescribedKeypoints]](), list[ref[FrameFeatures]]()
     with Odometry(config) as odometry:
         for frame in recorded_frames()[:40]:
             estimates.append(odometry.process(frame))
             newest = odometry.newest_keyframe
             assert newest is not None
             if estimates[-1].is_keyframe:
-                models.append(ref(newest.model))
+                keypoints.append(ref(newest.features.visual))
                 features.append(ref(newest.features))
         del newest
         gc.collect()
-        assert [model() is None for model in models[-3:]] == [True, False, False]
+        assert [visual() is None for visual in keypoints[-3:]] == [True, False, False]
         assert [images() is None for images in features[-3:]] == [True, True, False]
     assert sum(estimate.is_keyframe for estimate in estimates) > 4
     metres, _ = errors(estimates, true_poses()[:40])
