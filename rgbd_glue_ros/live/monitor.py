@@ -12,6 +12,7 @@ from enum import Enum
 import numpy as np
 
 from rgbd_glue_ros.live.blind_restarts import BlindRestarts
+from rgbd_glue_ros.live.unseen_motion import UnseenMotion
 from rgbd_glue_ros.messages.fault_news import FaultNews
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -130,6 +131,7 @@ class Monitor:
         waited_ns: how long frames waited for TF so far, nanoseconds.
         waited_for: the transform that the last of them waited for; "" before the first.
         restarts: of the odometry at the last pose.
+        unseen_motion: how far the pose is off by motion that images did not show.
     """
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -142,7 +144,7 @@ class Monitor:
         self.width = 0
         self.preparing = self.guess_fault = self.waited_for = ""
         self.waited_ns = 0
-        self.restarts = BlindRestarts()
+        self.restarts, self.unseen_motion = BlindRestarts(), UnseenMotion()
         self._lock = threading.Lock()
         self._state = TrackingState.INITIALIZING
         self._frames = self._tracked = 0
@@ -173,6 +175,7 @@ class Monitor:
         with self._lock:
             self._why_no_pose = why_no_pose
             self.restarts.take(estimate)
+            self.unseen_motion.take(estimate)
             self._count_load(estimate)
             if estimate.depth is not None:
                 self._evidence |= {
@@ -211,7 +214,7 @@ class Monitor:
     def start_anew(self) -> None:
         """Forgets what no longer holds after a reset of the odometry."""
         with self._lock:
-            self.restarts = BlindRestarts()
+            self.restarts, self.unseen_motion = BlindRestarts(), UnseenMotion()
 
     def learnt(self, imu: ImuCalibration) -> None:
         """Records the current calibration of the IMU."""

@@ -93,8 +93,8 @@ class NodeDiagnostics:
             seconds = self._monitor.without_pose_ns(now_ns) / NANOSECONDS
             return DiagnosticStatus.STALE, f"no frame for {seconds:.0f} s"
         monitor = self._monitor
-        causes = (monitor.restarts.doubt, monitor.guess_fault, self._watch.drops)
-        doubts = [line for line in causes if line]
+        doubted = (monitor.restarts.doubt, monitor.unseen_motion.doubt)
+        doubts = [line for line in (*doubted, monitor.guess_fault, self._watch.drops) if line]
         if state is TrackingState.TRACKING and doubts:
             return DiagnosticStatus.WARN, "; ".join(doubts)
         why = self._monitor.preparing or self._monitor.why_no_pose

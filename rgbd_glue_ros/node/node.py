@@ -345,9 +345,10 @@ class OdometryNode(BaseNode):
             self.warn_once(NO_POSE_YET, why)
             return
         if estimate.is_start and before is not TrackingState.INITIALIZING:
-            doubt = self.monitor.restarts.doubt
-            self.get_logger().warning(f"{doubt[0].upper()}{doubt[1:]}")
+            self.get_logger().warning(_sentence(self.monitor.restarts.doubt))
             return
+        if self.monitor.unseen_motion.since_ns == estimate.stamp_ns:
+            self.get_logger().warning(_sentence(self.monitor.unseen_motion.doubt))
         if estimate.state is before:
             return
         if estimate.state is TrackingState.LOST:
@@ -370,6 +371,10 @@ class OdometryNode(BaseNode):
             f"Subscribed to {subscribed}, and if they exist {optional}; publishing {frames}. "
             f"{self._extrinsics.description}"
         )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}"
 
 
 def main(

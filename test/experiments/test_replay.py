@@ -7,11 +7,13 @@ import logging
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rigs.pan import Pan
+from rigs.scenes import SCENES
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
@@ -51,7 +53,8 @@ def test_a_replay_leaves_trajectory_figures_parameters_pose_graph_and_report(
     assert set(figures) == {
         *("sequence", "played", "frames", "tracked", "lost", "keyframes", "fps", "latency_ms"),
         *("stages_ms", "peak_rss_mb", "path_m", "ape", "rpe", "edges"),
-        *("restarts", "blind_restarts", "duplicates", "unpaired", "longest_gap_s", "version"),
+        *("restarts", "blind_restarts", "unseen_motion", "duplicates", "unpaired"),
+        *("longest_gap_s", "version"),
     }
     assert set(figures["latency_ms"]) == {"p50", "p95", "p99", "max"}
     assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}
@@ -204,6 +207,13 @@ class Elsewhere(Pan):
             yield frame if number < 12 else other
 
 
+class AtAWall(Pan):
+    """A bare wall, which shows the distance to it alone."""
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        return islice(SCENES["a bare wall"].noisy_frames(seed=0), self.frame_count)
+
+
 def test_a_restart_at_the_last_pose_is_said_and_in_the_report(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -218,6 +228,20 @@ def test_a_restart_at_the_last_pose_is_said_and_in_the_report(
     report = (tmp_path / REPORT).read_text()
     assert said in report
     assert "restarts at the last pose, not recognised" in report
+
+
+@pytest.mark.slow
+def test_frames_that_do_not_show_the_motion_are_said_and_in_the_report(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = replay(AtAWall(20), Config(), tmp_path)
+    assert 5 < len(run.unseen_motion) < 20
+    assert json.loads((tmp_path / METRICS).read_text())["unseen_motion"] == len(run.unseen_motion)
+    (said,) = [message for message in caplog.messages if "as at a bare wall" in message]
+    assert f"{len(run.unseen_motion)} frames, the first at" in said
+    report = (tmp_path / REPORT).read_text()
+    assert said in report
+    assert "frames that did not show all of the motion" in report
 
 
 def test_frames_that_come_twice_are_left_out_and_counted(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,17 @@ def test_a_record_keeps_counts_and_no_correspondences() -> None:
     np.testing.assert_array_equal(FrameRecord.of(posed, 1.0).sigmas, [1, 2, 3, 4, 5, 6])
     nothing = FrameRecord.of(OdometryEstimate(0, LOST), 1.0)
     assert nothing.visual_inliers is None
+
+
+def test_frames_that_are_uncertain_from_their_keyframe_have_not_shown_the_motion() -> None:
+    run = Run("x", Config(), wall_s=1.0)
+    for sigma_m in (0.01, 0.24, 0.26, 3.0):
+        covariance = np.diag([0.0, sigma_m, 0.0, 0.0, 0.0, 0.0]) ** 2
+        posed = OdometryEstimate(0, TRACKING, np.eye(4), np.eye(6) * 9)
+        run.add(replace(posed, covariance_from_keyframe=covariance), 1.0)
+    run.add(OdometryEstimate(1, LOST), 1.0)
+    assert [frame.from_keyframe_m for frame in run.unseen_motion] == pytest.approx([0.26, 3.0])
+    assert metrics(run, None)["unseen_motion"] == 2
 
 
 def test_restarts_at_the_last_pose_are_counted_and_the_first_frame_of_a_part_is_none() -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
+from rigs.scenes import SCENES
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import MATCHES
@@ -104,6 +106,22 @@ def test_a_restart_at_the_last_pose_is_a_warning_until_a_reset(ros_domain: int) 
         rig.pose_of(corner_frame(away + 9 * PERIOD_NS))
         level, message, values = told(rig)
         assert (level, message, values["blind_restarts"]) == (DiagnosticStatus.OK, "tracking", "0")
+
+
+@pytest.mark.slow
+def test_before_a_bare_wall_the_node_warns_that_the_pose_may_be_off(ros_domain: int) -> None:
+    frames = islice(SCENES["a bare wall"].noisy_frames(seed=0), 20)
+    with node_in(ros_domain) as node, Rig(ros_domain) as rig:
+        rig.wait_until_matched()
+        poses_of(rig, [at(START_NS + i * PERIOD_NS, frame) for i, frame in enumerate(frames)])
+        line = node.wait_for_line("the images have not shown all of the motion", PATIENCE_S)
+        assert "[WARN]" in line
+        assert "guess_frame_id" in line
+        rig.diagnostics.clear()
+        rig.wait(lambda: rig.diagnostics, "diagnostics")
+        status = rig.diagnostics[-1].status[0]
+        assert status.level == DiagnosticStatus.WARN
+        assert "the images have not shown all of the motion" in status.message
 
 
 @pytest.mark.slow

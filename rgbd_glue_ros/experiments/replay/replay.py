@@ -142,6 +142,7 @@ def replay_into(
             _warn_of_imu(odometry)
             _warn_of_restarts(run)
             _warn_of_blind_restarts(run)
+            _warn_of_unseen_motion(run)
             why_none = ""
             if last is not None and len(run.trajectory) == 0:
                 why_none = explain_no_pose(last, config.camera, depth_topic(sequence))
@@ -207,6 +208,18 @@ def _warn_of_blind_restarts(run: Run) -> None:
             "restarted at the last pose, which may be %.1f m off, and so may all that follows",
             *(run.sequence, counted(len(restarts), "time")),
             *(restarts[0].stamp_ns / NANOSECONDS, max(off_m)),
+        )
+
+
+def _warn_of_unseen_motion(run: Run) -> None:
+    unseen = run.unseen_motion
+    if unseen:
+        off_m = max(0.0 if f.sigmas is None else float(f.sigmas[:3].max()) for f in unseen)
+        logger.warning(
+            "%s: %s, the first at %.3f s, did not show all of the motion, as at a bare "
+            "wall: their poses may be %.1f m off, and so may all that follows",
+            *(run.sequence, counted(len(unseen), "frame")),
+            *(unseen[0].stamp_ns / NANOSECONDS, off_m),
         )
 
 

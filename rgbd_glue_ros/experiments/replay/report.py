@@ -286,8 +286,10 @@ def _tracking_table(figures: Mapping[str, Any]) -> _Table:
     counted = [(name, f"{figures[name]}") for name in ("frames", "tracked", "lost", "keyframes")]
     blind = figures["blind_restarts"]
     restarts = [("restarts at the last pose, not recognised", f"{blind}")] * bool(blind)
+    frames = figures["unseen_motion"]
+    unseen = [("frames that did not show all of the motion", f"{frames}")] * bool(frames)
     path = ("length of path", f"{figures['path_m']:.2f} m")
-    return "Tracking", [*counted, *restarts, path]
+    return "Tracking", [*counted, *restarts, *unseen, path]
 
 
 def _speed_table(figures: Mapping[str, Any]) -> _Table:

@@ -14,6 +14,7 @@ import numpy as np
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, error_figures
 from rgbd_glue_ros.experiments.report.machine import package_version
+from rgbd_glue_ros.live.unseen_motion import UNSEEN_M, sigma_from_keyframe
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.trajectories.path import path_length, trajectory_of
 from rgbd_glue_ros.types import (
@@ -59,6 +60,8 @@ class FrameRecord:
         stages_ms: wall time of each stage.
         sigmas: float64 [6], standard deviations of the pose (x y z rx ry rz; m, rad) in the odom
             frame; None if no covariance is known.
+        from_keyframe_m: standard deviation of its position given that of its keyframe, metres,
+            along the most uncertain direction; None if that is not known.
         is_start: whether the odometry started with it, or restarted at the last pose.
     """
 
@@ -72,6 +75,7 @@ class FrameRecord:
     credible: int | None = None
     stages_ms: dict[str, float] = field(default_factory=dict)
     sigmas: Float64 | None = None
+    from_keyframe_m: float | None = None
     is_start: bool = False
 
     @staticmethod
@@ -89,6 +93,7 @@ class FrameRecord:
             credible=len(result.credible) if result else None,
             stages_ms=estimate.stages_ms,
             sigmas=None if covariance is None else np.sqrt(np.diag(covariance)),
+            from_keyframe_m=sigma_from_keyframe(estimate),
             is_start=estimate.is_start,
         )
 
@@ -160,6 +165,11 @@ class Run:
         return [frame for first_and_later in starts for frame in first_and_later[1:]]
 
     @property
+    def unseen_motion(self) -> list[FrameRecord]:
+        """The frames whose images did not show how the camera had moved, as at a bare wall."""
+        return [frame for frame in self.frames if (frame.from_keyframe_m or 0.0) >= UNSEEN_M]
+
+    @property
     def longest_row(self) -> int:
         """Which of the parts has most poses, the first of these."""
         poses = [len(part.trajectory) for part in self.parts]
@@ -208,6 +218,7 @@ def metrics(run: Run, evaluation: Evaluation | None) -> dict[str, Any]:
         "keyframes": sum(frame.is_keyframe for frame in run.frames),
         "restarts": len(run.restarts),
         "blind_restarts": len(run.blind_restarts),
+        "unseen_motion": len(run.unseen_motion),
         "duplicates": run.duplicates,
         "unpaired": dict(run.unpaired) or None,
         "longest_gap_s": max(map(_longest_gap_s, parts)),
