@@ -11,8 +11,9 @@ A = Σ w j jᵀ, and that which both measurements have in common is R = Σ w j c
 in it. The reliability ratio of a direction x is xᵀRx / xᵀAx (Fuller 1987, Measurement Error Models,
 1.1), the fraction of its information that is real. It is 1 where images determine a pose, and 0
 where they do not. So the directions that were not measured, three in front of a bare wall and one
-along a corridor, are the generalised eigenvectors, R x = ratio A x, with a small ratio. The
-weakest directions, eigenvectors of A, are others: errors tilt them towards what was measured.
+along a corridor, are the generalised eigenvectors, R x = ratio A x, with a small ratio and little
+in common: in the dark most of the gradients is noise, and the rest may be enough. The weakest
+directions, eigenvectors of A, are others: errors tilt them towards what was measured.
 """
 
 from __future__ import annotations
@@ -120,8 +121,11 @@ class _Measured:
         real, apparent = (to_model.T @ m @ to_model for m in both)
         ratio, x = _generalised_eigenvectors(real, apparent)
         x /= np.linalg.norm(x, axis=0)
-        not_compared = np.einsum("ik,ij,jk->k", x, information - apparent, x)
-        unmeasured = x[:, (ratio < _LEAST_REAL) & (not_compared < enough)]
+        not_compared, in_common = (
+            np.einsum("ik,ij,jk->k", x, m, x) for m in (information - apparent, real)
+        )
+        is_known = (ratio >= _LEAST_REAL) | (not_compared + in_common >= enough)
+        unmeasured = x[:, ~is_known]
         if unmeasured.shape[1] == 0:
             return _Measured(refinement, nowhere)
         unmeasured = _as_uncertain(unmeasured, expected.covariance, reach)
