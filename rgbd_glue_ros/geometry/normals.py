@@ -91,7 +91,7 @@ def _points_and_normals(
                 continue
             # The inverse depth of a plane is linear in the pixel: 1/z = a + b du + d dv. Least
             # squares in inverse depth also has the right weights, as its noise hardly depends on z.
-            gate = 4.0 * noise * depth_sigma(z0) + RECEDING * z0
+            gate = _PLANE_SIGMAS * noise * depth_sigma(z0) + RECEDING * z0
             n = 0
             su = sv = suu = suv = svv = sw = suw = svw = 0.0
             for v in range(max(0, v0 - reach), min(height, v0 + reach + 1), stride):

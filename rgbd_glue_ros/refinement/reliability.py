@@ -121,11 +121,9 @@ class _Measured:
         real, apparent = (to_model.T @ m @ to_model for m in both)
         ratio, x = _generalised_eigenvectors(real, apparent)
         x /= np.linalg.norm(x, axis=0)
-        not_compared, in_common = (
-            np.einsum("ik,ij,jk->k", x, m, x) for m in (information - apparent, real)
-        )
-        is_known = (ratio >= _LEAST_REAL) | (not_compared + in_common >= enough)
-        unmeasured = x[:, ~is_known]
+        # what could not be compared counts as real
+        known = np.einsum("ik,ij,jk->k", x, information - apparent + real, x)
+        unmeasured = x[:, (ratio < _LEAST_REAL) & (known < enough)]
         if unmeasured.shape[1] == 0:
             return _Measured(refinement, nowhere)
         unmeasured = _as_uncertain(unmeasured, expected.covariance, reach)

@@ -34,16 +34,6 @@ class Rows(NamedTuple):
     row_time: Float64
 
 
-def plane_rows(T: Float64, problem: LevelProblem) -> Rows:
-    """The residuals at T of the planes that the depth image shows, metres."""
-    return _rows(plane_residuals(T, problem)[0])
-
-
-def pixel_rows(T: Float64, problem: LevelProblem, affine_brightness: Float64) -> Rows:
-    """The residuals at T of the pixels that the image shows, grey levels."""
-    return _pixel_rows(T, problem, affine_brightness, _weight_of_pixels_at(T, problem))
-
-
 def plane_and_pixel_rows(
     T: Float64, problem: LevelProblem, affine_brightness: Float64
 ) -> tuple[Rows, Rows]:
@@ -70,9 +60,3 @@ def _pixel_rows(
     rows = _rows(pixel_residuals(T, problem, affine_brightness)[0])
     sigma = affine_brightness[2]
     return rows._replace(weight=rows.weight * (weight / (sigma * sigma)))
-
-
-def _weight_of_pixels_at(T: Float64, problem: LevelProblem) -> float:
-    if problem.pixel_weight == problem.noisy_pixel_weight:
-        return problem.pixel_weight
-    return weight_of_pixels(problem, plane_residuals(T, problem)[2])

@@ -13,7 +13,7 @@ from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.level_problem import LevelProblem
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import pixel_rows
+from rgbd_glue_ros.refinement.residual_rows import plane_and_pixel_rows
 from rgbd_glue_ros.refinement.residuals import plane_residuals, weight_of_pixels
 from rgbd_glue_ros.types import CameraIntrinsics, View
 
@@ -70,6 +70,8 @@ def test_rows_of_pixels_have_the_weight_of_the_refinement() -> None:
     noisy = problem_of(320, depth_noise=1.0)
     alone = noisy._replace(noisy_pixel_weight=noisy.pixel_weight)
     *_, planes = plane_residuals(np.eye(4), noisy)
-    of_noisy, of_alone = (pixel_rows(np.eye(4), of, brightness) for of in (noisy, alone))
+    of_noisy, of_alone = (
+        plane_and_pixel_rows(np.eye(4), of, brightness)[1] for of in (noisy, alone)
+    )
     gain = weight_of_pixels(noisy, planes) / noisy.pixel_weight
     np.testing.assert_allclose(of_noisy.weight, gain * of_alone.weight)
