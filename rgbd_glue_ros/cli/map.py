@@ -11,6 +11,7 @@ from pathlib import Path
 from rgbd_glue_ros.cli import arguments, exports, given_parameters
 from rgbd_glue_ros.cli.replay import interrupted, summary
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.files.reading import FileIdentity, file_identity
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> str:
     ):
         exports.check(args, folder, MAP_RESULTS)
         _say_what_is_replaced(args.save_map, args.map)
-        replaced = _state(args.save_map)
+        replaced = file_identity(args.save_map) if args.save_map else None
         shown = exports.rerun_recording(args, recording)
         if shown is not None:
             left.enter_context(shown)
@@ -103,27 +104,19 @@ def _interrupted(folder: Path) -> str:
     return said
 
 
-def _saved(save_map: Path | None, before: tuple[int, int] | None) -> str:
+def _saved(save_map: Path | None, before: FileIdentity | None) -> str:
     """Whether an interrupted run has saved its map.
 
     Args:
         save_map: where it should; None if nowhere.
-        before: state of that file when the run began.
+        before: that file when the run began.
     """
     if save_map is None:
         return "no map was to be saved (--save-map)"
-    if _state(save_map) != before:
+    if file_identity(save_map) != before:
         return f"the map is saved in {save_map}"
     left = "" if before is None else ", and the file that was there is unchanged"
     return f"the map was not saved in {save_map}{left}"
-
-
-def _state(path: Path | None) -> tuple[int, int] | None:
-    """What changes when a file is replaced; None if there is none."""
-    if path is None or not path.is_file():
-        return None
-    found = path.stat()
-    return found.st_ino, found.st_mtime_ns
 
 
 def _say_what_is_replaced(save_map: Path | None, continued: Path | None) -> None:

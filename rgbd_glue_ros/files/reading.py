@@ -20,6 +20,8 @@ MAX_TEXT = 2**28
 MAX_IMAGE = 2**28
 """Maximum bytes of an image file: twice the largest that is decoded, in colour and uncompressed."""
 
+FileIdentity = tuple[int, int, int, int]
+"""Device, inode, bytes and nanoseconds of the last change."""
 
 _GIT_LFS = b"version https://git-lfs.github.com/spec/"
 _PAGE = re.compile(rb"\s*(<\?xml[^>]*>\s*)?<(!doctype html|html|error)\b", re.IGNORECASE)
@@ -54,6 +56,15 @@ def _remedy(error: Exception) -> str:
     if isinstance(error, PermissionError):
         return "give read permission for the file and its folders"
     return "restore the file"
+
+
+def file_identity(path: Path) -> FileIdentity | None:
+    """What changes when a file is replaced or written to; None if there is no such file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def read_bytes(path: Path, most: int) -> bytes:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rgbd_glue_ros.files.reading import FileIdentity, file_identity
 from rgbd_glue_ros.live.map_summary import SavedState
 from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.slam.map_file import SavedMap, write_map
-
-_Identity = tuple[int, int, int, int]
 
 
 def backup_of(path: Path) -> Path:
@@ -26,7 +25,7 @@ class MapSaving:
     def __init__(self) -> None:
         """Before the map is saved for the first time."""
         self.state: SavedState | None = None
-        self._written: dict[Path, _Identity | None] = {}
+        self._written: dict[Path, FileIdentity | None] = {}
 
     def save(self, path: Path, saved: SavedMap) -> str:
         """Writes the map, and returns what was done in a line.
@@ -41,21 +40,12 @@ class MapSaving:
         Raises:
             InputError: the file cannot be written.
         """
-        is_other = path.is_file() and self._written.get(path) != _identity(path)
+        is_other = path.is_file() and self._written.get(path) != file_identity(path)
         backup = backup_of(path) if is_other else None
         write_map(path, saved, backup)
-        self._written[path] = _identity(path)
+        self._written[path] = file_identity(path)
         self.state = SavedState(str(path), len(saved))
         text = f"{path}: {counted(len(saved), 'keyframe')}"
         if backup is not None:
             text += f"; the file that was there, of another map, is kept as {backup}"
         return text
-
-
-def _identity(path: Path) -> _Identity | None:
-    """What changes when a file is replaced or written to; None if it is not there."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
