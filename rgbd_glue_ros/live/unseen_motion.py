@@ -32,10 +32,10 @@ class UnseenMotion:
         from_keyframe_m = sigma_from_keyframe(estimate)
         if from_keyframe_m is None or estimate.covariance is None:
             return
+        if self.since_ns is None and from_keyframe_m < UNSEEN_M:
+            return
         in_odom_m, _ = largest_sigmas(estimate.covariance)
         if self.since_ns is None:
-            if from_keyframe_m < UNSEEN_M:
-                return
             self.since_ns, self._largest_m = estimate.stamp_ns, 0.0
         elif in_odom_m < _KNOWN_AGAIN * self._largest_m:
             self.since_ns, self.doubt = None, ""

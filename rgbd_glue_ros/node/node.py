@@ -187,7 +187,7 @@ class OdometryNode(BaseNode):
     # Input
 
     def _warm_up(self, glue: Glue) -> None:
-        self.get_logger().info(f"{WARMING_UP[0].upper()}{WARMING_UP[1:]}")
+        self.get_logger().info(_sentence(WARMING_UP))
         try:
             # no frame arrives before this has ended, so sharing the features is safe
             warm_up(self._config, glue)
