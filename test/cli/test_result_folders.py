@@ -28,8 +28,17 @@ OWN = [
 ]
 
 
-def missing(command: str) -> bool:
-    return command == "map" and importlib.util.find_spec("gtsam") is None
+def skip_if_missing(command: str) -> None:
+    """Skips the test of a command whose extra is not installed."""
+    if command == "map" and importlib.util.find_spec("gtsam") is None:
+        pytest.skip("GTSAM is not installed")
+
+
+def prepare(command: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Works in a folder with the recording ``desk``."""
+    skip_if_missing(command)
+    monkeypatch.chdir(folder)
+    write_data_set(folder / "desk", 2)
 
 
 def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -48,10 +57,7 @@ def test_what_is_written_beside_results_takes_no_place_of_theirs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    if missing(command):
-        pytest.skip("GTSAM is not installed")
-    monkeypatch.chdir(tmp_path)
-    write_data_set(tmp_path / "desk", 2)
+    prepare(command, tmp_path, monkeypatch)
     for folder in ("out", "way"):
         Path(folder).mkdir()
     Path("link").symlink_to("out")
@@ -124,10 +130,7 @@ def test_where_no_file_can_be_written_that_is_said_before_the_first_frame(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    if missing(command):
-        pytest.skip("GTSAM is not installed")
-    monkeypatch.chdir(tmp_path)
-    write_data_set(tmp_path / "desk", 2)
+    prepare(command, tmp_path, monkeypatch)
     line = refused([command, "desk", "-o", "out", option, place], capsys)
     assert line.startswith(f"rgbd-glue: {place}: ")
     assert line.endswith("; give another path")
@@ -142,10 +145,7 @@ def test_a_read_only_file_is_not_replaced_and_that_is_said_before_the_first_fram
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    if missing(command):
-        pytest.skip("GTSAM is not installed")
-    monkeypatch.chdir(tmp_path)
-    write_data_set(tmp_path / "desk", 2)
+    prepare(command, tmp_path, monkeypatch)
     place = Path("kept.ply")
     place.write_text("of another place")
     place.chmod(0o444)
@@ -167,8 +167,7 @@ def test_a_map_that_is_replaced_is_named_with_its_keyframes_and_its_time_before_
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    if missing("map"):
-        pytest.skip("GTSAM is not installed")
+    skip_if_missing("map")
     monkeypatch.chdir(tmp_path)
     write_data_set(tmp_path / "desk", 2)
     room = Path("room.rgbdmap")
@@ -191,8 +190,7 @@ def test_a_map_that_is_replaced_is_named_with_its_keyframes_and_its_time_before_
 def test_a_command_refuses_a_folder_that_another_run_writes_to(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if missing(command):
-        pytest.skip("GTSAM is not installed")
+    skip_if_missing(command)
     write_data_set(tmp_path / "desk", 2)
     out = tmp_path / "out"
     with ResultFolder(out, ()):

@@ -21,6 +21,7 @@ pytest.importorskip("pyhbst", reason="pyHBST is not installed")
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.publisher import Publisher
 from rigs.faults import rig_environment, rig_node, shown
 from rigs.maps import map_of
 from rigs.refusal import refusal
@@ -223,6 +224,15 @@ def test_a_damaged_map_is_refused_with_exit_code_2_and_one_line(
     assert f"{room}: holds no valid map" in refusal(mapping.main, ros_domain, capfd, given)
 
 
+def keyframe_publishers(rig: Rig) -> tuple[Publisher, Publisher]:
+    """Those of poses and edges, once the node has subscribed to them and to the images."""
+    poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
+    edges = rig.publisher(OdometryMessage, KEYFRAME_EDGES)
+    publishers = (rig.color, rig.depth, rig.info, poses, edges)
+    rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+    return poses, edges
+
+
 def publish_keyframe(
     rig: Rig,
     publish_pose: Callable[[PoseStamped], None],
@@ -255,10 +265,7 @@ def test_keyframes_of_images_without_a_stamp_are_skipped_and_the_reason_is_logge
     with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
         node.wait_for_line("Subscribed", START_S)
         with Rig(ros_domain) as rig:
-            poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
-            edges = rig.publisher(OdometryMessage, KEYFRAME_EDGES)
-            publishers = (rig.color, rig.depth, rig.info, poses, edges)
-            rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+            poses, edges = keyframe_publishers(rig)
 
             def publish_until(line: str) -> bool:
                 publish_keyframe(rig, poses.publish, edges.publish, numbers, has_stamp=False)
@@ -280,10 +287,7 @@ def test_a_mapping_node_that_is_started_late_says_once_how_many_keyframes_it_has
     with shown(NodeProcess({}, ros_environment(ros_domain), module=MODULE)) as node:
         node.wait_for_line("Subscribed", START_S)
         with Rig(ros_domain) as rig:
-            poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
-            edges = rig.publisher(OdometryMessage, KEYFRAME_EDGES)
-            publishers = (rig.color, rig.depth, rig.info, poses, edges)
-            rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+            poses, edges = keyframe_publishers(rig)
             numbers = [*range(12)]
 
             def is_told() -> bool:
