@@ -193,15 +193,13 @@ class Glue:
         rng = np.random.default_rng(self._config.seed)
         clock = Stopwatch()
 
-        matches = self.visual.match(source.visual, target.visual)
-        check_matches(matches, self._config.features.visual)
-        C_vis = lift(matches, source.points_at, target.points_at)
+        C_vis = self._visual_matches(source, target)
         clock.lap(stages.VISUAL_MATCHING)
         rough = self._rough_transform(C_vis, prior, rng)
         clock.lap(stages.RANSAC)
         geometric = self._filtered(source, target, rough.prior)
         clock.lap(stages.GEOMETRIC_MATCHING)
-        if geometric.credible is None and self._has_fallback:
+        if geometric.credible is None and self.has_fallback:
             rough, geometric = self._fall_back(source, target, C_vis, rough, geometric)
             clock.lap(stages.FALLBACK)
 
@@ -231,9 +229,25 @@ class Glue:
             return unfitted.refused(RegistrationStatus.DEGENERATE)
         return unfitted.accepted(T, covariance)
 
+    def visual_inliers(self, source: Described, target: Described) -> Correspondences:
+        """C_vis^in, without what follows in ``register``: that takes many times as long.
+
+        Raises:
+            InputError: as by ``register``.
+        """
+        rng = np.random.default_rng(self._config.seed)
+        return self._rough_transform(self._visual_matches(source, target), None, rng).inliers
+
     @property
-    def _has_fallback(self) -> bool:
+    def has_fallback(self) -> bool:
+        """Whether geometric matches alone may give a rough transform if visual ones do not."""
         return self._config.glue.filter and self._config.glue.fallback == SC2_PCR
+
+    def _visual_matches(self, source: Described, target: Described) -> Correspondences:
+        """C_vis."""
+        matches = self.visual.match(source.visual, target.visual)
+        check_matches(matches, self._config.features.visual)
+        return lift(matches, source.points_at, target.points_at)
 
     def _rough_transform(
         self, C_vis: Correspondences, prior: TransformPrior | None, rng: np.random.Generator

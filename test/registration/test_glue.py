@@ -250,6 +250,17 @@ def test_the_geometric_search_is_guided_by_the_rough_transform_and_epsilon(told:
     assert distances(feature.rough.T_target_source, matches).max() < 0.05
 
 
+@pytest.mark.parametrize("visual", ["sift", "silent"])
+def test_visual_inliers_alone_are_those_of_the_whole_registration(told: Told, visual: str) -> None:
+    glue, feature = told(geometric_matches(right=300, wrong=100), visual, GlueConfig())
+    source, target = (glue.extract(room_view(time)) for time in TIMES)
+    alone = glue.visual_inliers(source, target)
+    assert feature.rough is None
+    whole = glue.register(source, target).visual_inliers
+    np.testing.assert_array_equal(alone.source, whole.source)
+    np.testing.assert_array_equal(alone.target, whole.target)
+
+
 @pytest.mark.parametrize("visual", ["none", "silent"])
 def test_with_few_visual_matches_the_filter_is_skipped(told: Told, visual: str) -> None:
     glue, feature = told(geometric_matches(right=300, wrong=100), visual, GlueConfig(min_visual=4))
