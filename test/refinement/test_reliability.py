@@ -118,6 +118,26 @@ def test_of_bare_surfaces_no_information_is_left_in_directions_along_all_of_them
     assert (known_after[directions:] > 0.5 * known[directions:]).all()
 
 
+def test_in_the_dark_a_direction_is_kept_in_which_enough_is_real_however_much_noise_there_is() -> (
+    None
+):
+    """Of three directions with less than a third in common, one has more than a pose needs."""
+    rng = np.random.default_rng(0)
+    before, now = (in_the_dark(room_view(seconds), rng) for seconds in (0.0, 0.1))
+    model = model_of(before, CONFIG.grid_step)
+    pixels = [np.ones(len(level.points), bool) for level in model.pixels]
+    alone = model.selected(np.zeros(len(model.planes.points), bool), pixels)
+    pose, left = evaluated(alone, now, se3.inverse(true_pose(0.0)) @ true_pose(0.1))
+    known, known_after = (np.linalg.eigvalsh(p.information) for p in (pose, left))
+    assert (known_after < 1e-6 * known[0]).sum() == 2
+
+
+def in_the_dark(view: View, rng: np.random.Generator) -> View:
+    """A view with a twelfth of the light, noise, and limits of grey levels that suit it."""
+    noisy = 0.08 * view.grey + rng.normal(0, 3.0, view.grey.shape)
+    return replace(view, grey=np.clip(noisy, 0, 255).round().astype(np.uint8), contrast=0.2)
+
+
 def test_information_that_nothing_can_be_compared_with_is_kept() -> None:
     """A patch of nine depths is on no plane: what it would say is not known to be spurious."""
     before, now = corridor_views(seed=0)
