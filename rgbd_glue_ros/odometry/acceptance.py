@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 
-# So many visual matches do not agree by chance with a pose that planes and pixels support.
-_FEW_MATCHES = 6
+FEW_MATCHES = 6
+"""So many visual matches do not agree by chance with a pose that planes and pixels support."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class Acceptance:
         min_planes: planes that must be seen for their agreement to count.
         min_pixels: textured pixels that must be seen for their correlation to count.
         plane_agreement: least fraction of the planes that agrees; half of it is a contradiction.
-        brightness_correlation: least correlation of the brightness of model and image.
+        brightness_correlation: least correlation of the brightness of model and image; half of it
+            is a contradiction.
         min_inliers: visual inliers of a registration that no prediction supports.
         includes_jumps: whether a pose that the camera can hardly reach is accepted if it is
             conclusive.
@@ -115,6 +116,13 @@ class Acceptance:
             and pose.brightness_correlation >= self.brightness_correlation
         )
 
+    def pixels_contradict(self, pose: Refinement) -> bool:
+        """Whether brightness correlates so little that pixels are compared with wrong ones."""
+        return (
+            pose.pixels_seen >= self.min_pixels
+            and pose.brightness_correlation < self.brightness_correlation / 2
+        )
+
     def allows_jump(self, pose: Refinement) -> bool:
         """Whether to accept a pose that the camera can hardly reach."""
         return self.includes_jumps and self.is_conclusive(pose)
@@ -145,7 +153,7 @@ class ScepticalAcceptance(Acceptance):
         brightness may correlate. Both at once, without occluded planes as an excuse, they do only
         by a rare chance, and then no visual match agrees.
         """
-        matches_agree = agreeing_matches >= _FEW_MATCHES
+        matches_agree = agreeing_matches >= FEW_MATCHES
         if self.is_conclusive(pose) or (matches_agree and self.usual.is_conclusive(pose)):
             return is_within_reach or self.includes_jumps
         has_texture = pose.pixels_seen >= self.min_pixels

@@ -12,7 +12,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import distances
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.image_turn import turn_between
-from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.pose_choice import CLEARLY_BETTER, Candidate, image_agreement
 from rgbd_glue_ros.odometry.pose_refinement import (
     COARSE_LEVELS,

@@ -16,8 +16,8 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.keyframe import Anchor, NewestKeyframe
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge
-from rgbd_glue_ros.odometry.keyframes import Anchor, NewestKeyframe
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS
 from rgbd_glue_ros.parameters import RefineConfig

@@ -9,7 +9,7 @@ somewhat correlated.
 from __future__ import annotations
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.keyframes import Keyframe, NewestKeyframe
+from rgbd_glue_ros.odometry.keyframe import Keyframe, NewestKeyframe
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors, refined_covariance
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge

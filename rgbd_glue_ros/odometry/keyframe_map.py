@@ -12,15 +12,10 @@ from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
+from rgbd_glue_ros.odometry.keyframe import Anchor, Keyframe, NewestKeyframe, RecentKeyframe
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
-from rgbd_glue_ros.odometry.keyframes import (
-    Anchor,
-    Keyframe,
-    Keyframes,
-    NewestKeyframe,
-    RecentKeyframe,
-)
+from rgbd_glue_ros.odometry.keyframes import Keyframes
 from rgbd_glue_ros.odometry.motion_filter import Motion, lost_covariance
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config
@@ -49,6 +44,7 @@ class KeyframeMap:
         self._keyframes = Keyframes(config.odometry, glue.without_images)
         self._last_blend = LastBlend()
         self._edges: list[PoseGraphEdge] = []
+        self._recognition_turn = 0
         self._drift = BackgroundValue(background, DriftCorrection.at(np.eye(4)))
 
     def reconfigure(self, config: Config) -> None:
@@ -61,7 +57,8 @@ class KeyframeMap:
 
     def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
         """The keyframes that a frame at a pose is compared with, the nearest first."""
-        return self._keyframes.nearest(T_track_camera)[: self._config.odometry.references]
+        nearest = self._keyframes.nearest(T_track_camera, self._keyframes.component)
+        return nearest[: self._config.odometry.references]
 
     def model_shown_by(self, references: Sequence[Keyframe]) -> Model:
         """The planes and pixels that some of the keyframes show together, in the track frame."""
@@ -156,7 +153,9 @@ class KeyframeMap:
         pose = candidate.pose
         T, stamp_ns = pose.T_track_camera, pose.motion.stamp_ns
         # a keyframe with a wrong time is off, and what is tracked from it is off by the opposite
-        keyframe = self._add(stamp_ns, T, pose.covariance - pose.timing_covariance, *shown)
+        covariance = pose.covariance - pose.timing_covariance
+        component = pose.reference.component if candidate.is_certain else None
+        keyframe = self._add(stamp_ns, T, covariance, *shown, component)
         relative = pose.covariance_from_keyframe
         self._edges.append(edge_from(pose.reference, keyframe.number, T, relative))
         self._compare_with_anchors(keyframe, calibration)
@@ -169,27 +168,66 @@ class KeyframeMap:
             self._edges.extend(drift.edges)
             self._drift.replace(replace(drift, edges=()))
 
-    def advance_correction(self, reference: Keyframe, T_before: Float64, T_now: Float64) -> None:
+    def next_to_recognise(self) -> Keyframe | None:
+        """A keyframe of a component that began before the newest, another one at every call."""
+        keyframes = self._keyframes.of_earlier_components()
+        if not keyframes:
+            return None
+        self._recognition_turn = (self._recognition_turn + 1) % len(keyframes)
+        return keyframes[::-1][self._recognition_turn]
+
+    def join(
+        self, newest: NewestKeyframe, keyframe: Keyframe, T_shift: Float64, covariance: Float64
+    ) -> None:
+        """Moves the newest component to where a keyframe of another one shows the same.
+
+        Args:
+            newest: the newest keyframe.
+            keyframe: that of the other component.
+            T_shift: float64 [4, 4], to be multiplied on the left of poses of the newest component.
+            covariance: float64 [6, 6] of the newest keyframe's pose after that, given the pose of
+                ``keyframe``.
+        """
+        known = self._known_drift_of(keyframe)
+        of_newest = keyframe.covariance + covariance
+        joined = self._keyframes.join(newest, keyframe.component, T_shift, of_newest, known)
+        T = joined.T_track_camera
+        self._edges.append(edge_from(keyframe, joined.number, T, covariance, EdgeOrigin.REVISIT))
+
+    def jump_to(self, reference: Keyframe) -> None:
+        """Continues with the drift of a keyframe, where a jump was announced.
+
+        Args:
+            reference: keyframe that the pose was found from; an anchor has a drift of its own.
+        """
+        if isinstance(reference, Anchor):
+            self._drift.replace(DriftCorrection.at(self._known_drift_of(reference)))
+
+    def advance_correction(self, T_before: Float64, T_now: Float64) -> None:
         """Moves the correction towards that of all known drift, according to the camera's motion.
 
         Args:
-            reference: keyframe that the pose was found from. A pose found from an anchor has the
-                same drift as that anchor.
             T_before: T_track_camera of the previous pose, float64 [4, 4].
             T_now: T_track_camera of this pose.
         """
-        drift = self._drift.current()
-        if isinstance(reference, Anchor):
-            drift = DriftCorrection.at(reference.T_odom_track)
-        self._drift.replace(drift.advanced(T_before, T_now, self._config.odometry.drift_rate))
+        rate = self._config.odometry.drift_rate
+        self._drift.replace(self._drift.current().advanced(T_before, T_now, rate))
 
-    def shift_track(self, T_shift: Float64) -> None:
+    def shift_track(self, T_shift: Float64, reference: Keyframe) -> None:
         """Continues with shifted tracked poses, without a jump of the published ones.
 
         Args:
             T_shift: float64 [4, 4], multiplied on the left of tracked poses from now on.
+            reference: keyframe that the shifted pose was found from.
         """
-        self._drift.replace(self._drift.current().after_shift(T_shift))
+        drift = self._drift.current().after_shift(T_shift)
+        self._drift.replace(replace(drift, T_odom_track_known=self._known_drift_of(reference)))
+
+    def _known_drift_of(self, keyframe: Keyframe) -> Float64:
+        """The correction of all known drift of a keyframe's pose, T_odom_track [4, 4]."""
+        if isinstance(keyframe, Anchor):
+            return keyframe.T_odom_track
+        return self._drift.current().T_odom_track_known
 
     def _add(
         self,
@@ -198,10 +236,11 @@ class KeyframeMap:
         covariance: Float64,
         features: FrameFeatures,
         model: Model,
+        component: int | None = None,
     ) -> NewestKeyframe:
         T_odom_track = self._drift.current().T_odom_track_known
         return self._keyframes.add(
-            stamp_ns, T_track_camera, covariance, features, model, T_odom_track
+            stamp_ns, T_track_camera, covariance, features, model, T_odom_track, component
         )
 
     def _compare_with_anchors(self, keyframe: NewestKeyframe, calibration: SelfCalibration) -> None:
@@ -223,9 +262,9 @@ class KeyframeMap:
         """What a frame due as a keyframe shows of the room; None if it is not due."""
         distance = candidate.distance(self._config.odometry)
         is_near = distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap
-        # frames are tracked against the latest keyframes: the next one would be lost again if an
-        # anchor alone showed this place
-        if is_near and not isinstance(candidate.pose.reference, Anchor):
+        # frames are tracked against the window of one component: the next one would be lost again
+        # if a keyframe elsewhere alone showed this place
+        if is_near and self._keyframes.is_tracked_from(candidate.pose.reference):
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):
@@ -239,7 +278,9 @@ class KeyframeMap:
         """A frame's features and model without dynamic objects."""
         features, grid_step = candidate.features, self._config.refine.grid_step
         T = candidate.pose.T_track_camera
-        view = without_dynamic_objects(features.view, T, [k.surfaces for k in self.nearest(T)])
+        nearest = self._keyframes.nearest(T, candidate.pose.reference.component)
+        surfaces = [k.surfaces for k in nearest[: self._config.odometry.references]]
+        view = without_dynamic_objects(features.view, T, surfaces)
         if view is None:
             return features, model_of(features.view, grid_step)
         static_features = self._background.submit(self._glue.with_other_depth, features, view)

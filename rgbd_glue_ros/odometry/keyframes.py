@@ -1,74 +1,18 @@
-"""Keyframes: frames with a pose that others are registered and refined against."""
+"""The keyframes that are kept: the latest, which are a window, and anchors that cover the room."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.odometry.keyframe import Anchor, K, Keyframe, NewestKeyframe, RecentKeyframe
 from rgbd_glue_ros.odometry.surfaces import Surfaces
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.frame_features import Described, FrameFeatures
 from rgbd_glue_ros.types import Float64
-
-
-@dataclass(frozen=True)
-class Keyframe:
-    """A frame that others are registered against.
-
-    Attributes:
-        number: counted from 0.
-        stamp_ns: of the frame.
-        T_track_camera: float64 [4, 4].
-        covariance: float64 [6, 6] of the pose, perturbation on the left, track frame; without the
-            error of its image's time, which does not accumulate in later poses.
-        features: of the frame, that others are registered by.
-        model: its planes and pixels, in the track frame.
-    """
-
-    number: int
-    stamp_ns: int
-    T_track_camera: Float64
-    covariance: Float64
-    features: Described
-    model: Model
-
-
-@dataclass(frozen=True)
-class RecentKeyframe(Keyframe):
-    """A keyframe that tracking uses.
-
-    Attributes:
-        surfaces: what its depth shows, in the track frame.
-    """
-
-    surfaces: Surfaces
-
-
-@dataclass(frozen=True)
-class NewestKeyframe(RecentKeyframe):
-    """The keyframe made last, with its images; others keep none where features allow that."""
-
-    features: FrameFeatures
-
-
-@dataclass(frozen=True)
-class Anchor(Keyframe):
-    """A keyframe that tracking has left behind.
-
-    Attributes:
-        T_odom_track: float64 [4, 4], the correction of all drift of ``T_track_camera`` that was
-            known when tracking left it.
-    """
-
-    T_odom_track: Float64
-
-    @property
-    def T_odom_camera(self) -> Float64:
-        """The drift-corrected pose, float64 [4, 4]."""
-        return self.T_odom_track @ self.T_track_camera
 
 
 class Keyframes:
@@ -110,6 +54,7 @@ class Keyframes:
         features: FrameFeatures,
         model: Model,
         T_odom_track: Float64,
+        component: int | None,
     ) -> NewestKeyframe:
         """Makes a keyframe of a frame.
 
@@ -120,6 +65,8 @@ class Keyframes:
             features: of the frame.
             model: in its camera's frame.
             T_odom_track: the correction of all drift that is known, float64 [4, 4].
+            component: that of the keyframe that its pose was measured from; None if it is the
+                first of another.
         """
         self._drop_images()
         number, self._count = self._count, self._count + 1
@@ -130,6 +77,7 @@ class Keyframes:
             covariance,
             features,
             model.moved(T_track_camera),
+            number if component is None else component,
             Surfaces.seen(features.view, T_track_camera),
         )
         if len(self._window()) > min(self._config.window, self._config.keyframes):
@@ -151,22 +99,21 @@ class Keyframes:
         """The newest keyframe becomes an earlier one."""
         newest, self._newest = self._newest, None
         if newest is not None:
-            kept = {**vars(newest), "features": self._without_images(newest.features)}
-            self._earlier.append(RecentKeyframe(**kept))
+            self._earlier.append(RecentKeyframe.of(newest, self._without_images(newest.features)))
 
     def _leave(self, keyframe: RecentKeyframe, T_odom_track: Float64) -> None:
         T_odom_camera = T_odom_track @ keyframe.T_track_camera
         if self.anchors(T_odom_camera, self._config.keyframe_spacing):
             return
-        kept = dict(vars(keyframe))
-        del kept["surfaces"]
-        self._anchors.append(Anchor(**kept, T_odom_track=T_odom_track))
+        self._anchors.append(Anchor.of(keyframe, T_odom_track))
 
     def leave_window(self, T_odom_track: Float64) -> None:
         """Makes anchors of the whole window, so that tracking starts without it.
 
         Args:
             T_odom_track: the correction of all drift that is known, float64 [4, 4].
+            component: that of the keyframe that its pose was measured from; None if it is the
+                first of another.
         """
         self._drop_images()
         while self._earlier:
@@ -185,6 +132,57 @@ class Keyframes:
         """The keyframe made last; None before the first."""
         return self._newest
 
+    @property
+    def component(self) -> int:
+        """The component of the newest keyframe; 0 before the first."""
+        return 0 if self._newest is None else self._newest.component
+
+    def is_tracked_from(self, keyframe: Keyframe) -> bool:
+        """Whether the next frame is compared with a keyframe and those near it."""
+        return not isinstance(keyframe, Anchor) and keyframe.component == self.component
+
+    def of_earlier_components(self) -> list[Keyframe]:
+        """The keyframes of components that began before that of the newest."""
+        return [keyframe for keyframe in self if keyframe.component < self.component]
+
+    def join(
+        self,
+        newest: NewestKeyframe,
+        component: int,
+        T_shift: Float64,
+        covariance: Float64,
+        T_odom_track: Float64,
+    ) -> NewestKeyframe:
+        """Moves the newest component to where it was recognised, and makes it a part of another.
+
+        Args:
+            newest: the newest keyframe.
+            component: the other one.
+            T_shift: float64 [4, 4], to be multiplied on the left of the poses of the newest.
+            covariance: float64 [6, 6], of the newest keyframe's pose after that.
+            T_odom_track: the correction of all drift of the other component, float64 [4, 4].
+
+        Returns:
+            The newest keyframe after that.
+        """
+        first = next(k for k in self if k.component == newest.component)
+
+        def moved(keyframe: K) -> K:
+            if keyframe.component != newest.component:
+                return keyframe
+            # as if it and the newest had nothing in common but the first
+            since_first = keyframe.covariance + newest.covariance - 2 * first.covariance
+            of_pose = covariance + se3.transported_covariance(T_shift, since_first)
+            return replace(keyframe.moved(T_shift), covariance=of_pose, component=component)
+
+        self._anchors = deque(
+            each if (there := moved(each)) is each else replace(there, T_odom_track=T_odom_track)
+            for each in self._anchors
+        )
+        self._earlier = deque(map(moved, self._earlier))
+        self._newest = replace(moved(newest), covariance=covariance)
+        return self._newest
+
     def latest(self, count: int) -> list[Keyframe]:
         """The last ``count`` keyframes, newest first."""
         return list(self)[::-1][:count]
@@ -200,7 +198,7 @@ class Keyframes:
         start = turn * count % max(len(newest_first), 1)
         return (newest_first[start:] + newest_first[:start])[:count]
 
-    def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
-        """The window, ordered by nearness of the view to a pose."""
-        newest_first = reversed(self._window())
+    def nearest(self, T_track_camera: Float64, component: int) -> list[RecentKeyframe]:
+        """The window's keyframes of a component, ordered by nearness of their views to a pose."""
+        newest_first = [k for k in self._window()[::-1] if k.component == component]
         return sorted(newest_first, key=lambda k: se3.difference(k.T_track_camera, T_track_camera))

@@ -19,6 +19,9 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # A velocity is meaningful for this long; after that the camera is expected where it was.
 MEMORY_S = 0.25
+# Time in which a velocity falls to a third while images do not show the motion: a camera at a bare
+# wall has not always stopped, but would otherwise be said to move on for as long as it stays there.
+_VELOCITY_LASTS_S = 0.5
 # Standard deviations of an unknown velocity: a camera on a robot or in a hand, m/s and rad/s.
 _UNKNOWN_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 # How much a camera with a usable image may change its speed between two frames, m/s and rad/s.
@@ -147,6 +150,26 @@ class Motion:
             return corrected
         return Motion.start(self.stamp_ns, corrected.T_track_camera, corrected.pose_covariance)
 
+    def at_own_keyframe(self) -> Motion:
+        """The motion with its pose known exactly, from the keyframe that the frame has become."""
+        covariance = self.covariance.copy()
+        covariance[_POSE, :] = covariance[:, _POSE] = 0.0
+        return replace(self, covariance=covariance)
+
+    def decoupled(self: M, part: Float64) -> M:
+        """The motion with no covariance between a part of pose and velocity, and the rest.
+
+        Else, where nothing measures the part for long, millimetres in which the rest is corrected
+        move it by metres: its directions are known to a few degrees only.
+
+        Args:
+            part: float64 [6, 6], a projection of twists in the camera's frame.
+        """
+        of_both = np.kron(np.eye(2), part)
+        rest = np.eye(12) - of_both
+        covariance = of_both @ self.covariance @ of_both.T + rest @ self.covariance @ rest.T
+        return replace(self, covariance=covariance)
+
     def corrected_by_twist(self, twist: Float64, covariance: Float64) -> Motion:
         """The motion after a measured velocity; unchanged if the two disagree completely.
 
@@ -211,6 +234,15 @@ class PredictedMotion(Motion):
         if not (np.abs(twist) < _FASTEST).all():
             return self
         return replace(self, T_track_camera=last.T_track_camera @ T_last_camera, twist=twist)
+
+    def slowed(self, part: Float64) -> PredictedMotion:
+        """The prediction with less of a part of the velocity, that has not been measured for long.
+
+        Args:
+            part: float64 [6, 6], a projection of twists in the camera's frame.
+        """
+        forgotten = 1 - np.exp(-self.elapsed_s / _VELOCITY_LASTS_S)
+        return replace(self, twist=self.twist - forgotten * part @ self.twist)
 
     def expects(self, T_track_camera: Float64) -> bool:
         """Whether a pose is possible according to the filter."""

@@ -8,7 +8,7 @@ from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.depth_diagnosis import StartWarning
-from rgbd_glue_ros.odometry.keyframes import NewestKeyframe
+from rgbd_glue_ros.odometry.keyframe import NewestKeyframe
 from rgbd_glue_ros.odometry.session import Session
 from rgbd_glue_ros.parameters import Config, check_changes, load_preset
 from rgbd_glue_ros.registration.glue import Glue

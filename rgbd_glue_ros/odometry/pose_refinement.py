@@ -111,6 +111,10 @@ class PoseProblem(RefinementProblem):
             return PoseEstimate(final, twist, problem.view.twist)
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
+    def without_pixels(self) -> PoseProblem:
+        """The problem with the planes of the model alone."""
+        return replace(self, model=self.model.without_pixels())
+
     def with_twist_used_for(self, estimate: PoseEstimate) -> PoseProblem:
         """The problem with the twist that the view had when an estimate was refined."""
         if estimate.view_twist is None:

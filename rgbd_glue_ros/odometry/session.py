@@ -10,14 +10,15 @@ from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.depth_diagnosis import summarise_depth
 from rgbd_glue_ros.odometry.inertial import Inertial
+from rgbd_glue_ros.odometry.keyframe import NewestKeyframe
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
-from rgbd_glue_ros.odometry.keyframes import NewestKeyframe
 from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion, PredictedMotion
 from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
+from rgbd_glue_ros.odometry.pose_covariance import uncertain_part, unmeasured_part
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
-from rgbd_glue_ros.odometry.relocalisation import relocalise
+from rgbd_glue_ros.odometry.relocalisation import recognise, relocalise
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracked_pose import TrackedPose
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
@@ -91,7 +92,7 @@ class Session:
             if attempt.fix is None:
                 estimate = self._miss(attempt, last.motion, frame.stamp_ns)
             else:
-                estimate = self._accept(attempt, attempt.fix, last.motion, predicted, whole)
+                estimate = self._accept(attempt, attempt.fix, last, predicted, whole)
         if estimate.T_odom_camera is None:
             estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
         else:
@@ -103,7 +104,11 @@ class Session:
     def update_map(self) -> bool:
         """Makes a keyframe of the frame tracked last, if it is due; whether it did."""
         candidate, self._candidate = self._candidate, None
-        return candidate is not None and self.keyframes.add_if_due(candidate, self.calibration)
+        if candidate is None or not self.keyframes.add_if_due(candidate, self.calibration):
+            return False
+        if not candidate.is_certain:
+            self._progress = self._progress.at_own_keyframe()
+        return True
 
     def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> PredictedMotion | None:
         """The motion at a stamp, predicted without its images; None at the start."""
@@ -145,7 +150,27 @@ class Session:
             config.prior_radius,
         )
         self.keyframes.finish_revisit()
-        return self._relocalise(tracked, problem) if tracked.fix is None else tracked
+        if tracked.fix is None:
+            return self._relocalise(tracked, problem)
+        return self._recognise(tracked, tracked.fix, problem)
+
+    def _recognise(self, tracked: Attempt, fix: PoseFix, problem: PoseProblem) -> Attempt:
+        """Continues in an earlier component of the map once a tracked frame shows a part of it.
+
+        The component that the frame was tracked in joins it, unless the frame itself, as one that
+        was tracked from a bare wall, does not know where in that component it is.
+        """
+        newest, earlier = self.keyframes.newest(), self.keyframes.next_to_recognise()
+        if newest is None or earlier is None:
+            return tracked
+        acceptance, errors = Acceptance.of(self._config.odometry), self.calibration.pose_errors()
+        recognition = recognise(tracked, fix, earlier, problem, self._glue, acceptance, errors)
+        if recognition is None:
+            return tracked
+        count = errors.residuals_per_independent_one
+        if not unmeasured_part(fix.estimate.refinement, count, self._config.odometry).any():
+            self.keyframes.join(newest, earlier, recognition.T_shift, recognition.covariance)
+        return recognition.attempt
 
     def _relocalise(self, tracked: Attempt, problem: PoseProblem) -> Attempt:
         """Searches for a frame that tracking has lost near other keyframes."""
@@ -165,7 +190,7 @@ class Session:
         self,
         attempt: Attempt,
         fix: PoseFix,
-        last: Motion,
+        last: LastPose,
         predicted: PredictedMotion,
         whole: View,
     ) -> OdometryEstimate:
@@ -174,31 +199,39 @@ class Session:
         Args:
             attempt: that found the pose.
             fix: the pose.
-            last: the motion at the last pose.
+            last: the last frame with a pose.
             predicted: the motion at this frame, predicted without it.
             whole: the frame with parts of the robot.
         """
+        before = last.motion
         if fix.T_shift is not None:
-            predicted, last = predicted.shifted(fix.T_shift), last.shifted(fix.T_shift)
-            self.keyframes.shift_track(fix.T_shift)
+            predicted, before = predicted.shifted(fix.T_shift), before.shifted(fix.T_shift)
+            self.keyframes.shift_track(fix.T_shift, fix.reference)
             self._compare_with_no_earlier_pose()
+        else:
+            self.keyframes.jump_to(fix.reference)
         count = self._config.refine.residuals_per_independent_one
+        if not last.is_certain:
+            part = unmeasured_part(fix.estimate.refinement, count, self._config.odometry)
+            predicted = predicted.decoupled(part).slowed(part)
         motion = corrected_motion(predicted, fix.estimate, count)
         self.inertial = self.inertial.after_pose(motion.stamp_ns, fix.estimate, count)
-        self.keyframes.advance_correction(fix.reference, last.T_track_camera, motion.T_track_camera)
+        self.keyframes.advance_correction(before.T_track_camera, motion.T_track_camera)
         errors, acceptance = self.calibration.pose_errors(), Acceptance.of(self._config.odometry)
         pose = TrackedPose.of(fix, motion, predicted, errors, acceptance)
         # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)
-        self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
-        is_certain = motion.stamp_ns - last.stamp_ns <= _TWIST_IS_CERTAIN_NS
-        if is_certain:
-            self.keyframes.set_velocity_at_start(last, motion)
-        self.calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=is_certain)
+        is_certain = not uncertain_part(motion.pose_covariance, self._config.odometry).any()
+        last_pose = LastPose(motion, view, fix.alternative, is_certain)
+        self._progress = self._progress.with_pose(last_pose)
+        knows_twist = motion.stamp_ns - before.stamp_ns <= _TWIST_IS_CERTAIN_NS
+        if knows_twist:
+            self.keyframes.set_velocity_at_start(before, motion)
+        self.calibration.learn_from(fix, view, motion.T_track_camera, twist_is_certain=knows_twist)
         self._own_parts.compare(replace(whole, twist=motion.twist), motion.T_track_camera)
         overlapping = overlap(view, fix.estimate.refinement, self._config.refine)
         features = replace(attempt.features, view=view)
-        self._candidate = KeyframeCandidate(pose, features, overlapping)
+        self._candidate = KeyframeCandidate(pose, features, overlapping, is_certain)
         return replace(
             pose.estimate(self.keyframes.drift, self.state),
             registration=attempt.registration,

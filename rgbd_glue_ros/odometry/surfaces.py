@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -52,6 +52,10 @@ class Surfaces:
             depth_pose(view, T_track_camera),
             view.depth_noise,
         )
+
+    def moved(self, T: Float64) -> Surfaces:
+        """The surfaces in the frame that T [4, 4] maps the track frame to."""
+        return replace(self, T_track_depth=T @ self.T_track_depth)
 
     def in_front_of(self, other: Surfaces) -> UInt8:
         """Blocks in front of everything that another view sees there, uint8 [R, C], 1 or 0."""

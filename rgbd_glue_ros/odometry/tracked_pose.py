@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.contradiction import contradiction_covariance
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
-from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import Motion, PredictedMotion
 from rgbd_glue_ros.odometry.pose_covariance import (
     PoseErrors,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.acceptance import FEW_MATCHES, Acceptance
 from rgbd_glue_ros.odometry.alternative import Alternative
 from rgbd_glue_ros.odometry.background import BackgroundThread, Once
 from rgbd_glue_ros.odometry.candidates import (
@@ -17,10 +17,10 @@ from rgbd_glue_ros.odometry.candidates import (
     turned_candidates,
 )
 from rgbd_glue_ros.odometry.contradiction import settle_contradiction
-from rgbd_glue_ros.odometry.keyframes import Keyframe
+from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
-from rgbd_glue_ros.odometry.pose_refinement import PoseEstimate, PoseProblem
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.odometry.unmeasured_direction import expected_where_unmeasured
 from rgbd_glue_ros.refinement.model import Model
@@ -101,8 +101,10 @@ def track(
     predicted = background.start(predicted_candidate, problem, acceptance) if uses_prior else None
     geometric = background.start(glue.extract_geometric, problem.view)
     fix = partial(_pose_fix, nearest=nearest, problem=problem, last=last, acceptance=acceptance)
-    # in most frames this is the pose that is chosen
-    predicted_fix = None if predicted is None else background.start(lambda: fix(predicted.result()))
+    predicted_fix = None
+    # in most frames this is the pose that is chosen, and no match has a say in it
+    if predicted is not None and last.is_certain:
+        predicted_fix = background.start(lambda: fix(predicted.result(), agreeing_matches=0))
     features = glue.extract_visual(problem.view, geometric.result)
     prior = _prior(problem.predicted, nearest, prior_radius) if uses_prior else None
     result = glue.register(features, nearest.features, prior)
@@ -118,7 +120,8 @@ def track(
         return Attempt(described, result.refused(RegistrationStatus.INCONSISTENT))
     if predicted_fix is not None and chosen is candidates[0]:
         return Attempt(described, result, predicted_fix.result())
-    return Attempt(described, result, fix(chosen))
+    agreeing = chosen.agreeing(registration.matches, registration.inlier_threshold)
+    return Attempt(described, result, fix(chosen, agreeing_matches=agreeing))
 
 
 def _prior(predicted: PredictedMotion, keyframe: Keyframe, radius: float) -> TransformPrior:
@@ -159,6 +162,7 @@ def _where_expected(candidates: Sequence[Candidate], problem: PoseProblem) -> li
 
 def _pose_fix(
     chosen: Candidate,
+    agreeing_matches: int,
     nearest: Keyframe,
     problem: PoseProblem,
     last: LastPose,
@@ -166,5 +170,13 @@ def _pose_fix(
 ) -> PoseFix:
     """A chosen pose, or the one that more of the frame shows; as expected where unmeasured."""
     settled = settle_contradiction(chosen, problem, last, acceptance)
-    estimate = expected_where_unmeasured(settled.estimate, problem)
+    estimate = settled.estimate
+    # from a start as far off as the camera may be, edges find others that look like them
+    is_found = last.is_certain or agreeing_matches >= FEW_MATCHES
+    if not is_found or acceptance.pixels_contradict(estimate.refinement):
+        # their gradients would hold the pose where nothing was measured
+        problem = problem.without_pixels()
+        coarse = problem.refined(estimate.T_track_camera, COARSE_LEVELS)
+        estimate = problem.refined_further(coarse, acceptance)
+    estimate = expected_where_unmeasured(estimate, problem)
     return PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)

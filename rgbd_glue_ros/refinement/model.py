@@ -120,6 +120,10 @@ class Model:
         """The model in the frame that T [4, 4] maps to."""
         return Model(self.planes.moved(T), tuple(p.moved(T) for p in self.pixels))
 
+    def without_pixels(self) -> Model:
+        """The planes alone."""
+        return replace(self, pixels=tuple(level.selected(slice(0)) for level in self.pixels))
+
     def selected(self, planes: Mask, pixels: Sequence[Mask]) -> Model:
         """A part of the model.
 

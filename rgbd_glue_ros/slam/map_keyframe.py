@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.keyframes import NewestKeyframe
+from rgbd_glue_ros.odometry.keyframe import NewestKeyframe
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import Model, model_of
 from rgbd_glue_ros.registration.frame_features import FrameFeatures

@@ -16,7 +16,10 @@ class EdgeOrigin(Enum):
     ASSUMED = (
         "nothing: the camera was lost in between, and the covariance says how far it may have moved"
     )
-    REVISIT = "the child saw again what the parent, a much earlier anchor, had seen"
+    REVISIT = (
+        "the child, or a frame tracked from it, saw again what the parent, a much earlier one, had "
+        "seen"
+    )
     LOOP = "recognised by appearance and verified by registration"
 
 

@@ -1,4 +1,4 @@
-"""What planes and pixels must say of a pose before it is is_plausible."""
+"""What planes and pixels must say of a pose before it is plausible."""
 
 from __future__ import annotations
 
@@ -119,3 +119,13 @@ def test_a_pose_without_prediction_takes_pixels_that_no_planes_contradict_not_ev
     pose: Refinement, is_plausible: bool
 ) -> None:
     assert USUAL.is_plausible_place(pose) is is_plausible
+
+
+@pytest.mark.parametrize(
+    ("pixels", "correlation", "contradict"),
+    [(MANY, 0.9, False), (MANY, 0.4, False), (MANY, 0.2, True), (USUAL.min_pixels - 1, 0.2, False)],
+)
+def test_pixels_contradict_a_pose_at_which_they_hardly_correlate(
+    pixels: int, correlation: float, contradict: bool
+) -> None:
+    assert USUAL.pixels_contradict(found(MANY, 0.9, pixels, correlation)) is contradict

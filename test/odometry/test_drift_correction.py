@@ -15,7 +15,7 @@ from rigs.room import room_view, true_pose
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
-from rgbd_glue_ros.odometry.keyframes import Anchor, NewestKeyframe
+from rgbd_glue_ros.odometry.keyframe import Anchor, NewestKeyframe
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.odometry.surfaces import Surfaces
@@ -37,13 +37,12 @@ def keyframe(view: View, T_track_camera: Float64, sigma: float = 0.05) -> Newest
     model = model_of(view, CONFIG.refine.grid_step).moved(T_track_camera)
     features = FrameFeatures(view, None, None, {})
     surfaces = Surfaces.seen(view, T_track_camera)
-    return NewestKeyframe(0, 0, T_track_camera, np.eye(6) * sigma**2, features, model, surfaces)
+    covariance = np.eye(6) * sigma**2
+    return NewestKeyframe(0, 0, T_track_camera, covariance, features, model, 0, surfaces)
 
 
 def anchor(view: View, T_track_camera: Float64, T_odom_track: Float64) -> Anchor:
-    known = keyframe(view, T_track_camera)
-    features, model, covariance = known.features, known.model, known.covariance
-    return Anchor(0, 0, T_track_camera, covariance, features, model, T_odom_track)
+    return Anchor.of(keyframe(view, T_track_camera), T_odom_track)
 
 
 # how the pose follows

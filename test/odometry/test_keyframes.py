@@ -11,7 +11,8 @@ from rigs.room import CAMERA
 
 from rgbd_glue_ros.features.lifting import KeypointPoints
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.keyframes import Anchor, Keyframe, Keyframes
+from rgbd_glue_ros.odometry.keyframe import Anchor, NewestKeyframe
+from rgbd_glue_ros.odometry.keyframes import Keyframes
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.model import LEVELS, Model, Pixels, Planes
 from rgbd_glue_ros.registration.frame_features import FrameFeatures, KeypointFeatures
@@ -36,10 +37,16 @@ def kept(capacity: int, window: int = 5, spacing: float = 0.0) -> Keyframes:
 
 
 def add(
-    keyframes: Keyframes, T: Float64, stamp_ns: int = 0, T_odom_track: Float64 | None = None
-) -> Keyframe:
+    keyframes: Keyframes,
+    T: Float64,
+    stamp_ns: int = 0,
+    T_odom_track: Float64 | None = None,
+    component: int | None = 0,
+    sigma: float = 1.0,
+) -> NewestKeyframe:
     T_odom_track = np.eye(4) if T_odom_track is None else T_odom_track
-    return keyframes.add(stamp_ns, T, np.eye(6), FEATURES, MODEL, T_odom_track)
+    covariance = sigma**2 * np.eye(6)
+    return keyframes.add(stamp_ns, T, covariance, FEATURES, MODEL, T_odom_track, component)
 
 
 def moved(metres: float, radians: float = 0.0) -> Float64:
@@ -72,7 +79,7 @@ def test_keyframes_outside_the_window_are_used_for_relocalisation_but_not_for_tr
     for metres in (0.0, 5.0):
         add(keyframes, moved(metres))
     keyframes.leave_window(np.eye(4))
-    assert keyframes.nearest(np.eye(4)) == []
+    assert keyframes.nearest(np.eye(4), keyframes.component) == []
     assert [k.number for k in keyframes.latest(3)] == [1, 0]
     assert add(keyframes, np.eye(4)).number == 2
 
@@ -107,14 +114,14 @@ def test_keyframes_with_the_most_similar_pose_come_first(
     keyframes = kept(5)
     for pose in poses:
         add(keyframes, T @ pose)
-    assert [k.number for k in keyframes.nearest(T)] == order
+    assert [k.number for k in keyframes.nearest(T, keyframes.component)] == order
 
 
 def test_tracking_does_not_return_to_keyframes_older_than_the_window() -> None:
     keyframes = kept(5, window=2)
     for way in (0.0, 0.5, 1.0):
         add(keyframes, moved(way))
-    assert [k.number for k in keyframes.nearest(np.eye(4))] == [1, 2]
+    assert [k.number for k in keyframes.nearest(np.eye(4), keyframes.component)] == [1, 2]
     assert [k.number for k in keyframes.latest(2)] == [2, 1]
 
 
@@ -168,4 +175,54 @@ def test_at_the_limit_the_oldest_anchor_is_removed_and_the_window_stays() -> Non
     for i in range(8):
         add(keyframes, moved(float(i)))
     assert [k.number for k in keyframes] == [4, 5, 6, 7]
-    assert [k.number for k in keyframes.nearest(moved(9.0))] == [7, 6, 5]
+    assert [k.number for k in keyframes.nearest(moved(9.0), keyframes.component)] == [7, 6, 5]
+
+
+def test_frames_are_compared_with_the_component_of_the_newest_keyframe_alone() -> None:
+    keyframes = kept(9)
+    add(keyframes, moved(0.0))
+    first = add(keyframes, moved(0.1), component=None)
+    second = add(keyframes, moved(0.2), component=first.component)
+    assert first.component == first.number
+    assert [k.number for k in keyframes.nearest(moved(0.0), keyframes.component)] == [
+        first.number,
+        second.number,
+    ]
+    assert [k.number for k in keyframes.of_earlier_components()] == [0]
+    assert keyframes.is_tracked_from(first)
+    assert not keyframes.is_tracked_from(keyframes.of_earlier_components()[0])
+
+
+@given(transforms())
+def test_a_component_that_joins_another_moves_there_as_a_whole(T_shift: Float64) -> None:
+    keyframes = kept(9, window=2)
+    known = add(keyframes, moved(0.0), sigma=0.1)
+    for way, sigma in ((1.0, 2.0), (2.0, 2.1)):
+        component = keyframes.component if way > 1 else None
+        newest = add(keyframes, moved(way), component=component, sigma=sigma)
+    before = {k.number: k for k in keyframes}
+    covariance, T_odom_track = 0.2**2 * np.eye(6), moved(5.0)
+    joined = keyframes.join(newest, known.component, T_shift, covariance, T_odom_track)
+    after = {k.number: k for k in keyframes}
+    assert {k.component for k in after.values()} == {known.component}
+    assert after[0] is before[0]
+    for number in (1, 2):
+        T = T_shift @ before[number].T_track_camera
+        np.testing.assert_allclose(after[number].T_track_camera, T)
+        points = se3.transform(T, POINTS)
+        np.testing.assert_allclose(after[number].model.planes.points, points, atol=1e-9)
+    np.testing.assert_array_equal(joined.covariance, covariance)
+    # the other is as uncertain as before relative to the newest, and not by metres any more
+    assert np.linalg.eigvalsh(after[1].covariance)[0] > 0.2**2
+    assert np.trace(after[1].covariance) < np.trace(before[1].covariance)
+
+
+def test_an_anchor_that_joins_a_component_has_its_drift() -> None:
+    keyframes = kept(9, window=1)
+    known = add(keyframes, moved(0.0))
+    add(keyframes, moved(3.0), component=None)
+    newest = add(keyframes, moved(6.0), component=1)
+    keyframes.join(newest, known.component, moved(1.0), np.eye(6), moved(5.0))
+    (first, second) = (k for k in keyframes if isinstance(k, Anchor))
+    np.testing.assert_array_equal(first.T_odom_track, np.eye(4))
+    np.testing.assert_allclose(second.T_odom_camera, moved(5.0 + 1.0 + 3.0))

@@ -279,3 +279,42 @@ def test_a_way_that_no_camera_goes_is_not_taken() -> None:
     last = moving(np.zeros(6))
     predicted = last.predicted(last.stamp_ns + NANOSECONDS // 10, CONFIG)
     assert predicted.along(at(np.array([0.6, 0, 0])), last) is predicted
+
+
+ALONG_X = np.diag([1.0, 0, 0, 0, 0, 0])
+
+
+def test_a_velocity_that_is_not_measured_fades_to_a_third_within_half_a_second() -> None:
+    motion: Motion = moving(np.array([0.5, 0.2, 0, 0, 0, 1.0]))
+    for i in range(1, 16):
+        motion = motion.predicted(i * PERIOD_NS, CONFIG).slowed(ALONG_X)
+    assert motion.twist[0] == pytest.approx(0.5 / np.e, rel=1e-3)
+    np.testing.assert_allclose(motion.twist[1:], [0.2, 0, 0, 0, 1.0], atol=1e-12)
+
+
+@given(SEEDS)
+def test_a_decoupled_part_stays_where_it_is_while_the_rest_is_corrected(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(12, 12))
+    motion = replace(moving(np.array([0.5, 0, 0, 0, 0, 0])), covariance=root @ root.T)
+    predicted = motion.predicted(PERIOD_NS, CONFIG)
+    measured = predicted.T_track_camera @ se3.exp(np.array([0, 0.01, 0.02, 0.01, 0, 0]))
+    information = 1e6 * (np.eye(6) - ALONG_X)
+    corrected = predicted.decoupled(ALONG_X).corrected(measured, information)
+    error = se3.log(se3.inverse(predicted.T_track_camera) @ corrected.T_track_camera)
+    assert abs(error[0]) < 1e-3 < abs(error[2])
+    assert corrected.twist[0] == pytest.approx(predicted.twist[0])
+    # without that, its covariance with the rest carries it along
+    coupled = predicted.corrected(measured, information)
+    assert coupled.twist[0] != pytest.approx(predicted.twist[0])
+    np.testing.assert_allclose(
+        predicted.decoupled(ALONG_X).covariance[0, 0], predicted.covariance[0, 0]
+    )
+
+
+def test_at_its_own_keyframe_a_pose_is_exact_and_its_velocity_as_uncertain_as_before() -> None:
+    motion = moving(np.array([0.5, 0, 0, 0, 0, 0]))
+    exact = motion.at_own_keyframe()
+    np.testing.assert_array_equal(exact.pose_covariance, np.zeros((6, 6)))
+    np.testing.assert_array_equal(exact.covariance[6:, 6:], motion.covariance[6:, 6:])
+    np.testing.assert_array_equal(exact.T_track_camera, motion.T_track_camera)

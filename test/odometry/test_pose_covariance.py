@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from rigs.geometry import SEEDS
 from rigs.room import room_view
 
 from rgbd_glue_ros.geometry import se3
@@ -14,6 +17,8 @@ from rgbd_glue_ros.odometry.pose_covariance import (
     covariance_of,
     refined_covariance,
     timing_covariance,
+    uncertain_part,
+    unmeasured_part,
 )
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
@@ -76,3 +81,28 @@ def test_a_wrong_scale_shows_in_proportion_to_the_distance() -> None:
     scaled = replace(EXACT, scale_error=0.01)
     added = covariance(scaled, MOVING, 0.5) - covariance(EXACT, MOVING, 0.5)
     np.testing.assert_allclose(added, np.diag([0.005**2] * 3 + [0.0] * 3), atol=1e-12)
+
+
+@given(SEEDS, st.integers(0, 6))
+def test_the_uncertain_part_of_a_twist_is_along_directions_that_are_not_known(
+    seed: int, count: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    directions = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    limits = [CONFIG.odometry.keyframe_translation] * 3 + [CONFIG.odometry.keyframe_rotation] * 3
+    sigmas = np.where(np.arange(6) < count, 2.0, 0.5)
+    covariance = (directions * sigmas**2) @ directions.T * np.outer(limits, limits)
+    part = uncertain_part(covariance, CONFIG.odometry)
+    unknown = np.array(limits)[:, np.newaxis] * directions[:, :count]
+    np.testing.assert_allclose(part @ unknown, unknown, atol=1e-9)
+    np.testing.assert_allclose(part @ part, part, atol=1e-9)
+    assert np.linalg.matrix_rank(part, tol=1e-6) == count
+
+
+def test_a_pose_that_planes_of_one_wall_measure_is_unmeasured_along_it() -> None:
+    T = se3.exp(np.array([0.3, -0.2, 0.5, 0.0, 0.0, 0.4]))
+    in_camera = np.diag([0.0, 0.0, 1e6, 1e6, 1e6, 0.0])
+    to_camera = se3.adjoint(se3.inverse(T))
+    pose = replace(refinement(), T_model_source=T, information=to_camera.T @ in_camera @ to_camera)
+    part = unmeasured_part(pose, 1.0, CONFIG.odometry)
+    np.testing.assert_allclose(part, np.diag([1.0, 1, 0, 0, 0, 1]), atol=1e-6)

@@ -1,0 +1,108 @@
+"""Back at a known place the camera knows where it is, and before that how little it knows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigs import bare_wall
+
+from rgbd_glue_ros.odometry.odometry import Odometry
+from rgbd_glue_ros.parameters import Config
+from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, OdometryEstimate, RgbdFrame
+
+# the camera's position along the wall, metres, at seconds
+WAYS = {
+    "there and back": ([0.0, 2.5, 5.0], [0.0, 1.5, 0.0]),
+    "there, waiting, and back": ([0.0, 2.5, 4.5, 6.0], [0.0, 1.5, 1.5, 0.6]),
+    "far along the wall and back": ([0.0, 4.0, 8.0], [0.0, 2.4, 0.0]),
+}
+
+
+def positions(seconds: list[float], metres: list[float]) -> Float64:
+    """The position of the camera in each frame, metres."""
+    times = np.arange(0, seconds[-1], 1 / bare_wall.HZ)
+    return np.asarray(np.interp(times, seconds, metres), np.float64)
+
+
+def tracked(x: Float64, seed: int) -> list[OdometryEstimate]:
+    with Odometry(Config()) as odometry:
+        return [odometry.process(frame) for frame in bare_wall.frames(x, seed)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_back_from_a_bare_wall_a_camera_recognises_where_it_was_and_has_not_claimed_to_know_it(
+    way: str, seed: int
+) -> None:
+    x = positions(*WAYS[way])
+    estimates = tracked(x, seed)
+    poses = np.array([e.T_odom_camera for e in estimates if e.T_odom_camera is not None])
+    covariances = [e.covariance for e in estimates if e.covariance is not None]
+    off, stated = poses[:, 0, 3] - x, np.sqrt([covariance[0, 0] for covariance in covariances])
+    assert (np.abs(off) < 5 * stated + 0.02).all()
+    at_the_wall = np.flatnonzero(x > bare_wall.POSTER_M + 0.1)
+    assert stated[at_the_wall[-1]] > 0.25
+    # the error is known: it remains as drift, by which the pose does not jump
+    np.testing.assert_allclose(stated[-1], abs(off[-1]), atol=0.02)
+    from_keyframe = estimates[-1].covariance_from_keyframe
+    assert from_keyframe is not None
+    assert np.sqrt(from_keyframe[0, 0]) < 0.01
+
+
+@pytest.mark.slow
+def test_a_camera_that_stops_at_a_bare_wall_is_not_said_to_move_on() -> None:
+    x = positions([0.0, 2.5, 8.0], [0.0, 1.5, 1.5])
+    last = tracked(x, seed=1)[-1]
+    assert last.T_odom_camera is not None
+    assert abs(last.T_odom_camera[0, 3] - x[-1]) < 0.3
+
+
+@pytest.mark.slow
+def test_after_a_restart_somewhere_else_a_camera_that_returns_recognises_where_it_was_before() -> (
+    None
+):
+    estimates, x = covered_and_carried_off()
+    restarted = next(i for i, e in enumerate(estimates) if e.is_start and i > 0)
+    made_at = [x[i] for i, estimate in enumerate(estimates) if estimate.is_keyframe]
+    edges = [edge for estimate in estimates for edge in estimate.edges]
+    # by an edge from a keyframe before the restart to one after it, ...
+    (assumed,) = (edge for edge in edges if edge.origin is EdgeOrigin.ASSUMED)
+    loops = [e for e in edges if e.parent < assumed.child <= e.child and e is not assumed]
+    assert loops
+    for edge in loops:
+        way = made_at[edge.child] - made_at[edge.parent]
+        np.testing.assert_allclose(edge.T_parent_child[0, 3], way, atol=0.02)
+    # ... and as drift, that the pose does not jump by
+    last = estimates[-1]
+    assert last.T_odom_camera is not None
+    assert last.covariance is not None
+    off = last.T_odom_camera[0, 3] - x[-1]
+    np.testing.assert_allclose(np.sqrt(last.covariance[0, 0]), abs(off), atol=0.02)
+    poses = [e.T_odom_camera for e in estimates[restarted:] if e.T_odom_camera is not None]
+    assert np.abs(np.diff(poses, axis=0)).max() < 0.05
+
+
+def covered_and_carried_off() -> tuple[list[OdometryEstimate], Float64]:
+    """A camera that is covered, carried off, and then moves back; with its positions, metres."""
+    away_m = 0.2 + bare_wall.VIEW_M
+    x = np.concatenate(
+        [
+            positions([0.0, 1.0, 2.5], [0.0, 0.2, 0.2]),
+            positions([0.0, 1.0, 5.0], [away_m, away_m, 0.0]),
+        ]
+    )
+    with Odometry(Config()) as odometry:
+        estimates = []
+        for frame in bare_wall.frames(x, seed=1, poster_m=3.0):
+            is_covered = 1.0 < frame.stamp_ns / NANOSECONDS < 2.5
+            seen = without_sight(frame) if is_covered else frame
+            estimates.append(odometry.process(seen))
+    return estimates, x
+
+
+def without_sight(frame: RgbdFrame) -> RgbdFrame:
+    """A frame of a covered camera."""
+    return replace(frame, color=np.zeros_like(frame.color), depth=np.full_like(frame.depth, np.nan))
