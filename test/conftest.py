@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 import signal
@@ -31,9 +32,19 @@ WEIGHTS_IN_PACKAGES = {
     "valis": "superglue_models/weights",
 }
 
+# What the collection of thousands of tests makes is no garbage: to look for some in it again and
+# again takes a third of the time.
+gc.disable()
+
 # The first example may have to wait for a compiler, and any for a busy machine.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
+
+
+def pytest_collection_finish() -> None:
+    """Has the garbage of tests collected again, and what was collected before left alone."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)
