@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
@@ -42,6 +44,16 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
         PlaneCounts.of(np.eye(4), np.eye(4), problem.at_level(0))
         OwnParts().after_view(view, np.eye(4)).after_view(view, np.eye(4))
         reduced(frame, _WIDTH // 2)
+
+
+@cache
+def warm_up_once(config: Config) -> None:
+    """Like ``warm_up``, for who plays several recordings: a process warms up once for each config.
+
+    Args:
+        config: the configuration to warm up.
+    """
+    warm_up(config)
 
 
 def _frame(i: int) -> RgbdFrame:

@@ -24,7 +24,7 @@ from rgbd_glue_ros.experiments.bench.robustness import Robustness
 from rgbd_glue_ros.experiments.peers import PEERS, Peer
 from rgbd_glue_ros.experiments.report.machine import load, machine
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
-from rgbd_glue_ros.odometry.warm_up import warm_up
+from rgbd_glue_ros.odometry.warm_up import warm_up_once
 from rgbd_glue_ros.parameters import Config, values
 from rgbd_glue_ros.recordings import Recording
 
@@ -210,7 +210,7 @@ def _measured(
             bench.problems.append(str(error))
 
     use(sources[0], bench.watch_memory)
-    warm_up(plan.config)
+    warm_up_once(plan.config)
     # OpenMP's threads would continue spinning in the time of the next measurement
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     peers = {name: peer for name in plan.peers if (peer := bench.installed(name)) is not None}

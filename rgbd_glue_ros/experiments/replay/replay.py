@@ -39,7 +39,7 @@ from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
 from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
 from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
-from rgbd_glue_ros.odometry.warm_up import warm_up
+from rgbd_glue_ros.odometry.warm_up import warm_up_once
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
 from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.recordings import Recording, imu_of, refuse_recording
@@ -124,7 +124,7 @@ def replay_into(
         trajectory: name of the file for the poses, as soon as they are known.
     """
     folder = results.path
-    warm_up(config)
+    warm_up_once(config)
     run = Run(sequence.name, config, sequence.ground_truth, command=provenance.command)
     run.warnings.extend(provenance.warnings)
     pictures, clouds = Thumbnails(), KeyframeClouds()
