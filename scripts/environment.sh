@@ -175,6 +175,11 @@ workers() {
   echo $((cores < 4 ? cores + 1 : 4))
 }
 
+# Several tests at once take all cores, and threads of OpenBLAS would only wait for one another there.
+one_thread_each() {
+  export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
+}
+
 python=$(find_python)
 version=$(version_of "$python")
 # as Python writes it into the environment
