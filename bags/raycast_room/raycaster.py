@@ -20,6 +20,8 @@ _TINY = 1e-12
 
 # a division by zero gives infinity, as in numpy
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
+# Of what is done for every ray, a third of the time would go into handing over all of the tables.
+_inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 class Tables(NamedTuple):
@@ -64,7 +66,7 @@ class Tables(NamedTuple):
     light: Float32
 
 
-@_compiled
+@_inlined
 def _enter_box(half, o, d):  # type: ignore[no-untyped-def]
     """Where a ray from o along d enters and leaves a box about the origin, and the two faces."""
     near, far, entered, left = -_FAR, _FAR, 0, 0
@@ -82,7 +84,7 @@ def _enter_box(half, o, d):  # type: ignore[no-untyped-def]
     return near, far, entered, left
 
 
-@_compiled
+@_inlined
 def _enter_sphere(radius, o, d):  # type: ignore[no-untyped-def]
     """Where a ray from o along d enters and leaves a sphere about the origin."""
     a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
@@ -95,7 +97,7 @@ def _enter_sphere(radius, o, d):  # type: ignore[no-untyped-def]
     return (-b - root) / a, (-b + root) / a
 
 
-@_compiled
+@_inlined
 def _enter_cylinder(radius, high, o, d):  # type: ignore[no-untyped-def]
     """Where a ray from o along d enters and leaves an upright cylinder, and the face it enters."""
     inverse = 1.0 / (d[2] if abs(d[2]) > _TINY else _TINY)
@@ -115,7 +117,7 @@ def _enter_cylinder(radius, high, o, d):  # type: ignore[no-untyped-def]
     return near, min(far, (-b + root) / a), entered
 
 
-@_compiled
+@_inlined
 def _enter_primitive(tables, p, origin, direction):  # type: ignore[no-untyped-def]
     """Where a ray meets a primitive's surface, and the face; ``_FAR`` if it misses."""
     x, y = origin[0] - tables.centre[p, 0], origin[1] - tables.centre[p, 1]
@@ -138,7 +140,7 @@ def _enter_primitive(tables, p, origin, direction):  # type: ignore[no-untyped-d
     return _FAR, 0
 
 
-@_compiled
+@_inlined
 def nearest_hit(tables, origin, direction, limit):  # type: ignore[no-untyped-def]
     """The first surface along a ray.
 
@@ -177,7 +179,7 @@ def nearest_hit(tables, origin, direction, limit):  # type: ignore[no-untyped-de
     return best, hit, face
 
 
-@_compiled
+@_inlined
 def _octahedral(x, y, z):  # type: ignore[no-untyped-def]
     """Map coordinates in [0, 1] of a direction, on the octahedron unfolded into a square."""
     length = abs(x) + abs(y) + abs(z)
@@ -189,7 +191,7 @@ def _octahedral(x, y, z):  # type: ignore[no-untyped-def]
     return 0.5 * (u + 1.0), 0.5 * (v + 1.0)
 
 
-@_compiled
+@_inlined
 def _around(x, y):  # type: ignore[no-untyped-def]
     """A turn about z in [0, 1), measured along the square |x| + |y| = 1 in place of the circle."""
     length = abs(x) + abs(y)
@@ -198,7 +200,7 @@ def _around(x, y):  # type: ignore[no-untyped-def]
     return 0.25 * (2.0 - y / length if x < 0.0 else 3.0 + x / length)
 
 
-@_compiled
+@_inlined
 def surface(tables, p, face, point):  # type: ignore[no-untyped-def]
     """Where on a primitive's face a world point lies.
 
@@ -242,7 +244,7 @@ def surface(tables, p, face, point):  # type: ignore[no-untyped-def]
     return u, v, wide, tall, c * nx - s * ny, c * ny + s * nx, nz
 
 
-@_compiled
+@_inlined
 def light_at(tables, p, face, u, v, out):  # type: ignore[no-untyped-def]
     """Irradiance over pi at map coordinates u, v: bilinear between lightmap nodes, into out [3]."""
     first, across, down = tables.lightmap[p, face]
@@ -258,7 +260,7 @@ def light_at(tables, p, face, u, v, out):  # type: ignore[no-untyped-def]
         out[k] = top * (1.0 - fy) + bottom * fy
 
 
-@_compiled
+@_inlined
 def _add_level(texels, size, uv, repeat, weight, out):  # type: ignore[no-untyped-def]
     """Adds ``weight`` times one level of a texture, [size y x size x, 3], at uv to out [3]."""
     wide, tall = size
@@ -278,7 +280,7 @@ def _add_level(texels, size, uv, repeat, weight, out):  # type: ignore[no-untype
         out[k] += weight * (top * (1.0 - fy) + bottom * fy)
 
 
-@_compiled
+@_inlined
 def albedo_at(tables, material, u, v, wide, tall, footprint, out):  # type: ignore[no-untyped-def]
     """Colour of a surface, linear RGB into out [3], averaged over ``footprint`` metres."""
     texture = tables.texture[material]
