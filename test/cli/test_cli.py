@@ -39,6 +39,17 @@ def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.fixture
+def printed(capfd: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """What a command prints on stdout, in this process."""
+
+    def run_here(*arguments: object) -> str:
+        assert main([str(argument) for argument in arguments]) == 0
+        return capfd.readouterr().out
+
+    return run_here
+
+
 def test_help_names_every_command_and_loads_nothing_heavy() -> None:
     program = (
         "import sys; from rgbd_glue_ros.cli.main import main\n"
@@ -207,14 +218,15 @@ def test_version_is_that_of_the_installed_package_or_says_that_there_is_none() -
     assert done.stdout == f"rgbd-glue {installed}\n"
 
 
-@pytest.mark.slow
-def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied() -> None:
-    done = run("params", "--preset", "paper", "--set", "glue.k=3", "--set", "seed=5")
-    tree = yaml.safe_load(done.stdout)["/**"]["ros__parameters"]
+def test_parameters_are_printed_as_yaml_and_as_markdown_with_changes_applied(
+    printed: Callable[..., str],
+) -> None:
+    given = printed("params", "--preset", "paper", "--set", "glue.k=3", "--set", "seed=5")
+    tree = yaml.safe_load(given)["/**"]["ros__parameters"]
     assert tree["glue"]["k"] == 3.0
     assert tree["seed"] == 5
-    assert "| `glue.k` |" in run("params", "--markdown").stdout
-    assert "camera_axes: body" in run("params", "--node").stdout
+    assert "| `glue.k` |" in printed("params", "--markdown")
+    assert "camera_axes: body" in printed("params", "--node")
 
 
 def test_the_parameters_of_a_run_can_be_given_to_another(tmp_path: Path) -> None:
@@ -266,23 +278,23 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     assert process.returncode == 128 + signal.SIGPIPE
 
 
-@pytest.mark.slow
-def test_evaluate_prints_a_table_or_json(tmp_path: Path) -> None:
+def test_evaluate_prints_a_table_or_json(tmp_path: Path, printed: Callable[..., str]) -> None:
     poses = np.tile(np.eye(4), (40, 1, 1))
     poses[:, 0, 3] = 0.5 / 30 * np.arange(40)
     stamps = np.arange(40, dtype=np.int64) * 1_000_000_000 // 30
     write_tum(tmp_path / "truth.txt", Trajectory(stamps, poses))
     poses[:, 0, 3] *= 1.1
     write_tum(tmp_path / "estimate.txt", Trajectory(stamps, poses))
-    table = run("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt").stdout
+    table = printed("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt")
     assert "translation  0.05000" in table
     for name, file in (("out", "trajectory.txt"), ("data", "groundtruth.txt")):
         (tmp_path / name).mkdir()
         source = "estimate.txt" if name == "out" else "truth.txt"
         (tmp_path / name / file).write_text((tmp_path / source).read_text())
-    assert run("evaluate", tmp_path / "out", tmp_path / "data").stdout == table
-    done = run("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt", "--json")
-    figures = json.loads(done.stdout)
+    assert printed("evaluate", tmp_path / "out", tmp_path / "data") == table
+    figures = json.loads(
+        printed("evaluate", tmp_path / "estimate.txt", tmp_path / "truth.txt", "--json")
+    )
     assert figures["poses"] == 40
     assert figures["rpe"]["trans_rmse_m"] == pytest.approx(0.05, abs=1e-6)
     assert set(figures["ape"]) == {"rmse_m", "mean_m", "median_m", "max_m"}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import islice
@@ -17,6 +15,7 @@ import pytest
 from rigs.pages import Page
 from rigs.room import room_frame, true_pose
 
+from rgbd_glue_ros.cli import main as cli
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError, MissingExtraError
 from rgbd_glue_ros.experiments import bench
@@ -455,31 +454,18 @@ def test_without_times_or_errors_there_is_no_picture() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_measures_the_bundled_recording_when_none_is_given(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "rgbd_glue_ros",
-        "bench",
-        "--limit",
-        "8",
-        "--peer",
-        "small_gicp",
-    ]
-    done = subprocess.run(
-        [*command, "-o", str(tmp_path)], capture_output=True, text=True, check=True
-    )
-    assert "rgbd-glue bench --limit 8" in done.stdout
+def test_the_command_measures_the_bundled_recording_when_none_is_given(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["bench", "--limit", "8", "--peer", "small_gicp", "-o", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    assert "rgbd-glue bench --limit 8" in capfd.readouterr().out
     assert "**rgbd_glue_ros** | 8 |" in (tmp_path / TABLES).read_text()
 
 
-@pytest.mark.slow
-def test_an_unknown_peer_is_bad_input(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "rgbd_glue_ros", "bench", "--peer", "nobody"]
-    done = subprocess.run(
-        [*command, "-o", str(tmp_path)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "nobody" in done.stderr
-    assert "small_gicp" in done.stderr
+def test_an_unknown_peer_is_bad_input(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["bench", "--peer", "nobody", "-o", str(tmp_path)]) == 2
+    said = capfd.readouterr().err
+    assert said.count("\n") == 1
+    assert "nobody" in said
+    assert "small_gicp" in said

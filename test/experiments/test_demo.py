@@ -75,15 +75,9 @@ def test_a_node_that_refuses_what_it_is_given_says_so_in_its_own_words(
         demo(PlayedBag.load(bundled_bag()), tmp_path, 1.0, ignore)
 
 
-def shown(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def shown(folder: Path, *words: str) -> int:
     """``rgbd-glue demo`` of a second of the bundled recording."""
-    program = [sys.executable, "-m", "rgbd_glue_ros", "demo", str(bundled_bag())]
-    return subprocess.run(
-        [*program, "--duration", "1", "-o", str(folder), *words],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return main(["demo", str(bundled_bag()), "--duration", "1", "-o", str(folder), *words])
 
 
 @pytest.mark.slow
@@ -92,8 +86,7 @@ def test_the_unit_of_depth_is_taken_once_however_it_is_given(tmp_path: Path) -> 
     """The recording is in millimetres, and played in metres."""
     for words in (["--set", "depth_scale=0.001"], ["--depth-scale", "1000"]):
         folder = tmp_path / words[0]
-        done = shown(folder, *words)
-        assert done.returncode == 0, done.stderr
+        assert shown(folder, *words) == 0
         assert json.loads((folder / "metrics.json").read_text())["ape"]["rmse_m"] < 0.02
         scale = float(words[-1].rpartition("=")[2])
         assert f"depth_scale: {scale}" in (folder / "params.yaml").read_text(encoding="utf-8")
@@ -102,8 +95,7 @@ def test_the_unit_of_depth_is_taken_once_however_it_is_given(tmp_path: Path) -> 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_ros")
 def test_images_may_be_paired_by_receipt(tmp_path: Path) -> None:
-    done = shown(tmp_path, "--set", "stamps=receipt")
-    assert done.returncode == 0, done.stderr
+    assert shown(tmp_path, "--set", "stamps=receipt") == 0
     assert json.loads((tmp_path / "metrics.json").read_text())["tracked"] > 0
     assert "stamps: receipt" in (tmp_path / "params.yaml").read_text(encoding="utf-8")
 
@@ -156,11 +148,13 @@ def test_a_pose_of_no_image_is_counted_and_left_out(ros_domain: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_ros")
-def test_a_recording_without_a_pose_ends_in_the_nodes_words(tmp_path: Path) -> None:
-    done = shown(tmp_path, "--set", "camera.depth_max=0.5")
-    assert done.returncode == 2
-    assert "the node gave no pose of it: No pose yet: " in done.stderr
-    assert "0.1 to 0.5 m (camera.depth_min, camera.depth_max)" in done.stderr
+def test_a_recording_without_a_pose_ends_in_the_nodes_words(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert shown(tmp_path, "--set", "camera.depth_max=0.5") == 2
+    said = capfd.readouterr().err
+    assert "the node gave no pose of it: No pose yet: " in said
+    assert "0.1 to 0.5 m (camera.depth_min, camera.depth_max)" in said
 
 
 def children(pid: int) -> list[int]:
