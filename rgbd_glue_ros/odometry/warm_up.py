@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -33,11 +34,11 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
     """
     # every frame becomes a keyframe, which runs further code
     config = with_values(config, {"odometry.keyframe_translation": 0.001})
+    frame = _frame()
     with Odometry(config, glue) as odometry:
         for i in range(4):
-            odometry.process(_frame(i))
+            odometry.process(_moved(frame, i))
     # these frames contain no contradiction, and too little motion to look for parts of the robot
-    frame = _frame(0)
     view = view_of(frame, config.camera)
     with uninterrupted():
         problem = RefinementProblem(model_of(view, config.refine.grid_step), view, config.refine)
@@ -56,21 +57,26 @@ def warm_up_once(config: Config) -> None:
     warm_up(config)
 
 
-def _frame(i: int) -> RgbdFrame:
-    """A textured bumpy wall behind a box, both moving, so that every stage has work to do."""
+def _frame() -> RgbdFrame:
+    """A textured bumpy wall behind a box, so that every stage has work to do."""
     centre = (_WIDTH - 1) / 2, (_HEIGHT - 1) / 2
     camera = CameraIntrinsics(_WIDTH, _HEIGHT, _FOCAL_PX, _FOCAL_PX, *centre)
     blocks = np.random.default_rng(0).integers(0, 255, (_HEIGHT // 8, _WIDTH // 8, 3), np.uint8)
     color = np.kron(blocks, np.ones((8, 8, 1), np.uint8))
-    u, v = np.meshgrid(np.arange(_WIDTH), np.arange(_HEIGHT))
+    u, v = np.arange(_WIDTH), np.arange(_HEIGHT)[:, None]
     millimetres = (2000 + 200 * np.sin(u / 50) * np.cos(v / 40)).astype(np.uint16)
     millimetres[_HEIGHT // 4 : -_HEIGHT // 4, _WIDTH // 4 : -_WIDTH // 4] -= 800
-    depth = metres_of_16_bits(millimetres, 1000)
-    shift = 2 * i
     return RgbdFrame(
-        i * _PERIOD_NS,
-        np.roll(color, shift, axis=1),
-        np.roll(depth, shift, axis=1),
-        camera,
-        depth_delay_ns=_PERIOD_NS,
+        0, color, metres_of_16_bits(millimetres, 1000), camera, depth_delay_ns=_PERIOD_NS
+    )
+
+
+def _moved(frame: RgbdFrame, i: int) -> RgbdFrame:
+    """What the frame shows, i periods later and to the right."""
+    shift = 2 * i
+    return replace(
+        frame,
+        stamp_ns=i * _PERIOD_NS,
+        color=np.roll(frame.color, shift, axis=1),
+        depth=np.roll(frame.depth, shift, axis=1),
     )
