@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -217,19 +217,26 @@ def test_a_recording_is_played_into_a_namespace_and_arguments_of_ros_come_before
 ) -> None:
     pytest.importorskip("rclpy", reason="ROS is not installed")
     ros = ["--ros-args", "-r", "__ns:=/r1", "-r", "rgb/image:=color"]
-    for camera, topics_said in (
+    cases: tuple[tuple[list[str], str], ...] = (
         ([], "/r1/rgb/camera_info, /r1/color/compressed, /r1/depth/image/compressedDepth"),
         (
             ["--camera", "oak_d"],
             "/oak/rgb/camera_info, /r1/color/compressed, /oak/stereo/image_raw/compressedDepth",
         ),
-    ):
-        words = [str(bag), "--compressed", "--start", "0", *camera, *ros]
-        with playing(ros_domain, *words) as player:
+    )
+    with ExitStack() as players:
+        # at the same time: each waits for subscribers that do not come
+        started = [
+            players.enter_context(
+                playing(ros_domain, str(bag), "--compressed", "--start", "0", *camera, *ros)
+            )
+            for camera, _ in cases
+        ]
+        for player, (_, topics_said) in zip(started, cases, strict=True):
             said, faults = player.communicate()
-        assert player.returncode == 0, faults
-        assert f"publishing {topics_said}\n" in said
-        assert "--ros-args -r __ns:=/r1 -r rgb/image:=color -p image_transport" in said
+            assert player.returncode == 0, faults
+            assert f"publishing {topics_said}\n" in said
+            assert "--ros-args -r __ns:=/r1 -r rgb/image:=color -p image_transport" in said
 
 
 @pytest.mark.slow
