@@ -281,36 +281,39 @@ def test_files_and_folders_are_unpacked_and_archives_of_sequences_too(tmp_path: 
     assert files["heads/seq-01/frame.txt"].read_bytes() == b"frame"
 
 
-HOSTILE = {
-    "above.tgz": tar_of((plain("../above.txt"), b"x")),
-    "absolute.tgz": tar_of((plain("/tmp/absolute.txt"), b"x")),  # noqa: S108
-    "hidden.tgz": tar_of((plain("a/../../above.txt"), b"x")),
-    "symlink.tgz": tar_of((special(tarfile.SYMTYPE, "/etc"), b""), (plain("special/x"), b"x")),
-    "hardlink.tgz": tar_of((special(tarfile.LNKTYPE, "/etc/passwd"), b"")),
-    "device.tgz": tar_of((special(tarfile.CHRTYPE), b"")),
-    "pipe.tgz": tar_of((special(tarfile.FIFOTYPE), b"")),
-    "twice.tgz": tar_of((plain("a"), b"x"), (plain("a"), b"y")),
-    "file_as_folder.tgz": tar_of((plain("a"), b"x"), (plain("a/b"), b"y")),
-    "bomb.tgz": tar_of((plain("bomb"), bytes(2**25))),
-    "above.zip": zip_of({"../above.txt": b"x"}),
-    "absolute.zip": zip_of({"/above.txt": b"x"}),
-    "backslash.zip": zip_of({"..\\above.txt": b"x"}),
-    "symlink.zip": zip_of({"link": b"/etc/passwd"}, stat.S_IFLNK | 0o777),
-    "bomb.zip": zip_of({"bomb": bytes(2**25)}),
-    "inner_bomb.zip": zip_of({"inner.zip": zip_of({"bomb": bytes(2**25)})}),
-    "inner_above.zip": zip_of({"a/inner.zip": zip_of({"../../above.txt": b"x"})}),
-    "many_inner_bombs.zip": zip_of(
+# made by the test that wants one, as all tests are collected by each process
+HOSTILE: dict[str, Callable[[], bytes]] = {
+    "above.tgz": lambda: tar_of((plain("../above.txt"), b"x")),
+    "absolute.tgz": lambda: tar_of((plain("/tmp/absolute.txt"), b"x")),  # noqa: S108
+    "hidden.tgz": lambda: tar_of((plain("a/../../above.txt"), b"x")),
+    "symlink.tgz": lambda: tar_of(
+        (special(tarfile.SYMTYPE, "/etc"), b""), (plain("special/x"), b"x")
+    ),
+    "hardlink.tgz": lambda: tar_of((special(tarfile.LNKTYPE, "/etc/passwd"), b"")),
+    "device.tgz": lambda: tar_of((special(tarfile.CHRTYPE), b"")),
+    "pipe.tgz": lambda: tar_of((special(tarfile.FIFOTYPE), b"")),
+    "twice.tgz": lambda: tar_of((plain("a"), b"x"), (plain("a"), b"y")),
+    "file_as_folder.tgz": lambda: tar_of((plain("a"), b"x"), (plain("a/b"), b"y")),
+    "bomb.tgz": lambda: tar_of((plain("bomb"), bytes(2**25))),
+    "above.zip": lambda: zip_of({"../above.txt": b"x"}),
+    "absolute.zip": lambda: zip_of({"/above.txt": b"x"}),
+    "backslash.zip": lambda: zip_of({"..\\above.txt": b"x"}),
+    "symlink.zip": lambda: zip_of({"link": b"/etc/passwd"}, stat.S_IFLNK | 0o777),
+    "bomb.zip": lambda: zip_of({"bomb": bytes(2**25)}),
+    "inner_bomb.zip": lambda: zip_of({"inner.zip": zip_of({"bomb": bytes(2**25)})}),
+    "inner_above.zip": lambda: zip_of({"a/inner.zip": zip_of({"../../above.txt": b"x"})}),
+    "many_inner_bombs.zip": lambda: zip_of(
         {f"{i}.zip": zip_of({f"bomb{i}": bytes(2**22)}) for i in range(8)}
     ),
-    "many_folders.zip": zip_of({f"{i}/" + "a/" * 30_000: b"" for i in range(34)}),
-    "long_name.tgz": tar_of((long_name(2**21), b"x")),
-    "name_too_long.zip": zip_of({"a" * 300: b"x"}),
-    "zero.zip": zip_of({"a": b"x"}).replace(b"a", b"\0"),
-    "no_zip.zip": b"nonsense",
-    "no_tar.tgz": b"nonsense",
-    "page.tgz": b"<html>please log in</html>",
-    "cut_off.tgz": tar_of((plain("a"), CONTENT))[:-9000],
-    "cut_off.zip": zip_of({"a": CONTENT})[:-9000],
+    "many_folders.zip": lambda: zip_of({f"{i}/" + "a/" * 30_000: b"" for i in range(34)}),
+    "long_name.tgz": lambda: tar_of((long_name(2**21), b"x")),
+    "name_too_long.zip": lambda: zip_of({"a" * 300: b"x"}),
+    "zero.zip": lambda: zip_of({"a": b"x"}).replace(b"a", b"\0"),
+    "no_zip.zip": lambda: b"nonsense",
+    "no_tar.tgz": lambda: b"nonsense",
+    "page.tgz": lambda: b"<html>please log in</html>",
+    "cut_off.tgz": lambda: tar_of((plain("a"), CONTENT))[:-9000],
+    "cut_off.zip": lambda: zip_of({"a": CONTENT})[:-9000],
 }
 
 
@@ -318,7 +321,7 @@ HOSTILE = {
 def test_a_hostile_or_damaged_archive_is_refused_and_nothing_is_outside(
     tmp_path: Path, name: str
 ) -> None:
-    archive = written(tmp_path / name, HOSTILE[name])
+    archive = written(tmp_path / name, HOSTILE[name]())
     (tmp_path / "in").mkdir()
     with pytest.raises(InputError, match="do not trust it") as error:
         unpack(archive, tmp_path / "in" / "out")
@@ -377,7 +380,7 @@ def test_a_download_with_another_checksum_is_refused_and_removed(tmp_path: Path)
 
 
 def test_nothing_of_a_bad_archive_is_left_and_the_next_run_starts_over(tmp_path: Path) -> None:
-    with serving(Server(HOSTILE["above.tgz"])) as server:
+    with serving(Server(HOSTILE["above.tgz"]())) as server:
         with pytest.raises(InputError, match="outside its folder"):
             fetch(source(server), tmp_path, pause_s=0)
         assert list(tmp_path.iterdir()) == []

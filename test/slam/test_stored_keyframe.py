@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
+from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -45,24 +46,28 @@ def assert_same(one: MapKeyframe, other: MapKeyframe) -> None:
     assert one.features.geometric is other.features.geometric
 
 
-def depths() -> dict[str, Float32]:
-    """Depth images of every kind."""
-    rng = np.random.default_rng(0)
-    noise = rng.uniform(0.1, 8.0, (480, 640)).astype(np.float32)
-    holes = np.where(noise > 4, np.float32(np.nan), noise)
-    odd = np.array([[0.0, -0.0, np.inf, -np.inf], [np.nan, -np.nan, 1e-40, 3.0]], np.float32)
-    return {
-        "of a camera": recorded_frames()[0].depth,
-        "of more values than 16 bits": holes,
-        "of nothing": np.full((4, 5), np.nan, np.float32),
-        "of numbers that no camera gives": odd,
-        "that is not in one piece": noise[::2, ::3],
-    }
+def noise() -> Float32:
+    return np.random.default_rng(0).uniform(0.1, 8.0, (480, 640)).astype(np.float32)
 
 
-@pytest.mark.parametrize("kind", depths())
+def odd_numbers() -> Float32:
+    rows = [[0.0, -0.0, np.inf, -np.inf], [np.nan, -np.nan, 1e-40, 3.0]]
+    return np.array(rows, np.float32)
+
+
+# made by the test that wants one, as all tests are collected by each process
+DEPTHS: dict[str, Callable[[], Float32]] = {
+    "of a camera": lambda: recorded_frames()[0].depth,
+    "of more values than 16 bits": lambda: np.where(noise() > 4, np.float32(np.nan), noise()),
+    "of nothing": lambda: np.full((4, 5), np.nan, np.float32),
+    "of numbers that no camera gives": odd_numbers,
+    "that is not in one piece": lambda: noise()[::2, ::3],
+}
+
+
+@pytest.mark.parametrize("kind", DEPTHS)
 def test_a_view_comes_back_to_the_last_bit(kind: str) -> None:
-    depth = depths()[kind]
+    depth = DEPTHS[kind]()
     grey = np.random.default_rng(1).integers(0, 256, depth.shape, np.uint8)
     camera = recorded_frames()[0].intrinsics
     view = View(grey, depth, camera, np.arange(6.0), 0.01, 0.002, 0.5)
