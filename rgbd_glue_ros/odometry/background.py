@@ -46,6 +46,16 @@ class BackgroundThread:
         self.submit(once.result)
         return once
 
+    def result(self, job: Future[R]) -> R:
+        """The result of a submitted job; waits for it.
+
+        Raises:
+            InputError: the job was left behind by a fork of its process.
+        """
+        if not job.done():
+            self.check_open()
+        return job.result()
+
     def check_open(self) -> None:
         """Checks that jobs can still be submitted.
 
@@ -100,10 +110,8 @@ class BackgroundValue(Generic[V]):
             InputError: the update was left behind by a fork of its process.
         """
         if self._update is not None:
-            if not self._update.done():
-                self._background.check_open()
             update, self._update = self._update, None
-            self._value = update.result()
+            self._value = self._background.result(update)
         return self._value
 
     def replace(self, value: V) -> None:

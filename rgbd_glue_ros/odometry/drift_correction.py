@@ -33,12 +33,10 @@ class DriftCorrection:
     Attributes:
         T_odom_track: the current correction, float64 [4, 4].
         T_odom_track_known: the correction of all drift that is known, which it moves towards.
-        edges: measured by the latest comparisons.
     """
 
     T_odom_track: Float64
     T_odom_track_known: Float64
-    edges: tuple[PoseGraphEdge, ...] = ()
 
     @staticmethod
     def at(T_odom_track: Float64) -> DriftCorrection:
@@ -95,63 +93,59 @@ class DriftCorrection:
         """A covariance [6, 6] of the track frame in the odom frame, both on the left of poses."""
         return se3.transported_covariance(self.T_odom_track, covariance)
 
-    def after_revisit(
-        self,
-        keyframe: NewestKeyframe,
-        anchors: Sequence[Anchor],
-        refine_config: RefineConfig,
-        acceptance: Acceptance,
-        errors: PoseErrors,
-    ) -> DriftCorrection:
-        """The drift after a keyframe was compared with much earlier ones.
 
-        What a single anchor indicates may be its own error. What several indicate is accepted if
-        they disagree by less than they correct.
+@dataclass(frozen=True)
+class Revisit:
+    """What the comparison of a keyframe with much earlier ones shows.
 
-        Args:
-            keyframe: the newest.
-            anchors: keyframes that see the same part of the room.
-            refine_config: how they are compared.
-            acceptance: the evidence that the result needs.
-            errors: of the camera.
-        """
-        problem = RefinementProblem(keyframe.model, keyframe.features.view, refine_config)
-        compared = [
-            self._compared(
-                keyframe, anchor, replace(problem, model=anchor.model), acceptance, errors
-            )
-            for anchor in anchors
-        ]
-        comparisons = [comparison for comparison in compared if comparison is not None]
-        edges = tuple(comparison.edge for comparison in comparisons)
-        corrections = np.array([comparison.correction for comparison in comparisons])
-        if not _agree(corrections):
-            return replace(self, edges=edges)
-        known = se3.exp(corrections.mean(axis=0)) @ self.T_odom_track_known
-        return DriftCorrection(self.T_odom_track, known, edges)
+    Attributes:
+        T_odom_track_known: float64 [4, 4], the correction of all drift that is known after it.
+        edges: measured by it.
+    """
 
-    def _compared(
-        self,
-        keyframe: NewestKeyframe,
-        anchor: Anchor,
-        problem: RefinementProblem,
-        acceptance: Acceptance,
-        errors: PoseErrors,
-    ) -> _Comparison | None:
-        """The comparison with one anchor; None if it is not accepted."""
-        T_odom_camera = self.T_odom_track_known @ keyframe.T_track_camera
-        start = se3.inverse(anchor.T_odom_track) @ T_odom_camera
-        # the finest level costs half of the time, and adds a digit that the anchor's own pose lacks
-        refinement = refine(start, problem, COARSE_LEVELS)
-        if not acceptance.is_conclusive(refinement):
-            return None
-        T_odom_seen = anchor.T_odom_track @ refinement.T_model_source
-        correction = se3.log(T_odom_seen @ se3.inverse(T_odom_camera))
-        in_odom = se3.transported_covariance(self.T_odom_track_known, keyframe.covariance)
-        # drift that is less likely by the covariance is a place that looks like another
-        if not mahalanobis_squared(correction, in_odom) <= POSE_GATE:
-            return None
-        return _Comparison(correction, revisit_edge(anchor, keyframe, refinement, errors))
+    T_odom_track_known: Float64
+    edges: tuple[PoseGraphEdge, ...]
+
+
+def revisit(
+    keyframe: NewestKeyframe,
+    anchors: Sequence[Anchor],
+    T_odom_track_known: Float64,
+    refine_config: RefineConfig,
+    acceptance: Acceptance,
+    errors: PoseErrors,
+) -> Revisit:
+    """Compares a keyframe with much earlier ones.
+
+    What a single anchor indicates may be its own error. What several indicate is accepted if they
+    disagree by less than they correct.
+
+    Args:
+        keyframe: the newest.
+        anchors: keyframes that see the same part of the room.
+        T_odom_track_known: float64 [4, 4], the correction of all drift that was known before.
+        refine_config: how they are compared.
+        acceptance: the evidence that the result needs.
+        errors: of the camera.
+    """
+    problem = RefinementProblem(keyframe.model, keyframe.features.view, refine_config)
+    compared = [
+        _compared(
+            keyframe,
+            anchor,
+            T_odom_track_known,
+            replace(problem, model=anchor.model),
+            acceptance,
+            errors,
+        )
+        for anchor in anchors
+    ]
+    comparisons = [comparison for comparison in compared if comparison is not None]
+    edges = tuple(comparison.edge for comparison in comparisons)
+    corrections = np.array([comparison.correction for comparison in comparisons])
+    if not _agree(corrections):
+        return Revisit(T_odom_track_known, edges)
+    return Revisit(se3.exp(corrections.mean(axis=0)) @ T_odom_track_known, edges)
 
 
 @dataclass(frozen=True)
@@ -165,6 +159,30 @@ class _Comparison:
 
     correction: Float64
     edge: PoseGraphEdge
+
+
+def _compared(
+    keyframe: NewestKeyframe,
+    anchor: Anchor,
+    T_odom_track_known: Float64,
+    problem: RefinementProblem,
+    acceptance: Acceptance,
+    errors: PoseErrors,
+) -> _Comparison | None:
+    """The comparison with one anchor; None if it is not accepted."""
+    T_odom_camera = T_odom_track_known @ keyframe.T_track_camera
+    start = se3.inverse(anchor.T_odom_track) @ T_odom_camera
+    # the finest level costs half of the time, and adds a digit that the anchor's own pose lacks
+    refinement = refine(start, problem, COARSE_LEVELS)
+    if not acceptance.is_conclusive(refinement):
+        return None
+    T_odom_seen = anchor.T_odom_track @ refinement.T_model_source
+    correction = se3.log(T_odom_seen @ se3.inverse(T_odom_camera))
+    in_odom = se3.transported_covariance(T_odom_track_known, keyframe.covariance)
+    # drift that is less likely by the covariance is a place that looks like another
+    if not mahalanobis_squared(correction, in_odom) <= POSE_GATE:
+        return None
+    return _Comparison(correction, revisit_edge(anchor, keyframe, refinement, errors))
 
 
 def _agree(corrections: Float64) -> bool:

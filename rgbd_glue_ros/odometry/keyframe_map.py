@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
-from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
-from rgbd_glue_ros.odometry.drift_correction import DriftCorrection
+from rgbd_glue_ros.odometry.background import BackgroundThread
+from rgbd_glue_ros.odometry.drift_correction import DriftCorrection, Revisit, revisit
 from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.odometry.keyframe import Anchor, Keyframe, NewestKeyframe, RecentKeyframe
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
@@ -45,7 +46,8 @@ class KeyframeMap:
         self._last_blend = LastBlend()
         self._edges: list[PoseGraphEdge] = []
         self._recognition_turn = 0
-        self._drift = BackgroundValue(background, DriftCorrection.at(np.eye(4)))
+        self._drift = DriftCorrection.at(np.eye(4))
+        self._revisit: Future[Revisit] | None = None
 
     def reconfigure(self, config: Config) -> None:
         """Sets other parameters; the keyframes remain."""
@@ -70,8 +72,8 @@ class KeyframeMap:
 
     @property
     def drift(self) -> DriftCorrection:
-        """The correction of the drift; waits for a comparison with anchors."""
-        return self._drift.current()
+        """The correction of the drift, without that of a comparison that is not finished."""
+        return self._drift
 
     def take_edges(self) -> tuple[PoseGraphEdge, ...]:
         """The edges measured since the last call."""
@@ -106,7 +108,7 @@ class KeyframeMap:
             model: of its frame.
         """
         (last,) = self._keyframes.latest(1)
-        self._keyframes.leave_window(self._drift.current().T_odom_track_known)
+        self._keyframes.leave_window(self._drift.T_odom_track_known)
         T_track_camera = last_motion.T_track_camera
         seconds = (stamp_ns - last_motion.stamp_ns) / NANOSECONDS
         since_lost = se3.transported_covariance(T_track_camera, lost_covariance(seconds))
@@ -162,11 +164,13 @@ class KeyframeMap:
         return True
 
     def finish_revisit(self) -> None:
-        """Applies what the comparisons with anchors measured, if there were any."""
-        drift = self._drift.current()
-        if drift.edges:
-            self._edges.extend(drift.edges)
-            self._drift.replace(replace(drift, edges=()))
+        """Applies what a comparison with anchors has measured, if there was one; waits for it."""
+        if self._revisit is None:
+            return
+        job, self._revisit = self._revisit, None
+        found = self._background.result(job)
+        self._edges.extend(found.edges)
+        self._drift = replace(self._drift, T_odom_track_known=found.T_odom_track_known)
 
     def next_to_recognise(self) -> Keyframe | None:
         """A keyframe of a component that began before the newest, another one at every call."""
@@ -201,7 +205,7 @@ class KeyframeMap:
             reference: keyframe that the pose was found from; an anchor has a drift of its own.
         """
         if isinstance(reference, Anchor):
-            self._drift.replace(DriftCorrection.at(self._known_drift_of(reference)))
+            self._drift = DriftCorrection.at(self._known_drift_of(reference))
 
     def advance_correction(self, T_before: Float64, T_now: Float64) -> None:
         """Moves the correction towards that of all known drift, according to the camera's motion.
@@ -211,7 +215,7 @@ class KeyframeMap:
             T_now: T_track_camera of this pose.
         """
         rate = self._config.odometry.drift_rate
-        self._drift.replace(self._drift.current().advanced(T_before, T_now, rate))
+        self._drift = self._drift.advanced(T_before, T_now, rate)
 
     def shift_track(self, T_shift: Float64, reference: Keyframe) -> None:
         """Continues with shifted tracked poses, without a jump of the published ones.
@@ -220,14 +224,14 @@ class KeyframeMap:
             T_shift: float64 [4, 4], multiplied on the left of tracked poses from now on.
             reference: keyframe that the shifted pose was found from.
         """
-        drift = self._drift.current().after_shift(T_shift)
-        self._drift.replace(replace(drift, T_odom_track_known=self._known_drift_of(reference)))
+        drift = self._drift.after_shift(T_shift)
+        self._drift = replace(drift, T_odom_track_known=self._known_drift_of(reference))
 
     def _known_drift_of(self, keyframe: Keyframe) -> Float64:
         """The correction of all known drift of a keyframe's pose, T_odom_track [4, 4]."""
         if isinstance(keyframe, Anchor):
             return keyframe.T_odom_track
-        return self._drift.current().T_odom_track_known
+        return self._drift.T_odom_track_known
 
     def _add(
         self,
@@ -238,21 +242,22 @@ class KeyframeMap:
         model: Model,
         component: int | None = None,
     ) -> NewestKeyframe:
-        T_odom_track = self._drift.current().T_odom_track_known
+        T_odom_track = self._drift.T_odom_track_known
         return self._keyframes.add(
             stamp_ns, T_track_camera, covariance, features, model, T_odom_track, component
         )
 
     def _compare_with_anchors(self, keyframe: NewestKeyframe, calibration: SelfCalibration) -> None:
         """Starts comparisons with anchors that saw the same part of the room."""
-        T_odom_camera = self._drift.current().T_odom_track_known @ keyframe.T_track_camera
+        T_odom_camera = self._drift.T_odom_track_known @ keyframe.T_track_camera
         radius = self._config.odometry.drift_radius
         anchors = self._keyframes.anchors(T_odom_camera, radius)[:_ANCHORS_COMPARED]
         if anchors:
-            self._drift.update_later(
-                DriftCorrection.after_revisit,
+            self._revisit = self._background.submit(
+                revisit,
                 keyframe,
                 anchors,
+                self._drift.T_odom_track_known,
                 calibration.refine_config(),
                 Acceptance.of(self._config.odometry),
                 calibration.pose_errors(),
