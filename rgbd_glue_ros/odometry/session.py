@@ -207,7 +207,7 @@ class Session:
         if fix.T_shift is not None:
             predicted, before = predicted.shifted(fix.T_shift), before.shifted(fix.T_shift)
             self.keyframes.shift_track(fix.T_shift, fix.reference)
-            self._compare_with_no_earlier_pose()
+            self._forget_earlier_poses()
         else:
             self.keyframes.jump_to(fix.reference)
         count = self._config.refine.residuals_per_independent_one
@@ -262,7 +262,7 @@ class Session:
 
     def _start_at(self, keyframe: NewestKeyframe, stages_ms: dict[str, float]) -> OdometryEstimate:
         """Goes on from the pose of a keyframe, and reports it."""
-        self._compare_with_no_earlier_pose()
+        self._forget_earlier_poses()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
         self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
         return OdometryEstimate(
@@ -274,7 +274,7 @@ class Session:
             stages_ms=stages_ms,
         )
 
-    def _compare_with_no_earlier_pose(self) -> None:
+    def _forget_earlier_poses(self) -> None:
         """Continues with poses that do not go on from the last one, by an unknown motion."""
         self._own_parts.start_anew()
         self.inertial = self.inertial.start_anew()

@@ -22,7 +22,7 @@ from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
-from rgbd_glue_ros.odometry.unmeasured_direction import expected_where_unmeasured
+from rgbd_glue_ros.odometry.unmeasured_direction import without_spurious_motion
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import Glue
@@ -154,7 +154,7 @@ def _where_expected(candidates: Sequence[Candidate], problem: PoseProblem) -> li
     """
     put_back = []
     for candidate in candidates:
-        estimate = expected_where_unmeasured(candidate.estimate, problem)
+        estimate = without_spurious_motion(candidate.estimate, problem)
         distance_squared = problem.predicted.distance_squared(estimate.T_track_camera)
         put_back.append(replace(candidate, estimate=estimate, distance_squared=distance_squared))
     return put_back
@@ -178,5 +178,5 @@ def _pose_fix(
         problem = problem.without_pixels()
         coarse = problem.refined(estimate.T_track_camera, COARSE_LEVELS)
         estimate = problem.refined_further(coarse, acceptance)
-    estimate = expected_where_unmeasured(estimate, problem)
+    estimate = without_spurious_motion(estimate, problem)
     return PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)

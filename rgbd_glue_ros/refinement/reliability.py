@@ -58,23 +58,23 @@ def without_spurious_information(
     refinement: Refinement,
     expected: ExpectedPose,
     problem: RefinementProblem,
-    reach: float,
+    tolerance: float,
 ) -> Refinement:
     """Removes the information about a pose in directions in which it is spurious.
 
-    Nothing was measured there: if the pose is farther than ``reach`` from where it was expected
-    along these directions, it is moved there.
+    Nothing was measured there: if the pose is farther than ``tolerance`` from where it was
+    expected along these directions, it is moved there.
 
     Args:
         refinement: the refined pose.
         expected: the pose that was expected before refinement.
         problem: the problem that it was refined with.
-        reach: distance, metres and radians. A pose that is known much more accurately than this in
-            all directions is returned unchanged, and so is any if it is 0.
+        tolerance: distance, metres and radians. A pose that is known much more accurately than this
+            in all directions is returned unchanged, and so is any if it is 0.
     """
-    measured = _Measured.of(refinement, expected, problem, reach)
+    measured = _Measured.of(refinement, expected, problem, tolerance)
     there = measured.as_expected(expected)
-    is_far = se3.difference(refinement.T_model_source, there.T_model_source) > reach
+    is_far = se3.difference(refinement.T_model_source, there.T_model_source) > tolerance
     return there if is_far else measured.refinement
 
 
@@ -82,10 +82,10 @@ def expected_where_unmeasured(
     refinement: Refinement,
     expected: ExpectedPose,
     problem: RefinementProblem,
-    reach: float,
+    tolerance: float,
 ) -> Refinement:
     """The same, with the pose where it was expected however near that is."""
-    return _Measured.of(refinement, expected, problem, reach).as_expected(expected)
+    return _Measured.of(refinement, expected, problem, tolerance).as_expected(expected)
 
 
 @dataclass(frozen=True)
@@ -103,18 +103,18 @@ class _Measured:
 
     @staticmethod
     def of(
-        refinement: Refinement, expected: ExpectedPose, problem: RefinementProblem, reach: float
+        refinement: Refinement, expected: ExpectedPose, problem: RefinementProblem, tolerance: float
     ) -> _Measured:
         """Arguments as of ``without_spurious_information``."""
         T, nowhere = refinement.T_model_source, np.empty((6, 0))
-        if reach == 0:
+        if tolerance == 0:
             return _Measured(refinement, nowhere)
         # in the camera's frame a metre and a radian move the image by about as much, so that
         # directions can be compared
         to_model, to_camera = se3.adjoint(T), se3.adjoint(se3.inverse(T))
         information = to_model.T @ refinement.information @ to_model
-        # of a direction in which the standard deviation of the pose is the reach
-        enough = problem.config.residuals_per_independent_one / reach**2
+        # of a direction in which the standard deviation of the pose is the tolerance
+        enough = problem.config.residuals_per_independent_one / tolerance**2
         if not 0 < np.linalg.eigvalsh(information)[0] < _AMPLE * enough:
             return _Measured(refinement, nowhere)
         both = real_and_apparent_information(T, problem, refinement.affine_brightness)
@@ -126,7 +126,7 @@ class _Measured:
         unmeasured = x[:, (ratio < _LEAST_REAL) & (known < enough)]
         if unmeasured.shape[1] == 0:
             return _Measured(refinement, nowhere)
-        unmeasured = _as_uncertain(unmeasured, expected.covariance, reach)
+        unmeasured = _as_uncertain(unmeasured, expected.covariance, tolerance)
         measured = to_camera.T @ _without(information, unmeasured) @ to_camera
         return _Measured(replace(refinement, information=measured), unmeasured)
 
@@ -149,23 +149,23 @@ def _generalised_eigenvectors(R: Float64, A: Float64) -> tuple[Float64, Float64]
     return ratio, np.asarray(np.linalg.solve(L.T, y), np.float64)
 
 
-def _as_uncertain(unmeasured: Float64, covariance: Float64, reach: float) -> Float64:
+def _as_uncertain(unmeasured: Float64, covariance: Float64, tolerance: float) -> Float64:
     """Directions [6, M], orthonormal, in place of others by which they nearly are spanned.
 
     Noise tilts unmeasured directions by a few degrees in every frame. If information is removed in
     others each time, what is left of it adds up to a measurement that nobody made, as in filters
     that linearise at a new estimate each time (Huang, Mourikis and Roumeliotis, Observability-based
     rules for designing consistent EKF SLAM estimators, 2010). So directions in which the expected
-    pose is already uncertain by more than ``reach`` are taken first.
+    pose is already uncertain by more than ``tolerance`` are taken first.
 
     Args:
         unmeasured: float64 [6, M], of any length.
         covariance: of the expected pose, float64 [6, 6].
-        reach: metres and radians.
+        tolerance: metres and radians.
     """
     U = np.linalg.qr(unmeasured)[0]
     variances, directions = np.linalg.eigh(covariance)
-    uncertain = directions[:, variances > reach**2][:, ::-1]
+    uncertain = directions[:, variances > tolerance**2][:, ::-1]
     D = uncertain[:, np.linalg.norm(U.T @ uncertain, axis=0) > _SAME_DIRECTION][:, : U.shape[1]]
     # the part of U across D: as many directions as D has not replaced
     across = np.linalg.svd(U - D @ (D.T @ U))[0][:, : U.shape[1] - D.shape[1]]

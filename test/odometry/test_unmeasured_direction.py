@@ -17,7 +17,7 @@ from rgbd_glue_ros.odometry.pose_refinement import (
     PoseEstimate,
     PoseProblem,
 )
-from rgbd_glue_ros.odometry.unmeasured_direction import expected_where_unmeasured
+from rgbd_glue_ros.odometry.unmeasured_direction import without_spurious_motion
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
 
@@ -47,7 +47,7 @@ def test_a_pose_that_slid_along_an_empty_corridor_is_put_back_without_moving_acr
     problem, slid = slid_in_corridor(seed, frame=9, predicted_along=0.1)
     T_before, T_now = EMPTY.true_poses()[8:10]
     truth = se3.inverse(T_before) @ T_now
-    found = expected_where_unmeasured(slid, problem).T_track_camera
+    found = without_spurious_motion(slid, problem).T_track_camera
     assert found[ALONG, 3] == pytest.approx(0.1, abs=0.01)
     assert np.linalg.norm((found - truth)[ACROSS, 3]) < 0.005
 
@@ -55,7 +55,7 @@ def test_a_pose_that_slid_along_an_empty_corridor_is_put_back_without_moving_acr
 def test_a_predicted_pose_that_planes_contradict_is_not_taken() -> None:
     """Nothing that was seen before would be in view there."""
     problem, slid = slid_in_corridor(seed=0, frame=1, predicted_along=20.0)
-    assert expected_where_unmeasured(slid, problem) is slid
+    assert without_spurious_motion(slid, problem) is slid
 
 
 def test_a_pose_is_judged_with_the_twist_that_it_was_refined_with() -> None:
