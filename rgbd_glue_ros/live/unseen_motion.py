@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.blind_restarts import largest_sigmas
+from rgbd_glue_ros.odometry.pose_covariance import UNKNOWN
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate
 
-# Beyond this standard deviation from its keyframe, metres, a pose is not the images' any more: of
-# one that they show it is a few centimetres.
-UNSEEN_M = 0.25
 # The pose is known again when its standard deviation has fallen to this share of the largest.
 _KNOWN_AGAIN = 0.5
 
@@ -32,7 +30,7 @@ class UnseenMotion:
         from_keyframe_m = sigma_from_keyframe(estimate)
         if from_keyframe_m is None or estimate.covariance is None:
             return
-        if self.since_ns is None and from_keyframe_m < UNSEEN_M:
+        if self.since_ns is None and from_keyframe_m < UNKNOWN:
             return
         in_odom_m, _ = largest_sigmas(estimate.covariance)
         if self.since_ns is None:

@@ -9,9 +9,15 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import LOST_COVARIANCE, Motion
-from rgbd_glue_ros.parameters import Config, OdometryConfig
+from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Float64
+
+UNKNOWN = 0.25
+"""Standard deviation from its keyframe, metres or radians, beyond which a pose is not known.
+
+Of a pose that images show it is a few millimetres or centimetres.
+"""
 
 
 @dataclass(frozen=True)
@@ -79,31 +85,27 @@ def covariance_of(information: Float64, residuals_per_independent_one: float) ->
     return np.asarray(np.linalg.inv(counted + np.linalg.inv(LOST_COVARIANCE)), np.float64)
 
 
-def unmeasured_part(
-    refinement: Refinement, residuals_per_independent_one: float, config: OdometryConfig
-) -> Float64:
+def unmeasured_part(refinement: Refinement, residuals_per_independent_one: float) -> Float64:
     """``uncertain_part`` of a refined pose, as far as its own residuals tell."""
     covariance = covariance_of(refinement.information, residuals_per_independent_one)
     T_camera_model = se3.inverse(refinement.T_model_source)
-    return uncertain_part(se3.transported_covariance(T_camera_model, covariance), config)
+    return uncertain_part(se3.transported_covariance(T_camera_model, covariance))
 
 
-def uncertain_part(covariance: Float64, config: OdometryConfig) -> Float64:
+def uncertain_part(covariance: Float64) -> Float64:
     """What of a twist is along directions in which a pose is not known: a matrix [6, 6].
 
-    There its standard deviation exceeds the distance at which a frame becomes a keyframe.
+    There its standard deviation is ``UNKNOWN`` or more, in metres and radians.
 
     Args:
         covariance: float64 [6, 6] of the pose, perturbation on the right.
-        config: has that distance.
 
     Returns:
         A projection of twists in the camera's frame; 0 where the pose is known.
     """
-    limits = np.repeat([config.keyframe_translation, config.keyframe_rotation], 3)
-    variances, directions = np.linalg.eigh(covariance / np.outer(limits, limits))
-    uncertain = directions[:, variances > 1]
-    return np.asarray(uncertain @ uncertain.T * limits[:, np.newaxis] / limits, np.float64)
+    variances, directions = np.linalg.eigh(covariance)
+    uncertain = directions[:, variances >= UNKNOWN**2]
+    return np.asarray(uncertain @ uncertain.T, np.float64)
 
 
 def tracked_covariance(motion: Motion, reference: Keyframe, errors: PoseErrors) -> Float64:

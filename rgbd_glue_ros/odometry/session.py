@@ -168,7 +168,7 @@ class Session:
         if recognition is None:
             return tracked
         count = errors.residuals_per_independent_one
-        if not unmeasured_part(fix.estimate.refinement, count, self._config.odometry).any():
+        if not unmeasured_part(fix.estimate.refinement, count).any():
             self.keyframes.join(newest, earlier, recognition.T_shift, recognition.covariance)
         return recognition.attempt
 
@@ -212,7 +212,7 @@ class Session:
             self.keyframes.jump_to(fix.reference)
         count = self._config.refine.residuals_per_independent_one
         if not last.is_certain:
-            part = unmeasured_part(fix.estimate.refinement, count, self._config.odometry)
+            part = unmeasured_part(fix.estimate.refinement, count)
             predicted = predicted.decoupled(part).slowed(part)
         motion = corrected_motion(predicted, fix.estimate, count)
         self.inertial = self.inertial.after_pose(motion.stamp_ns, fix.estimate, count)
@@ -221,7 +221,7 @@ class Session:
         pose = TrackedPose.of(fix, motion, predicted, errors, acceptance)
         # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)
-        is_certain = not uncertain_part(motion.pose_covariance, self._config.odometry).any()
+        is_certain = not uncertain_part(motion.pose_covariance).any()
         last_pose = LastPose(motion, view, fix.alternative, is_certain)
         self._progress = self._progress.with_pose(last_pose)
         knows_twist = motion.stamp_ns - before.stamp_ns <= _TWIST_IS_CERTAIN_NS

@@ -14,7 +14,8 @@ import numpy as np
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, error_figures
 from rgbd_glue_ros.experiments.report.machine import package_version
-from rgbd_glue_ros.live.unseen_motion import UNSEEN_M, sigma_from_keyframe
+from rgbd_glue_ros.live.unseen_motion import sigma_from_keyframe
+from rgbd_glue_ros.odometry.pose_covariance import UNKNOWN
 from rgbd_glue_ros.parameters import Config, InputConfig
 from rgbd_glue_ros.trajectories.path import path_length, trajectory_of
 from rgbd_glue_ros.types import (
@@ -167,7 +168,7 @@ class Run:
     @property
     def unseen_motion(self) -> list[FrameRecord]:
         """The frames whose images did not show how the camera had moved, as at a bare wall."""
-        return [frame for frame in self.frames if (frame.from_keyframe_m or 0.0) >= UNSEEN_M]
+        return [frame for frame in self.frames if (frame.from_keyframe_m or 0.0) >= UNKNOWN]
 
     @property
     def longest_row(self) -> int:
