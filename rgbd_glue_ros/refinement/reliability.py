@@ -35,8 +35,9 @@ _LEAST_REAL = 1 / 3
 # In all directions of more than this many times the information that is needed, some is real: edges
 # of black and white surfaces make up 8 times as much.
 _AMPLE = 20.0
-# The cosine between two directions that noise alone may separate: 26 degrees.
-_SAME_DIRECTION = 0.9
+# The cosine between two directions that noise alone may separate: 8 degrees. With more, directions
+# that are measured take part in the uncertainty of others, and poses oscillate after seconds.
+_SAME_DIRECTION = 0.99
 # Information in a direction that is less than this part of all is rounding.
 _NOTHING = 1e-12
 

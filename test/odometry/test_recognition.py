@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rigs import bare_wall
 
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, OdometryEstimate, RgbdFrame
@@ -53,10 +54,14 @@ def test_back_from_a_bare_wall_a_camera_recognises_where_it_was_and_has_not_clai
 
 @pytest.mark.slow
 def test_a_camera_that_stops_at_a_bare_wall_is_not_said_to_move_on() -> None:
-    x = positions([0.0, 2.5, 5.5], [0.0, 1.5, 1.5])
-    last = tracked(x, seed=1)[-1]
-    assert last.T_odom_camera is not None
-    assert abs(last.T_odom_camera[0, 3] - x[-1]) < 0.3
+    x = positions([0.0, 2.5, 10.5], [0.0, 1.5, 1.5])
+    poses = [e.T_odom_camera for e in tracked(x, seed=2) if e.T_odom_camera is not None]
+    assert abs(poses[-1][0, 3] - x[-1]) < 0.3
+    # nor to turn, or to tremble
+    two_seconds = 2 * bare_wall.HZ
+    since = np.array(poses)[np.flatnonzero(x == 1.5)[0] + two_seconds :]
+    off = [se3.difference(pose, since[0]) for pose in since]
+    assert max(off) < 0.05
 
 
 @pytest.mark.slow
