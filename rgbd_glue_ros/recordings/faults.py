@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable, Iterator
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fault_news import FaultNews
+from rgbd_glue_ros.recordings.left_out import FrameGaps
+from rgbd_glue_ros.types import RgbdFrame
 
 logger = logging.getLogger(__name__)
 
@@ -41,8 +44,47 @@ class Faults:
         self._are_skipped = True
         self._log()
 
+    def without(
+        self, frames: Iterable[RgbdFrame | InputError], gaps: FrameGaps
+    ) -> Iterator[RgbdFrame]:
+        """The frames that could be read; the faults of the others are counted here.
+
+        Args:
+            frames: what was read, or why it could not be.
+            gaps: takes the stamps of those that could.
+        """
+        for frame in frames:
+            if isinstance(frame, InputError):
+                self.add(frame)
+            else:
+                self.are_skipped()
+                gaps.add(frame.stamp_ns)
+                yield frame
+
     def _log(self) -> None:
         if self._are_skipped:
             for error in self._unlogged:
                 logger.warning("%s; skipped, as all like it will be", error)
             self._unlogged.clear()
+
+
+def readable(
+    name: str, frames: Iterable[RgbdFrame | InputError], count: int, gaps: FrameGaps
+) -> Iterator[RgbdFrame]:
+    """The frames that could be read; the others are skipped, counted and logged.
+
+    Args:
+        name: of the recording.
+        frames: what was read, or why it could not be.
+        count: the number of ``frames``.
+        gaps: takes the stamps of those that could be read.
+
+    Raises:
+        InputError: at the end, the first fault, if no frame could be read.
+    """
+    faults = Faults()
+    yield from faults.without(frames, gaps)
+    if faults.first is not None:
+        if gaps.is_empty:
+            raise faults.first
+        logger.warning("%s: %d frames skipped of %d", name, faults.count, count)

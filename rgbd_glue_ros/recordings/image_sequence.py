@@ -26,7 +26,7 @@ from rgbd_glue_ros.messages.image_codecs import decode
 from rgbd_glue_ros.messages.images import in_8_bits
 from rgbd_glue_ros.messages.used_bits import FEWEST_BITS, bits_of
 from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
-from rgbd_glue_ros.recordings.faults import Faults
+from rgbd_glue_ros.recordings.faults import readable
 from rgbd_glue_ros.recordings.left_out import FrameGaps, LeftOut, warn_of_left_out
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
@@ -147,19 +147,10 @@ class ImageSequence(Closing):
             InputError: at the end, if none could be read: images are missing, corrupt, or do not
                 have the camera's size.
         """
-        faults, gaps = Faults(), FrameGaps()
-        for result in mapped_ahead(self._try_read, self.pairs):
-            if isinstance(result, InputError):
-                faults.add(result)
-            else:
-                faults.are_skipped()
-                gaps.add(result.stamp_ns)
-                yield result
+        gaps = FrameGaps()
+        frames = mapped_ahead(self._try_read, self.pairs)
+        yield from readable(self.name, frames, len(self.pairs), gaps)
         warn_of_left_out(self.name, self.left_out, gaps)
-        if faults.first is not None:
-            if gaps.is_empty:
-                raise faults.first
-            logger.warning("%s: %d frames skipped of %d", self.name, faults.count, len(self.pairs))
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
         """The frames with these numbers, counted from 0, without reading any other.

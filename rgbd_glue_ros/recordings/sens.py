@@ -19,8 +19,10 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file, refuse_stand_in
 from rgbd_glue_ros.messages.image_codecs import check_size, decode
 from rgbd_glue_ros.recordings.depth_encoding import DepthEncoding
+from rgbd_glue_ros.recordings.faults import readable
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import resized_to_camera, to_rgb
+from rgbd_glue_ros.recordings.left_out import FrameGaps
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
@@ -131,12 +133,16 @@ class SensSequence(Closing):
         return min(self._header.frame_count, os.fstat(self._file).st_size // _FRAME.size)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
-        """The frames in order of time.
+        """The frames in order of time; those that are damaged are skipped, counted and logged.
 
         Raises:
-            InputError: a frame is damaged, or, after the last complete one, the file is truncated.
+            InputError: at the end, if all are damaged, or the file is truncated.
         """
-        return self.select(range(self.frame_count))
+        complete = len(self._places)
+        frames = mapped_ahead(self._try_frame, range(complete))
+        yield from readable(self.name, frames, complete, FrameGaps())
+        if complete < self._header.frame_count:
+            raise self._truncated()
 
     def select(self, indices: Iterable[int]) -> Iterator[RgbdFrame]:
         """The frames with these numbers, counted from 0, without reading any other.
@@ -225,13 +231,16 @@ class SensSequence(Closing):
             raise self._unusable("holds no complete frame", "download it again")
         return places, np.array(poses, np.float64).reshape(-1, 4, 4)
 
+    def _try_frame(self, index: int) -> RgbdFrame | InputError:
+        try:
+            return self._frame(index)
+        except InputError as error:
+            return error
+
     def _frame(self, index: int) -> RgbdFrame:
         where = f"{self.path}, frame {index}"
         if index >= len(self._places):
-            raise self._unusable(
-                f"is truncated after {len(self._places)} of {self._header.frame_count} frames",
-                "download it again",
-            )
+            raise self._truncated()
         place = self._places[index]
         color = self._color(self._bytes(place.color, place.color_size), where)
         depth = self._depth(self._bytes(place.depth, place.depth_size), where)
@@ -259,6 +268,12 @@ class SensSequence(Closing):
             )
         image = np.frombuffer(data, "<u2").reshape(camera.height, camera.width)
         return self._encoding.metres(image)
+
+    def _truncated(self) -> InputError:
+        return self._unusable(
+            f"is truncated after {len(self._places)} of {self._header.frame_count} frames",
+            "download it again",
+        )
 
     def _unusable(self, cause: str, remedy: str) -> InputError:
         return InputError(self.path, cause, remedy)

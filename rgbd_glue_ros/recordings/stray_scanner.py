@@ -19,7 +19,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.reading import open_file, refuse_stand_in, visible
 from rgbd_glue_ros.messages.camera_info import of_image_size
 from rgbd_glue_ros.recordings.depth_encoding import MILLIMETRES
-from rgbd_glue_ros.recordings.faults import Faults
+from rgbd_glue_ros.recordings.faults import readable
 from rgbd_glue_ros.recordings.folder.calibration import calibration_of
 from rgbd_glue_ros.recordings.frame_times import frame_stamp_ns
 from rgbd_glue_ros.recordings.image_sequence import (
@@ -100,28 +100,24 @@ class VideoSequence(WrappedRecording):
         Raises:
             InputError: the video cannot be read, or no depth image can.
         """
-        faults, gaps, length = Faults(), FrameGaps(), 0
+        gaps, length = FrameGaps(), 0
         video = self.recording.pairs[0].color
         pairs = {_number(pair.depth): pair for pair in self.recording.pairs}
-        for number, color in enumerate(_frames(video)):
-            length = number + 1
-            if number not in pairs:
-                continue
-            try:
-                frame = self.recording.frame(pairs[number], color)
-            except InputError as error:
-                faults.add(error)
-                continue
-            faults.are_skipped()
-            gaps.add(frame.stamp_ns)
-            yield frame
+
+        def tried() -> Iterator[RgbdFrame | InputError]:
+            nonlocal length
+            for number, color in enumerate(_frames(video)):
+                length = number + 1
+                if number in pairs:
+                    try:
+                        yield self.recording.frame(pairs[number], color)
+                    except InputError as error:
+                        yield error
+
+        yield from readable(self.name, tried(), len(pairs), gaps)
         if gaps.is_empty:
-            raise faults.first or InputError(
-                video, "has no frame for any depth image", "record again"
-            )
+            raise InputError(video, "has no frame for any depth image", "record again")
         warn_of_left_out(self.name, self.left_out, gaps)
-        if faults.count:
-            logger.warning("%s: %d frames skipped of %d", self.name, faults.count, len(pairs))
         without = sum(number >= length for number in pairs)
         if without:
             logger.warning(

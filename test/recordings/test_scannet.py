@@ -158,13 +158,35 @@ def test_a_header_that_cannot_be_is_refused(tmp_path: Path, scan: Scan, cause: s
         (zlib.compress(bytes(10_000_000)), "damaged depth image"),
     ],
 )
-def test_depth_that_is_damaged_or_unpacks_to_too_much_is_refused(
-    tmp_path: Path, data: bytes, cause: str
+def test_depth_that_is_damaged_or_unpacks_to_too_much_is_skipped_and_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, data: bytes, cause: str
 ) -> None:
-    frames = iter(open_recording(Scan(depth_data={1: data}).write(tmp_path / "a.sens")))
-    next(frames)
-    with pytest.raises(InputError, match=f"frame 1: {cause}"):
-        next(frames)
+    with open_recording(Scan(depth_data={1: data}).write(tmp_path / "a.sens")) as sequence:
+        assert [frame.depth[1, 1] for frame in sequence] == [
+            np.float32(1.5),
+            np.float32(1.502),
+            np.float32(1.503),
+            np.float32(1.504),
+        ]
+    assert f"frame 1: {cause}" in caplog.text
+    assert "a: 1 frames skipped of 5" in caplog.text
+
+
+def test_a_damaged_frame_that_is_asked_for_alone_is_refused(tmp_path: Path) -> None:
+    with (
+        open_recording(Scan(depth_data={1: b"damaged"}).write(tmp_path / "a.sens")) as sequence,
+        pytest.raises(InputError, match="frame 1: damaged depth image"),
+    ):
+        list(sequence.select([1]))
+
+
+def test_a_stream_of_which_no_frame_can_be_read_is_refused(tmp_path: Path) -> None:
+    scan = Scan(frames=2, announced=3, depth_data={0: b"damaged", 1: b"damaged"})
+    with (
+        open_recording(scan.write(tmp_path / "a.sens")) as sequence,
+        pytest.raises(InputError, match="frame 0: damaged depth image"),
+    ):
+        next(iter(sequence))
 
 
 def test_colour_of_another_size_than_announced_is_refused(tmp_path: Path) -> None:

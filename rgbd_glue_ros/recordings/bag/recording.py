@@ -181,13 +181,7 @@ class BagRecording(Closing):
         faults, gaps = Faults(), FrameGaps()
         matching = self._matching = self._new_matching(faults)
         self._faults = faults
-        for result in mapped_ahead(self._frame, self._watched(matching)):
-            if isinstance(result, InputError):
-                faults.add(result)
-            else:
-                faults.are_skipped()
-                gaps.add(result.stamp_ns)
-                yield result
+        yield from faults.without(mapped_ahead(self._frame, self._watched(matching)), gaps)
         if self._bag.damage is not None:
             faults.are_skipped()
             raise InputError(
