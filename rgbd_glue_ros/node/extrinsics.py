@@ -5,12 +5,10 @@ from __future__ import annotations
 import time
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.camera_frame import explain_moved_camera
 from rgbd_glue_ros.live.extrinsics import Extrinsics, parse_extrinsics, robot_extrinsics
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.node.base_node import BaseNode
-from rgbd_glue_ros.node.guess import Guess, GuessInput
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
@@ -36,16 +34,6 @@ class NodeExtrinsics:
         self._looked_s = 0.0
         self._T_odom_start = pose_parameter("initial_pose", config.initial_pose)
         self._level: Extrinsics | None = None
-        self._guess: GuessInput | None = None
-        if not config.guess_frame_id:
-            return
-        if not (config.frame_id and self._transforms):
-            raise InputError(
-                "guess_frame_id",
-                "needs frame_id and TF",
-                "set frame_id, install tf2_msgs (scripts/tf2-msgs), or leave guess_frame_id empty",
-            )
-        self._guess = GuessInput(node, config, self._transforms)
 
     def _given(self) -> Extrinsics | None:
         """The extrinsics from the parameters; None if they must come from TF."""
@@ -115,17 +103,6 @@ class NodeExtrinsics:
         T_now = self._transforms.lookup(self._config.frame_id, camera_frame, None, 0.0)
         moved = None if T_now is None else explain_moved_camera(T_robot_camera, T_now)
         self._node.warn_once(camera_frame, moved)
-
-    def guess(self, stamp_ns: int, T_camera_child: Float64) -> Guess | None:
-        """The pose from another odometry; None if there is none, or it is late or unusable.
-
-        Args:
-            stamp_ns: of the frame, nanoseconds.
-            T_camera_child: pose of the robot frame in the optical frame, float64 [4, 4].
-        """
-        if self._guess is None:
-            return None
-        return self._guess.at(stamp_ns, se3.inverse(T_camera_child))
 
     def _lookup_camera(self, camera_frame: str) -> Float64 | None:
         """The camera's pose [4, 4] on the robot; None if it is not known yet."""

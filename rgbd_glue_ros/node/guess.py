@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.patient_lookup import PatientLookup
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.tf import Transforms
@@ -48,12 +49,12 @@ class GuessInput:
         )
         self._is_told = False
 
-    def at(self, stamp_ns: int, T_child_camera: Float64) -> Guess | None:
+    def at(self, stamp_ns: int, T_camera_child: Float64) -> Guess | None:
         """The guess at the stamp of a frame; None if there is none, or it is late or unusable.
 
         Args:
             stamp_ns: of the frame, nanoseconds.
-            T_child_camera: the camera's pose [4, 4] on the robot.
+            T_camera_child: pose of the robot frame in the optical frame, float64 [4, 4].
         """
         try:
             T_guess_child = self._poses.at(stamp_ns)
@@ -67,7 +68,7 @@ class GuessInput:
                     "and broadcasts in time; until then no frame waits for it"
                 )
             return None
-        guess = Guess(T_guess_child, T_guess_child @ T_child_camera)
+        guess = Guess(T_guess_child, T_guess_child @ se3.inverse(T_camera_child))
         try:
             check_guess(guess.T_guess_camera)
         except InputError:
@@ -94,3 +95,22 @@ class GuessInput:
         if self._is_told:
             self._is_told = False
             self._node.get_logger().info(f"TF: the {self._name} is used")
+
+
+def guess_input(
+    node: BaseNode, config: NodeConfig, transforms: Transforms | None
+) -> GuessInput | None:
+    """The guesses that the parameters ask for; None if they ask for none.
+
+    Raises:
+        InputError: what guesses need is not available.
+    """
+    if not config.guess_frame_id:
+        return None
+    if not (config.frame_id and transforms):
+        raise InputError(
+            "guess_frame_id",
+            "needs frame_id and TF",
+            "set frame_id, install tf2_msgs (scripts/tf2-msgs), or leave guess_frame_id empty",
+        )
+    return GuessInput(node, config, transforms)

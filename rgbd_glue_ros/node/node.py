@@ -37,6 +37,7 @@ from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.node.base_node import CLOSE_S, BaseNode
 from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
+from rgbd_glue_ros.node.guess import guess_input
 from rgbd_glue_ros.node.imu import ImuInput
 from rgbd_glue_ros.node.outputs import NodeOutputs
 from rgbd_glue_ros.node.parameters import NO_CAMERA, declare_parameters, follow_changes
@@ -107,6 +108,7 @@ class OdometryNode(BaseNode):
         self._node_config, self._config = declare_parameters(self, camera)
         transforms = self._transforms = listen(self, self._node_config)
         self._extrinsics = NodeExtrinsics(self, self._node_config, transforms)
+        self._guesses = guess_input(self, self._node_config, transforms)
         glue = Glue(self._config)
         self._odometry = Odometry(self._config, glue)
         self._camera_frame = CameraFrame()
@@ -251,7 +253,9 @@ class OdometryNode(BaseNode):
         extrinsics = self._extrinsics.of(frame.frame_id)
         if extrinsics is None:
             return None
-        guess = self._extrinsics.guess(frame.stamp_ns, extrinsics.T_camera_child)
+        guess = None
+        if self._guesses is not None:
+            guess = self._guesses.at(frame.stamp_ns, extrinsics.T_camera_child)
         self._odometry.add_imu(self._imu.take(frame.frame_id, frame.stamp_ns))
         estimate = self._odometry.track(frame, None if guess is None else guess.T_guess_camera)
         if is_start and estimate.T_odom_camera is not None:

@@ -41,9 +41,9 @@ def rig_environment(domain: int) -> dict[str, str]:
     return {**ros_environment(domain), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'test'}"}
 
 
-def rig_node(domain: int, module: str) -> AbstractContextManager[NodeProcess]:
+def rig_node(domain: int, module: str, **parameters: Any) -> AbstractContextManager[NodeProcess]:
     """A node that a module beside this one runs; it may end."""
-    return shown(NodeProcess({}, rig_environment(domain), module=f"rigs.{module}"))
+    return shown(NodeProcess(parameters, rig_environment(domain), module=f"rigs.{module}"))
 
 
 @contextmanager
