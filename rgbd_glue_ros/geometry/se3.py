@@ -161,6 +161,19 @@ def perturbation_covariance(T: Float64, covariance: Float64) -> Float64:
     return moved
 
 
+def largest_sigmas(covariance: Float64) -> tuple[float, float]:
+    """The standard deviations along the most uncertain direction and about such an axis.
+
+    Args:
+        covariance: float64 [6, 6] of a pose, x y z rx ry rz (m², rad²).
+    """
+    position, rotation = (
+        float(np.sqrt(np.linalg.eigvalsh(covariance[rows, rows])[-1].clip(0)))
+        for rows in (slice(0, 3), slice(3, 6))
+    )
+    return position, rotation
+
+
 def rotation_angle(T: Float64) -> float:
     """The angle of T's rotation, radians in [0, pi]."""
     return float(np.linalg.norm(rotation_vector(T)))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate
+from rgbd_glue_ros.geometry.se3 import largest_sigmas
+from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate
 
 # A pose is that of the restart still if its standard deviation has at least this share of the
 # restart's; at a place that was known before, it is a small fraction.
@@ -52,16 +51,3 @@ class BlindRestarts:
             "position_sigma_m": f"{position:.5f}",
             "rotation_sigma_rad": f"{rotation:.5f}",
         }
-
-
-def largest_sigmas(covariance: Float64) -> tuple[float, float]:
-    """The standard deviations along the most uncertain direction and about such an axis.
-
-    Args:
-        covariance: float64 [6, 6] of a pose, x y z rx ry rz (m², rad²).
-    """
-    position, rotation = (
-        float(np.sqrt(np.linalg.eigvalsh(covariance[rows, rows])[-1].clip(0)))
-        for rows in (slice(0, 3), slice(3, 6))
-    )
-    return position, rotation

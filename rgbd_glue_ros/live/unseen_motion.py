@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.live.blind_restarts import largest_sigmas
 from rgbd_glue_ros.odometry.pose_covariance import UNKNOWN
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate
 
@@ -32,7 +31,7 @@ class UnseenMotion:
             return
         if self.since_ns is None and from_keyframe_m < UNKNOWN:
             return
-        in_odom_m, _ = largest_sigmas(estimate.covariance)
+        in_odom_m, _ = se3.largest_sigmas(estimate.covariance)
         if self.since_ns is None:
             self.since_ns, self._largest_m = estimate.stamp_ns, 0.0
         elif in_odom_m < _KNOWN_AGAIN * self._largest_m:
@@ -54,4 +53,4 @@ def sigma_from_keyframe(estimate: OdometryEstimate) -> float | None:
     T, covariance = estimate.T_odom_camera, estimate.covariance_from_keyframe
     if T is None or covariance is None:
         return None
-    return largest_sigmas(se3.pose_covariance(T, covariance))[0]
+    return se3.largest_sigmas(se3.pose_covariance(T, covariance))[0]

@@ -58,6 +58,14 @@ def test_a_record_keeps_counts_and_no_correspondences() -> None:
     np.testing.assert_array_equal(FrameRecord.of(posed, 1.0).sigmas, [1, 2, 3, 4, 5, 6])
     nothing = FrameRecord.of(OdometryEstimate(0, LOST), 1.0)
     assert nothing.visual_inliers is None
+    assert nothing.position_m is None
+
+
+def test_a_position_is_uncertain_by_as_much_as_in_the_node_whatever_the_axes() -> None:
+    covariance = np.diag([0.0, 0.0, 1, 1, 1, 1])
+    covariance[:2, :2] = 2.0  # 2 m along the diagonal of x and y
+    posed = OdometryEstimate(0, TRACKING, np.eye(4), covariance=covariance)
+    assert FrameRecord.of(posed, 1.0).position_m == pytest.approx(2)
 
 
 def test_frames_that_are_uncertain_from_their_keyframe_have_not_shown_the_motion() -> None:

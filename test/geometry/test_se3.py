@@ -168,3 +168,11 @@ def test_a_perturbation_s_covariance_comes_back_from_that_of_the_pose() -> None:
     covariance = root @ root.T
     back = se3.perturbation_covariance(T, se3.pose_covariance(T, covariance))
     np.testing.assert_allclose(back, covariance, atol=1e-18)
+
+
+@pytest.mark.parametrize("turn", [np.zeros(3), np.array([0.3, -1.2, 2.0])])
+def test_the_largest_sigmas_do_not_depend_on_the_axes(turn: Float64) -> None:
+    R = se3.exp(np.concatenate([np.zeros(3), turn]))[:3, :3]
+    both = np.kron(np.eye(2), R)
+    covariance = both @ np.diag([0.01, 0.02, 0.03, 0.001, 0.005, 0.002]) ** 2 @ both.T
+    np.testing.assert_allclose(se3.largest_sigmas(covariance), (0.03, 0.005), rtol=1e-9)

@@ -202,19 +202,19 @@ def _warn_of_restarts(run: Run) -> None:
 def _warn_of_blind_restarts(run: Run) -> None:
     restarts = run.blind_restarts
     if restarts:
-        off_m = [0.0 if f.sigmas is None else float(f.sigmas[:3].max()) for f in restarts]
+        off_m = max(frame.position_m or 0.0 for frame in restarts)
         logger.warning(
             "%s: lost and not recognised again %s, the first time at %.3f s: the odometry "
             "restarted at the last pose, which may be %.1f m off, and so may all that follows",
             *(run.sequence, counted(len(restarts), "time")),
-            *(restarts[0].stamp_ns / NANOSECONDS, max(off_m)),
+            *(restarts[0].stamp_ns / NANOSECONDS, off_m),
         )
 
 
 def _warn_of_unseen_motion(run: Run) -> None:
     unseen = run.unseen_motion
     if unseen:
-        off_m = max(0.0 if f.sigmas is None else float(f.sigmas[:3].max()) for f in unseen)
+        off_m = max(frame.position_m or 0.0 for frame in unseen)
         logger.warning(
             "%s: %s, the first at %.3f s, did not show all of the motion, as at a bare "
             "wall: their poses may be %.1f m off, and so may all that follows",

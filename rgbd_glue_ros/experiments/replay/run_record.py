@@ -14,6 +14,7 @@ import numpy as np
 from rgbd_glue_ros.evaluation.graph_errors import edge_errors
 from rgbd_glue_ros.evaluation.trajectory_errors import Evaluation, error_figures
 from rgbd_glue_ros.experiments.report.machine import package_version
+from rgbd_glue_ros.geometry.se3 import largest_sigmas
 from rgbd_glue_ros.live.unseen_motion import sigma_from_keyframe
 from rgbd_glue_ros.odometry.pose_covariance import UNKNOWN
 from rgbd_glue_ros.parameters import Config, InputConfig
@@ -61,6 +62,8 @@ class FrameRecord:
         stages_ms: wall time of each stage.
         sigmas: float64 [6], standard deviations of the pose (x y z rx ry rz; m, rad) in the odom
             frame; None if no covariance is known.
+        position_m: standard deviation of its position along the most uncertain direction, metres;
+            None if no covariance is known.
         from_keyframe_m: standard deviation of its position given that of its keyframe, metres,
             along the most uncertain direction; None if that is not known.
         is_start: whether the odometry started with it, or restarted at the last pose.
@@ -76,6 +79,7 @@ class FrameRecord:
     credible: int | None = None
     stages_ms: dict[str, float] = field(default_factory=dict)
     sigmas: Float64 | None = None
+    position_m: float | None = None
     from_keyframe_m: float | None = None
     is_start: bool = False
 
@@ -94,6 +98,7 @@ class FrameRecord:
             credible=len(result.credible) if result else None,
             stages_ms=estimate.stages_ms,
             sigmas=None if covariance is None else np.sqrt(np.diag(covariance)),
+            position_m=None if covariance is None else largest_sigmas(covariance)[0],
             from_keyframe_m=sigma_from_keyframe(estimate),
             is_start=estimate.is_start,
         )
