@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import metadata
 
 from rgbd_glue_ros.printable import printable
@@ -40,6 +42,15 @@ class InputError(ValueError):
     def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
         # otherwise another process would unpickle it from its message alone, and fail
         return type(self), (self.where, self.cause, self.remedy)
+
+
+@contextmanager
+def located_in(place: object) -> Iterator[None]:
+    """Names the file, or another place, whose content is at fault in errors raised meanwhile."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{place}: {error.where}", error.cause, error.remedy) from error
 
 
 class IncompleteError(InputError):

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from rgbd_glue_ros import parameters as cfg
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import InputError, located_in
 from rgbd_glue_ros.files.bounded_yaml import document
 from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.live import topics
@@ -70,10 +70,11 @@ def load_camera(name: str) -> Camera:
         raise InputError(path, f"no such topics: {unknown}", f"use {', '.join(TOPIC_ARGUMENTS)}")
     declared = {p.name: p for part in (cfg.NodeConfig, cfg.Config) for p in cfg.parameters(part())}
     parameters = {}
-    for parameter, value in cfg.by_current_names(content["parameters"]).items():
-        if parameter not in declared:
-            raise cfg.unknown_parameter(parameter, declared)
-        parameters[parameter] = declared[parameter].convert(value)
+    with located_in(path):
+        for parameter, value in cfg.by_current_names(content["parameters"]).items():
+            if parameter not in declared:
+                raise cfg.unknown_parameter(parameter, declared)
+            parameters[parameter] = declared[parameter].convert(value)
     return Camera(content["topics"], parameters)
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from rgbd_glue_ros.errors import InputError
+from rgbd_glue_ros.errors import InputError, located_in
 from rgbd_glue_ros.files.bounded_yaml import document
 from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES
@@ -71,10 +71,8 @@ def load_yaml(path: str | Path, base: C) -> C:
     """
     changes = parameter_values(path)
     of_others = {*values(Config()), *values(NodeConfig())} - {*values(base)}
-    try:
+    with located_in(path):
         return with_values(base, {k: v for k, v in changes.items() if k not in of_others})
-    except InputError as error:
-        raise InputError(f"{path}: {error.where}", error.cause, error.remedy) from error
 
 
 def parameter_values(path: str | Path) -> dict[str, object]:

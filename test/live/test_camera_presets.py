@@ -175,8 +175,8 @@ def test_for_an_unknown_camera_a_similar_name_is_suggested(name: str) -> None:
         ("topics: {colour: /a}\nparameters: {}", "no such topics: {'colour'}"),
         ("/**: {ros__parameters: {glue.k: 3}}", r"is not a camera preset.*it holds /\*\*; give a"),
         ("{}", "it holds nothing"),
-        ("topics: {}\nparameters: {camera.depth_mix: 1}", "did you mean camera.depth_m"),
-        ("topics: {}\nparameters: {camera.depth_max: far}", "is not of type float"),
+        ("topics: {}\nparameters: {camera.depth_mix: 1}", r"mine\.yaml: .*mean camera.depth_m"),
+        ("topics: {}\nparameters: {camera.depth_max: far}", r"mine\.yaml: .*not of type float"),
     ],
 )
 def test_a_preset_with_a_misspelt_name_or_a_bad_value_is_refused(
