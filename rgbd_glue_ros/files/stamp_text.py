@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from decimal import Decimal
 
 from rgbd_glue_ros.types import NANOSECONDS
+from rgbd_glue_ros.types.checks import END_OF_TIME_NS
 
 # Upper limits of stamps in these units; today's stamps in each are a thousand times those in the
 # previous
-_END_OF_TIME_NS = 2**63
 _SECONDS_BELOW, _MILLISECONDS_BELOW, _MICROSECONDS_BELOW = Decimal("9.2e9"), Decimal(10**14), 10**17
 
 
@@ -28,7 +28,7 @@ def stamps_ns(texts: Sequence[str]) -> list[int]:
         raise ValueError("a stamp that is not finite")
     largest = max(map(abs, numbers), default=Decimal(0))
     # an exponent of a million would create a whole number of a million digits
-    if largest >= _END_OF_TIME_NS:
+    if largest >= END_OF_TIME_NS:
         raise ValueError("a stamp out of range")
     unit = _nanoseconds_of_unit(largest)
     return [int((number * unit).to_integral_value()) for number in numbers]

@@ -42,8 +42,9 @@ _BESIDE = np.ones((5, 5), np.uint8)
 # The second difference along both axes; Immerkaer's estimate of noise (1996) takes its mean, the
 # median leaves out edges. Its standard deviation is 6 times that of the noise.
 _CURVATURE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-# The median of the absolute value of a standard normal variable.
-_NORMAL_MEDIAN = 0.6745
+
+NORMAL_MEDIAN = 0.6745
+"""The median of the absolute value of a standard normal variable."""
 
 
 def contrast_of(image: UInt8, well_lit_gradient: float) -> float:
@@ -106,7 +107,7 @@ def _noise(image: UInt8 | Float32) -> float:
     """The standard deviation of an image's noise, grey levels."""
     curvature = cv2.filter2D(image, cv2.CV_32F, _CURVATURE)[1:-1, 1:-1]
     some = np.abs(_thinned(curvature))
-    return max(_quantile(some, 0.5) / _NORMAL_MEDIAN / 6, _LEAST_NOISE)
+    return max(_quantile(some, 0.5) / NORMAL_MEDIAN / 6, _LEAST_NOISE)
 
 
 def _thinned(image: Any) -> Any:

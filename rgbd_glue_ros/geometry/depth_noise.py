@@ -11,7 +11,9 @@ import math
 import numpy as np
 
 from rgbd_glue_ros.compiled import compiled
+from rgbd_glue_ros.geometry.contrast import NORMAL_MEDIAN
 from rgbd_glue_ros.geometry.depth import depth_sigma
+from rgbd_glue_ros.geometry.normals import REFERENCE_PX
 from rgbd_glue_ros.types import Float32, Float64
 
 # Pixels from one depth to the next of a second difference, in an image of 640x480: noise of
@@ -19,13 +21,10 @@ from rgbd_glue_ros.types import Float32, Float64
 _APART_PX = 4
 # Of so many rows and columns one is looked at, in an image of 640x480.
 _STRIDE_PX = 6
-_IMAGE_PX = 640 * 480
 # Whole steps of disparity look like noise of one standard deviation.
 _OF_STEPS = 1.0
 # Second differences that have to be known.
 _FEWEST = 1000
-# The median of the absolute value of a standard normal variable.
-_NORMAL_MEDIAN = 0.6745
 
 
 def depth_noise_of(depth: Float32) -> float:
@@ -37,13 +36,13 @@ def depth_noise_of(depth: Float32) -> float:
     Returns:
         1 if depth is as accurate as expected, or too little of it is known.
     """
-    scale = math.sqrt(depth.size / _IMAGE_PX)
+    scale = math.sqrt(depth.size / REFERENCE_PX)
     apart, stride = max(1, round(_APART_PX * scale)), max(1, round(_STRIDE_PX * scale))
     differences = _second_differences(depth, apart, stride)
     if len(differences) < _FEWEST:
         return 1.0
     middle = len(differences) // 2
-    noise = float(np.partition(differences, middle)[middle]) / _NORMAL_MEDIAN
+    noise = float(np.partition(differences, middle)[middle]) / NORMAL_MEDIAN
     return math.sqrt(max(noise**2 - _OF_STEPS**2, 1.0))
 
 

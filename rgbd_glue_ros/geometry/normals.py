@@ -10,8 +10,9 @@ from rgbd_glue_ros.compiled import compiled
 from rgbd_glue_ros.geometry.depth import RECEDING, depth_sigma
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, Int64, View
 
-# The image that grid spacings refer to, pixels.
-_STEP_IMAGE = 640 * 480
+REFERENCE_PX = 640 * 480
+"""The size of the image that distances in pixels refer to."""
+
 # A plane is fitted to this many pixels to each side of a grid point, every second one.
 _HALF_WINDOW = 6
 _STRIDE = 2
@@ -25,7 +26,7 @@ _MIN_COSINE = 0.17
 def relative_edge(view: View) -> float:
     """The edge length of an image relative to one of 640x480 pixels, for any aspect ratio."""
     height, width = view.grey.shape
-    return math.sqrt(width * height / _STEP_IMAGE)
+    return math.sqrt(width * height / REFERENCE_PX)
 
 
 def spacing_px(view: View, step: int) -> int:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from rgbd_glue_ros.live.transports import OtherTransport, explain_transports
 from rgbd_glue_ros.messages.stamps import PAIR_BY_RECEIPT, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel
+from rgbd_glue_ros.parameters import PROFILES_VARIABLE
 from rgbd_glue_ros.types import NANOSECONDS
 
 # Fraction of all frames from which drops cause a warning; fewer appear only in the counts.
@@ -189,9 +190,9 @@ def explain_losses(
     if not words:
         return None
     remedy = (
-        "set for it what this node has: FASTRTPS_DEFAULT_PROFILES_FILE"
+        f"set for it what this node has: {PROFILES_VARIABLE}"
         if profiles is None
-        else f"set for it and for the node: export FASTRTPS_DEFAULT_PROFILES_FILE={profiles}"
+        else f"set for it and for the node: export {PROFILES_VARIABLE}={profiles}"
     )
     return (
         f"{' and '.join(words)} messages never arrived: lost on the way, or skipped by the driver. "

@@ -14,6 +14,9 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.channel_queue import BACKWARD_JUMP_NS
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
+TF, TF_STATIC = "/tf", "/tf_static"
+"""The topics of transforms."""
+
 HISTORY_NS = 10 * NANOSECONDS
 # No robot has more; a publisher that keeps inventing names must not fill the memory.
 MOST_FRAMES = 10_000

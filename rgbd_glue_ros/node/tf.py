@@ -21,7 +21,7 @@ from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import plain_frame, stamp_ns
-from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TransformTree
+from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TF, TF_STATIC, TransformTree
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.parameters import NodeConfig
 from rgbd_glue_ros.types import Float64
@@ -29,8 +29,7 @@ from rgbd_glue_ros.types import Float64
 if TYPE_CHECKING:
     from tf2_msgs.msg import TFMessage
 
-# Topics and QoS as in tf2.
-TF, TF_STATIC = "/tf", "/tf_static"
+# As in tf2.
 TF_QOS = QoSProfile(depth=100)
 TF_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Period at which a waiting look-up polls tf2's buffer.

@@ -29,6 +29,11 @@ USUAL_NAMES = {"reset_countdown": "odometry.reset_countdown"}
 """Names in rtabmap_odom, and the corresponding parameters here."""
 
 
+def current_name(name: str) -> str:
+    """The parameter that a name stands for; other names stay."""
+    return OLD_NAMES.get(name) or USUAL_NAMES.get(name) or name
+
+
 def by_current_names(changes: Mapping[str, object]) -> dict[str, object]:
     """``changes`` with every alias replaced by the parameter's name; other names stay.
 
@@ -37,7 +42,7 @@ def by_current_names(changes: Mapping[str, object]) -> dict[str, object]:
     """
     current: dict[str, object] = {}
     for name, value in changes.items():
-        meant = OLD_NAMES.get(name) or USUAL_NAMES.get(name) or name
+        meant = current_name(name)
         if meant in current or (meant != name and meant in changes):
             raise InputError(name, f"is another name of {meant}, which is set too", "set one")
         if name in OLD_NAMES:

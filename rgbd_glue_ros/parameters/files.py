@@ -12,7 +12,7 @@ import yaml
 from rgbd_glue_ros.errors import InputError, located_in
 from rgbd_glue_ros.files.bounded_yaml import document
 from rgbd_glue_ros.files.reading import read_text
-from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES
+from rgbd_glue_ros.parameters.aliases import current_name
 from rgbd_glue_ros.parameters.method import Config
 from rgbd_glue_ros.parameters.node import NodeConfig
 from rgbd_glue_ros.parameters.parameter import parameters, unknown_parameter, values, with_values
@@ -161,7 +161,7 @@ def explain(name: str, config: Config) -> str:
     Raises:
         InputError: no parameter or section has this name.
     """
-    name = OLD_NAMES.get(name) or USUAL_NAMES.get(name) or name
+    name = current_name(name)
     current = {**values(config), **values(NodeConfig())}
     declared = {p.name: p for part in (Config(), NodeConfig()) for p in parameters(part)}
     chosen = [p for p in declared.values() if name == p.name or p.name.startswith(f"{name}.")]

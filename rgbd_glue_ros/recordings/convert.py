@@ -32,7 +32,7 @@ from rgbd_glue_ros.recordings.depth_encoding import TUM_UNITS_PER_METRE
 from rgbd_glue_ros.recordings.prefetch import mapped_ahead
 from rgbd_glue_ros.recordings.tum import DEPTH_LIST
 from rgbd_glue_ros.recordings.tum_writer import TumFolderWriter
-from rgbd_glue_ros.recordings.wrapped import WrappedRecording
+from rgbd_glue_ros.recordings.wrapped import unwrapped
 from rgbd_glue_ros.types import ImuSamples, RgbdFrame, Trajectory
 
 # When, and how
@@ -137,9 +137,7 @@ def _wrote_folder(
 
 def is_bag(recording: Recording) -> bool:
     """Whether the frames come from a bag, whatever they went through since."""
-    while isinstance(recording, WrappedRecording):
-        recording = recording.recording
-    return isinstance(recording, BagRecording)
+    return isinstance(unwrapped(recording), BagRecording)
 
 
 def write_bag(

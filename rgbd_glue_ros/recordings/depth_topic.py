@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 from rgbd_glue_ros.recordings.recording import Recording
-from rgbd_glue_ros.recordings.wrapped import WrappedRecording
+from rgbd_glue_ros.recordings.wrapped import unwrapped
 
 
 def depth_topic(recording: Recording) -> str:
     """The depth topic of a bag, whatever its frames went through since; "" of others."""
-    while isinstance(recording, WrappedRecording):
-        recording = recording.recording
-    topic = recording.topics.depth if isinstance(recording, BagRecording) else None
-    return topic or ""
+    source = unwrapped(recording)
+    return (source.topics.depth or "") if isinstance(source, BagRecording) else ""

@@ -53,3 +53,10 @@ class WrappedInertialRecording(WrappedRecording):
     def imu(self) -> ImuSamples | None:
         """All samples of the recording."""
         return imu_of(self.recording)
+
+
+def unwrapped(recording: Recording) -> Recording:
+    """The recording that a derived one comes from, whatever its frames went through since."""
+    while isinstance(recording, WrappedRecording):
+        recording = recording.recording
+    return recording

@@ -10,7 +10,9 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.types.arrays import Float64, Mask
 
-_END_OF_TIME_NS = 2**63
+END_OF_TIME_NS = 2**63
+"""Stamps and differences of stamps are below this, nanoseconds."""
+
 # Pixels: no real camera is beyond these limits, and beyond them numbers overflow.
 _SHORTEST, _LONGEST = 0.01, 1e6
 # The error of a single-precision rotation that was multiplied a few times.
@@ -105,7 +107,7 @@ def check_stamps(stamp_ns: object, depth_delay_ns: object) -> None:
         InputError: the stamps are not whole nanoseconds, or exceed 64 bits.
     """
     for name, value in (("stamp_ns", stamp_ns), ("depth_delay_ns", depth_delay_ns)):
-        if not isinstance(value, (int, np.integer)) or abs(int(value)) >= _END_OF_TIME_NS:
+        if not isinstance(value, (int, np.integer)) or abs(int(value)) >= END_OF_TIME_NS:
             remedy = "give whole nanoseconds, as round(seconds * 1e9)"
             raise _fault(_FRAME, name, f"is {value!r}", remedy)
 

@@ -28,7 +28,7 @@ from rigs.ros import OPTICAL_FRAME, PATIENCE_S, START_NS, corner_frame
 from rigs.tf import T_BASE_LINK, Robot, transform
 from tf2_msgs.msg import TFMessage
 
-from rgbd_glue_ros.node.tf import TF
+from rgbd_glue_ros.messages.transform_tree import TF
 
 PERIOD_NS = NANOSECONDS // 30
 

@@ -13,9 +13,9 @@ from tf2_msgs.msg import TFMessage
 
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.messages.transform_tree import TransformTree
+from rgbd_glue_ros.messages.transform_tree import TF, TF_STATIC, TransformTree
 from rgbd_glue_ros.node.node import main
-from rgbd_glue_ros.node.tf import TF, TF_QOS, TF_STATIC, TF_STATIC_QOS
+from rgbd_glue_ros.node.tf import TF_QOS, TF_STATIC_QOS
 from rigs.tf import transform
 
 

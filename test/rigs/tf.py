@@ -9,7 +9,8 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.messages.fields import copy_fields, header
 from rgbd_glue_ros.messages.poses import parse_pose
-from rgbd_glue_ros.node.tf import TF, TF_QOS, TF_STATIC, TF_STATIC_QOS
+from rgbd_glue_ros.messages.transform_tree import TF, TF_STATIC
+from rgbd_glue_ros.node.tf import TF_QOS, TF_STATIC_QOS
 from rgbd_glue_ros.types import Float64
 from rigs.ros import OPTICAL_FRAME, Rig
 

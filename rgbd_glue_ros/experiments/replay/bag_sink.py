@@ -21,6 +21,7 @@ from rgbd_glue_ros.live.keyframe_edges import edge_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages.transform_tree import TF
 from rgbd_glue_ros.types import (
     NANOSECONDS,
     Float64,
@@ -32,7 +33,6 @@ from rgbd_glue_ros.types import (
 
 ODOM_FRAME, CAMERA_FRAME = "odom", "camera_color_optical_frame"
 MATCHES = f"{topics.MATCHES}/compressed"
-TF = "/tf"
 _TYPES = {
     topics.ODOM: "nav_msgs/msg/Odometry",
     topics.POSE: "geometry_msgs/msg/PoseStamped",

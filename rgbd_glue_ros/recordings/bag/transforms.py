@@ -6,11 +6,10 @@ from itertools import islice
 
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import plain_frame
-from rgbd_glue_ros.messages.transform_tree import TransformTree
+from rgbd_glue_ros.messages.transform_tree import TF, TF_STATIC, TransformTree
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.types import Float64
 
-STATIC_TRANSFORMS, TRANSFORMS = "/tf_static", "/tf"
 # ROS 1 repeats static transforms on /tf; all of them occur within this many messages
 _FIRST_TRANSFORMS = 500
 
@@ -22,7 +21,7 @@ def recorded_transform(bag: BagFile, target: str, source: str) -> Float64 | None
         InputError: a message of transforms cannot be read.
     """
     tree = TransformTree()
-    for topic, most in ((STATIC_TRANSFORMS, None), (TRANSFORMS, _FIRST_TRANSFORMS)):
+    for topic, most in ((TF_STATIC, None), (TF, _FIRST_TRANSFORMS)):
         if topic not in bag.topics:
             continue
         for message in islice(bag.messages([topic]), most):
