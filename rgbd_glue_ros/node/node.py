@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
 from rclpy.exceptions import InvalidHandle
 from std_srvs.srv import Empty
 
@@ -32,14 +31,14 @@ from rgbd_glue_ros.live.heap import exempt_loaded_objects
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
 from rgbd_glue_ros.live.monitor import Drop
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
-from rgbd_glue_ros.messages.poses import pose_from_message, pose_parameter
+from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.synchronizer import Match
 from rgbd_glue_ros.node.base_node import CLOSE_S, BaseNode
 from rgbd_glue_ros.node.diagnostics import NodeDiagnostics
 from rgbd_glue_ros.node.extrinsics import NodeExtrinsics
 from rgbd_glue_ros.node.guess import guess_input
 from rgbd_glue_ros.node.imu import ImuInput
-from rgbd_glue_ros.node.outputs import NodeOutputs
+from rgbd_glue_ros.node.outputs import NodeOutputs, PublishedPose
 from rgbd_glue_ros.node.parameters import NO_CAMERA, declare_parameters, follow_changes
 from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import run_node
@@ -85,7 +84,7 @@ class _Tracked:
     state_before: TrackingState
     estimate: OdometryEstimate
     extrinsics: Extrinsics
-    pose: PoseStamped | None
+    pose: PublishedPose | None
 
 
 class OdometryNode(BaseNode):
@@ -249,7 +248,7 @@ class OdometryNode(BaseNode):
         state_before = self._odometry.state
         is_start = state_before is TrackingState.INITIALIZING
         if is_start:
-            self.warn_once(self._input.topics[1], doubt_at_start(frame.depth))
+            self.warn_once(self._input.depth_topic, doubt_at_start(frame.depth))
         extrinsics = self._extrinsics.of(frame.frame_id)
         if extrinsics is None:
             return None
@@ -268,7 +267,7 @@ class OdometryNode(BaseNode):
     def _finish_frame(self, tracked: _Tracked, arrival: _Arrival) -> None:
         """Does all that can wait until the pose is published."""
         frame, estimate, extrinsics = tracked.frame, tracked.estimate, tracked.extrinsics
-        why = explain_no_pose(estimate, self._config.camera, self._input.topics[1])
+        why = explain_no_pose(estimate, self._config.camera, self._input.depth_topic)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
         try:
             self.monitor.learnt(self._odometry.imu_calibration)
@@ -281,7 +280,7 @@ class OdometryNode(BaseNode):
             self.report_failure("Something failed after the pose was published", error)
 
     def _update_map(
-        self, estimate: OdometryEstimate, pose: PoseStamped | None, extrinsics: Extrinsics
+        self, estimate: OdometryEstimate, pose: PublishedPose | None, extrinsics: Extrinsics
     ) -> bool:
         """Updates keyframes and edges, which only later frames need, after the pose is published.
 
@@ -301,7 +300,7 @@ class OdometryNode(BaseNode):
         keyframe = self._odometry.newest_keyframe
         if is_keyframe and pose is not None and keyframe is not None:
             self._outputs.publish_keyframe(pose)
-            self._graph.add(keyframe.number, keyframe.stamp_ns, pose_from_message(pose, "pose"))
+            self._graph.add(keyframe.number, keyframe.stamp_ns, pose.T_odom_child)
         for edge in self._odometry.new_edges():
             between_children = moved_edge(edge, extrinsics.T_camera_child)
             self._graph.add_edge(between_children)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Twist
@@ -29,6 +30,19 @@ from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, PoseGrap
 
 # The diagonal of both covariances if there is no pose, as in rtabmap_odom.
 NULL_VARIANCE = 9999.0
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedPose:
+    """A pose, and the message in which it was published.
+
+    Attributes:
+        T_odom_child: float64 [4, 4].
+        message: the same.
+    """
+
+    T_odom_child: Float64
+    message: PoseStamped
 
 
 class NodeOutputs:
@@ -83,7 +97,7 @@ class NodeOutputs:
         extrinsics: Extrinsics,
         frame: RgbdFrame,
         T_guess_child: Float64 | None,
-    ) -> PoseStamped | None:
+    ) -> PublishedPose | None:
         """Publishes an estimate.
 
         Args:
@@ -108,11 +122,11 @@ class NodeOutputs:
         self._pose.publish(pose)
         self._publish_odom(estimate, extrinsics, pose, child)
         self._extend_path(pose)
-        return pose
+        return PublishedPose(T_fixed_child, pose)
 
-    def publish_keyframe(self, pose: PoseStamped) -> None:
+    def publish_keyframe(self, pose: PublishedPose) -> None:
         """Publishes the pose of a frame that became a keyframe."""
-        self._keyframe.publish(pose)
+        self._keyframe.publish(pose.message)
 
     def publish_edge(self, edge: PoseGraphEdge, stamp_ns: int) -> None:
         """Publishes the pose of a keyframe in another one, with its covariance.

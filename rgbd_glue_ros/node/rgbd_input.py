@@ -88,6 +88,11 @@ class RgbdInput(Closing):
         return tuple(i.topic for i in self._inputs)
 
     @property
+    def depth_topic(self) -> str:
+        """Full name of the topic of depth; only after ``subscribe``."""
+        return next(i.topic for i in self._inputs if i.channel is Channel.DEPTH)
+
+    @property
     def has_received(self) -> bool:
         """Whether any image or camera info has arrived."""
         counts = self.synchronizer.counts
