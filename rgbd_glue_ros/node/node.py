@@ -270,8 +270,9 @@ class OdometryNode(BaseNode):
         why = explain_no_pose(estimate, self._config.camera, self._input.depth_topic)
         self.monitor.processed(estimate, arrival.arrived_ns, time.monotonic_ns(), why)
         try:
-            self.monitor.learnt(self._odometry.imu_calibration)
-            self.warn_once("imu", explain_distrust(self._odometry.imu_calibration))
+            imu = self._odometry.imu_calibration
+            self.monitor.learnt(imu)
+            self.warn_once("imu", explain_distrust(imu))
             self._announce(tracked.state_before, estimate, why)
             is_keyframe = self._update_map(estimate, tracked.pose, extrinsics)
             self._outputs.show_matches(frame, estimate)
