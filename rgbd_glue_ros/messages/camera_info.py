@@ -7,9 +7,8 @@ names of a model are accepted, and zeros after the last coefficient are ignored.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,11 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.messages.image_codecs import check_size
 from rgbd_glue_ros.messages.images import is_rectified
-from rgbd_glue_ros.messages.reading import reader_of
+from rgbd_glue_ros.messages.reading import check_type
 from rgbd_glue_ros.types import CameraIntrinsics, Float64, LensModel
+
+INFO_TYPES = ("CameraInfo",)
+"""Names of the message types that can be read, without their package."""
 
 # Plausible focal lengths and principal points are below this many times the longer image side;
 # focal lengths are also above the side divided by this.
@@ -221,7 +223,7 @@ def check_aspect(
 
 
 def _check_info(msg: CameraInfo, where: str) -> None:
-    reader_of(_INFO_READERS, msg, where)
+    check_type(INFO_TYPES, msg, where)
     if not _is_without_size(msg):
         check_size(msg.width, msg.height, where)
 
@@ -337,14 +339,6 @@ def _lens_named(model: str) -> LensModel | None:
 
 def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
-
-
-_INFO_READERS: Mapping[str, Callable[[Any, str], CameraIntrinsics]] = {
-    "CameraInfo": intrinsics_from_message
-}
-
-INFO_TYPES = tuple(_INFO_READERS)
-"""Names of the message types that can be read, without their package."""
 
 
 def _cropped(camera: CameraIntrinsics, msg: CameraInfo, where: str) -> CameraIntrinsics:

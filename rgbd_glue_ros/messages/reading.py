@@ -6,7 +6,7 @@ annotations, its classes stand for any message of that type with the same fields
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TypeVar
 
 from rgbd_glue_ros.errors import InputError
@@ -42,8 +42,17 @@ def reader_of(readers: Mapping[str, Reader], msg: object, where: str) -> Reader:
     Raises:
         InputError: there is no reader for its type.
     """
+    return readers[check_type(readers, msg, where)]
+
+
+def check_type(types: Collection[str], msg: object, where: str) -> str:
+    """The name of a message's type, without its package; checks that it is one of ``types``.
+
+    Raises:
+        InputError: it is not.
+    """
     # ``Image`` for both rclpy's Image and rosbags' sensor_msgs__msg__Image
     name = type(msg).__name__.rpartition("__")[2]
-    if name not in readers:
-        raise InputError(where, f"has the type {name}", f"give a topic of {' or '.join(readers)}")
-    return readers[name]
+    if name not in types:
+        raise InputError(where, f"has the type {name}", f"give a topic of {' or '.join(types)}")
+    return name
