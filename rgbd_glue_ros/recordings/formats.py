@@ -104,12 +104,17 @@ def _open_seven(path: Path, given: Given) -> Recording:
 
 
 def _open_scannet(path: Path, given: Given) -> Recording:
-    scan = scannet.open_scannet(path, given.camera, given.inputs.metres_per_unit)
+    scan = scannet.open_scannet(path, given.camera)
     if isinstance(scan, ImageSequence):
         return _understood(scan, given)
     if given.depth_calibration is not None:
         scan.close()
         raise InputError("--depth-calibration", f"{path} holds aligned images", "leave it out")
+    unit = given.inputs.metres_per_unit
+    if unit is None and given.calibration is not None:
+        say_unit(scan.name, given.calibration, scan.encoding.units_per_metre)
+        scan.encoding = scan.encoding.with_calibration_depth_scale(given.calibration_depth_scale)
+    scan.encoding = scan.encoding.with_scale(unit)
     return scan
 
 

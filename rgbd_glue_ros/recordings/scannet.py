@@ -31,25 +31,22 @@ def matches(path: Path) -> bool:
 
 
 def open_scannet(
-    path: Path,
-    calibration: CameraIntrinsics | None = None,
-    metres_per_unit: float | None = None,
+    path: Path, calibration: CameraIntrinsics | None = None
 ) -> ImageSequence | SensSequence:
     """The scan at ``path``.
 
     Args:
         path: a sensor stream, the folder of a scan with one, or one of exported images.
         calibration: of the depth camera; None uses the scan's.
-        metres_per_unit: of the depth images; None uses the scan's.
 
     Raises:
         InputError: the scan is unusable.
     """
     if is_sens(path):
-        return SensSequence(path, calibration, metres_per_unit)
+        return SensSequence(path, calibration)
     if _is_exported(path):
-        return _open_exported(path, calibration).with_depth_scale(metres_per_unit)
-    return SensSequence(_streams(path)[0], calibration, metres_per_unit)
+        return _open_exported(path, calibration)
+    return SensSequence(_streams(path)[0], calibration)
 
 
 def _streams(folder: Path) -> list[Path]:

@@ -87,20 +87,17 @@ class SensSequence(Closing):
     Colour is reduced to the size of depth and has its camera: ScanNet publishes both images
     aligned. The stamps in these files are unreliable, and exported folders have none, so frame i
     is at (i + 1) / 30 s in both.
+
+    Attributes:
+        encoding: of the depth images: the file's, or another that is set before they are read.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        calibration: CameraIntrinsics | None = None,
-        metres_per_unit: float | None = None,
-    ) -> None:
+    def __init__(self, path: Path, calibration: CameraIntrinsics | None = None) -> None:
         """Opens the file and looks up where its frames are.
 
         Args:
             path: of the file.
             calibration: of the depth camera; None uses the file's.
-            metres_per_unit: of the depth images; None uses the file's.
 
         Raises:
             InputError: the file is not a sensor stream, has another version, or impossible values.
@@ -115,7 +112,7 @@ class SensSequence(Closing):
             self.close()
             raise
         self._camera = calibration or self._header.camera
-        self._encoding = self._header.encoding.with_scale(metres_per_unit)
+        self.encoding = self._header.encoding
         known = np.isfinite(poses).all(axis=(1, 2))
         stamps = np.array([frame_stamp_ns(i) for i in range(len(poses))], np.int64)
         self.ground_truth: Trajectory | None = (
@@ -267,7 +264,7 @@ class SensSequence(Closing):
                 "download the file again",
             )
         image = np.frombuffer(data, "<u2").reshape(camera.height, camera.width)
-        return self._encoding.metres(image)
+        return self.encoding.metres(image)
 
     def _truncated(self) -> InputError:
         return self._unusable(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,6 +19,7 @@ from rigs.scan import DEPTH, Scan
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import open_recording
+from rgbd_glue_ros.recordings.calibration import Calibration
 from rgbd_glue_ros.recordings.left_out import left_out_of
 from rgbd_glue_ros.types import CameraIntrinsics
 
@@ -58,6 +60,22 @@ def test_a_given_unit_of_depth_is_taken_in_place_of_the_scans(tmp_path: Path, ki
     ):
         for usual, other in zip(as_told, given, strict=True):
             np.testing.assert_allclose(other.depth, usual.depth / 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["stream", "export"])
+def test_the_unit_of_a_given_calibration_is_taken_and_logged_unless_another_is_given(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str
+) -> None:
+    scan = Scan()
+    path = scan.write(tmp_path / "a.sens") if kind == "stream" else scan.export(tmp_path / "a")
+    calibration = Calibration(CameraIntrinsics(*DEPTH, 60, 60, 32, 24), 0.0005, "camera.yaml")
+    caplog.set_level(logging.INFO)
+    with open_recording(path, calibration=calibration) as by_file:
+        assert next(iter(by_file)).depth[1, 1] == np.float32(0.75)
+    assert "a: depth is in units of 1/2000 m by the factor in camera.yaml" in caplog.text
+    inputs = InputConfig(depth_scale=0.002)
+    with open_recording(path, calibration=calibration, inputs=inputs) as given_both:
+        assert next(iter(given_both)).depth[1, 1] == 3
 
 
 def test_frames_without_a_pose_are_given_and_have_no_ground_truth(tmp_path: Path) -> None:
