@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.messages.synchronizer import Synchronizer
-from rgbd_glue_ros.node.input_watch import NodeWatch
+from rgbd_glue_ros.node.input_watch import InputWatch
 from rgbd_glue_ros.printable import printable
 from rgbd_glue_ros.types import NANOSECONDS, TrackingState
 
@@ -61,7 +61,7 @@ class NodeDiagnostics:
         node: Node,
         monitor: Monitor,
         synchronizer: Synchronizer[Any],
-        watch: NodeWatch,
+        watch: InputWatch,
     ) -> None:
         """Starts the timers.
 

@@ -75,7 +75,7 @@ def _difference(now: dict[Channel, int], before: dict[Channel, int]) -> dict[Cha
     return {channel: count - before[channel] for channel, count in now.items()}
 
 
-class NodeWatch:
+class InputWatch:
     """Checks the input every ``LOOK_S`` once it is started, and logs new problems.
 
     Attributes:

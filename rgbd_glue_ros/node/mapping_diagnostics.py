@@ -11,7 +11,7 @@ from rclpy.clock import Clock, ClockType
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.diagnostics import DIAGNOSTICS_S, diagnostics_message
-from rgbd_glue_ros.node.input_watch import NodeWatch
+from rgbd_glue_ros.node.input_watch import InputWatch
 from rgbd_glue_ros.slam.live_map import LiveMap
 from rgbd_glue_ros.types import NANOSECONDS
 
@@ -20,7 +20,7 @@ class MappingDiagnostics:
     """Publishes the state of the map once a second."""
 
     def __init__(
-        self, node: BaseNode, live_map: LiveMap, watch: NodeWatch, waiting: Callable[[], int]
+        self, node: BaseNode, live_map: LiveMap, watch: InputWatch, waiting: Callable[[], int]
     ) -> None:
         """Starts the timer.
 

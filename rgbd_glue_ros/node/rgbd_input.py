@@ -17,7 +17,7 @@ from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.messages.used_bits import UsedBits
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.depth_camera import DepthCameraInput
-from rgbd_glue_ros.node.input_watch import NodeWatch
+from rgbd_glue_ros.node.input_watch import InputWatch
 from rgbd_glue_ros.node.inputs import NodeInput, node_inputs
 from rgbd_glue_ros.node.tf import Transforms
 from rgbd_glue_ros.parameters import NodeConfig
@@ -73,7 +73,7 @@ class RgbdInput(Closing):
             else ThreadPoolExecutor(1, thread_name_prefix="depth")
         )
         self._inputs: tuple[NodeInput, ...] = ()
-        self.watch = NodeWatch(
+        self.watch = InputWatch(
             node, self.synchronizer, node.monitor, self._stamps, learned, with_two_clocks
         )
 
