@@ -45,7 +45,7 @@ from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import Broadcaster, listen
 from rgbd_glue_ros.parameters.inputs import MAP_BY_RECEIPT
 from rgbd_glue_ros.slam.keyframe_stream import KeyframeStream, NewKeyframe
-from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.live_map import LiveMap, PublishedKeyframe
 from rgbd_glue_ros.slam.map_saving import MapSaving
 from rgbd_glue_ros.slam.unrecognised import Unrecognised
 from rgbd_glue_ros.types import PoseGraphEdge, RgbdFrame
@@ -296,7 +296,7 @@ class MappingNode(BaseNode):
                 self._map.skip(keyframe.number, edges)
             return
         before, was_placed = self._map.loops, self._map.is_placed
-        keyed = Keyed(frame, keyframe.T_odom_child @ T_child_camera, edges)
+        keyed = PublishedKeyframe(frame, keyframe.T_odom_child @ T_child_camera, edges)
         if self._config.localize_only:
             self._map.locate(keyed)
         else:

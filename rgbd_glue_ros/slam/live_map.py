@@ -26,7 +26,7 @@ from rgbd_glue_ros.types import Float64, PoseGraph, PoseGraphEdge, RgbdFrame, Tr
 
 
 @dataclass(frozen=True)
-class Keyed:
+class PublishedKeyframe:
     """A keyframe as it was published.
 
     Attributes:
@@ -116,7 +116,7 @@ class LiveMap:
         """Whether the pose of ``odom`` in the map is known."""
         return self.T_map_odom is not None
 
-    def add(self, number: int, keyed: Keyed) -> None:
+    def add(self, number: int, keyed: PublishedKeyframe) -> None:
         """Adds a keyframe with its edges.
 
         Edges over keyframes that were skipped are composed. Without an edge to a keyframe that is
@@ -165,7 +165,7 @@ class LiveMap:
         if edges:
             self._skipped.add(number, edges[0])
 
-    def locate(self, keyed: Keyed) -> bool:
+    def locate(self, keyed: PublishedKeyframe) -> bool:
         """Searches for a keyframe among those of the map, which is not changed.
 
         Returns:
@@ -295,7 +295,7 @@ class LiveMap:
         """The pose of odom in the map according to a loop with it, float64 [4, 4]."""
         return T_map_odom_by(loop, self.poses[loop.parent], T_odom_camera)
 
-    def _keyframe(self, keyed: Keyed) -> MapKeyframe:
+    def _keyframe(self, keyed: PublishedKeyframe) -> MapKeyframe:
         """A keyframe whose row is the next one."""
         row = len(self._finder.keyframes)
         view = view_of(keyed.frame, self._config.camera)

@@ -19,7 +19,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.slam import loop_finder
 from rgbd_glue_ros.slam.edge_composition import composed
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
-from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.live_map import LiveMap, PublishedKeyframe
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import optimise
@@ -92,7 +92,7 @@ def test_injected_drift_is_taken_out_while_the_camera_moves() -> None:
     live = LiveMap(config())
     for number, keyframe in enumerate(keyframes):
         frame = recorded_frames()[keyframe.row]
-        live.add(number, Keyed(frame, keyframe.T_odom_camera, keyframe.edges))
+        live.add(number, PublishedKeyframe(frame, keyframe.T_odom_camera, keyframe.edges))
     truth = np.array([keyframe.T_true for keyframe in keyframes])
     before = rmse(np.array([keyframe.T_odom_camera for keyframe in keyframes]), truth)
     after = rmse(np.array([live.poses[row] for row in range(len(keyframes))]), truth)
@@ -130,9 +130,9 @@ def test_an_update_that_fails_costs_what_was_added_and_nothing_before_or_after()
     assert max(apart) < 1e-4
 
 
-def keyed(number: int) -> Keyed:
+def keyed(number: int) -> PublishedKeyframe:
     known = drifted()[number]
-    return Keyed(recorded_frames()[known.row], known.T_odom_camera, known.edges)
+    return PublishedKeyframe(recorded_frames()[known.row], known.T_odom_camera, known.edges)
 
 
 def edges_to(saved: SavedMap, child: int) -> list[PoseGraphEdge]:

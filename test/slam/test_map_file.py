@@ -20,7 +20,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.edge_composition import assumed_edge
-from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.live_map import LiveMap, PublishedKeyframe
 from rgbd_glue_ros.slam.loop_finder import LoopFinder
 from rgbd_glue_ros.slam.map_file import SavedMap, read_map, write_map
 from rgbd_glue_ros.slam.mapper import Mapper
@@ -44,7 +44,7 @@ def first_session() -> SavedMap:
     return live.saved()
 
 
-def keyframes(T_map_odom: Float64) -> list[Keyed]:
+def keyframes(T_map_odom: Float64) -> list[PublishedKeyframe]:
     """The same, by an odometry that starts elsewhere; edges do not know of it."""
     kept = [keyframe.keyframe for keyframe in drifted()]
     found = []
@@ -58,7 +58,7 @@ def keyframes(T_map_odom: Float64) -> list[Keyed]:
             for edge in drifting.edges
         )
         T = se3.inverse(T_map_odom) @ keyframe.T_odom_camera
-        found.append(Keyed(recorded_frames()[drifting.row], T, edges))
+        found.append(PublishedKeyframe(recorded_frames()[drifting.row], T, edges))
     return found
 
 
@@ -116,7 +116,7 @@ def test_who_only_locates_leaves_the_map_as_it_is() -> None:
 @pytest.mark.slow
 def test_keyframes_that_no_edge_links_wait_for_a_place_of_the_map_and_are_placed_with_it() -> None:
     live = LiveMap(config(), first_session())
-    elsewhere = [Keyed(frame, np.eye(4)) for frame in Pan(2)]
+    elsewhere = [PublishedKeyframe(frame, np.eye(4)) for frame in Pan(2)]
     for number, keyed in enumerate(elsewhere):
         live.add(number, keyed)
     assert not live.is_placed
@@ -131,7 +131,7 @@ def test_keyframes_that_no_edge_links_wait_for_a_place_of_the_map_and_are_placed
 def test_a_place_that_is_not_in_the_map_has_no_pose_in_it() -> None:
     live = LiveMap(config(), first_session())
     for number, frame in enumerate(Pan(3)):
-        live.add(number, Keyed(frame, np.eye(4)))
+        live.add(number, PublishedKeyframe(frame, np.eye(4)))
     assert not live.is_placed
     assert live.loops == 0
 

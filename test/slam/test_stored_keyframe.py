@@ -14,7 +14,7 @@ from rigs.drifted import config, drifted
 
 from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.registration.glue import Glue
-from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.live_map import LiveMap, PublishedKeyframe
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.packed_view import packed
 from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe, WholeKeyframes
@@ -119,7 +119,7 @@ def test_a_keyframe_costs_the_map_less_than_two_thirds_of_its_images() -> None:
         # whatever else the first one needs, and those that are kept whole, is there after some
         frame = recorded_frames()[known.row]
         own = replace(frame, color=frame.color.copy(), depth=frame.depth.copy())
-        live.add(number, Keyed(own, known.T_odom_camera, known.edges))
+        live.add(number, PublishedKeyframe(own, known.T_odom_camera, known.edges))
         del frame, own
         gc.collect()
         sizes.append(tracemalloc.get_traced_memory()[0])

@@ -13,7 +13,7 @@ from rigs.sight import Sight
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.slam import waiting_keyframes
-from rgbd_glue_ros.slam.live_map import Keyed, LiveMap
+from rgbd_glue_ros.slam.live_map import LiveMap, PublishedKeyframe
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.types import EdgeOrigin, PoseGraphEdge
 
@@ -23,9 +23,9 @@ pytest.importorskip("pyhbst", reason="pyHBST is not installed")
 NO_OPTIMUM = "the pose graph: has no optimum"
 
 
-def keyed(number: int) -> Keyed:
+def keyed(number: int) -> PublishedKeyframe:
     known = drifted()[number]
-    return Keyed(recorded_frames()[known.row], known.T_odom_camera, known.edges)
+    return PublishedKeyframe(recorded_frames()[known.row], known.T_odom_camera, known.edges)
 
 
 @lru_cache(maxsize=1)
