@@ -49,7 +49,7 @@ def main(sources: list[Path]) -> int:
                 # a graph that is wrong would have the camera where the other one was
                 if loop_edge(parent, child, glue, config, np.eye(4)) is not None:
                     accepted += 1
-                    print(f"false: view {parent.number} of {one}, view {child.number} of {other}")
+                    print(f"false: view {parent.row} of {one}, view {child.row} of {other}")
     print(f"{compared} pairs of views of different rooms, {accepted} taken for the same place")
     return int(accepted > 0)
 

@@ -146,7 +146,7 @@ class LiveMap:
         loops = self._finder.recognised(keyframe)
         if loops:
             waiting = self._waiting.numbered(len(self._finder.keyframes))
-            row = waiting[-1].keyframe.number
+            row = waiting[-1].keyframe.row
             self._add(waiting, tuple(replace(loop, child=row) for loop in loops))
 
     @property
@@ -180,7 +180,7 @@ class LiveMap:
 
     def stamps_ns(self) -> dict[int, int]:
         """Stamps of the keyframes by their rows."""
-        return {keyframe.number: keyframe.stamp_ns for keyframe in self._finder.keyframes}
+        return {keyframe.row: keyframe.stamp_ns for keyframe in self._finder.keyframes}
 
     def saved(self) -> SavedMap:
         """The current map, for a file."""
@@ -202,9 +202,7 @@ class LiveMap:
         assert T_map_odom is not None  # noqa: S101 - for the type checker
         try:
             edges = (*self._edges_by_rows(new), *links)
-            self._solve(
-                edges, {n.keyframe.number: T_map_odom @ n.keyframe.T_odom_camera for n in new}
-            )
+            self._solve(edges, {n.keyframe.row: T_map_odom @ n.keyframe.T_odom_camera for n in new})
         except Exception:
             # edges to them would lead to no keyframe, or to the same failure again
             for n in new:
@@ -217,7 +215,7 @@ class LiveMap:
         try:
             self._close_loops([n.keyframe for n in new])
         finally:
-            self.T_map_odom = self.poses[newest.number] @ se3.inverse(newest.T_odom_camera)
+            self.T_map_odom = self.poses[newest.row] @ se3.inverse(newest.T_odom_camera)
 
     def _close_loops(self, added: Sequence[StoredKeyframe]) -> None:
         """Closes loops of keyframes that were added, and of the last with those near it."""
@@ -234,14 +232,14 @@ class LiveMap:
         self._close(self._finder.loops_near(keyframe, self.poses, self._linked_to(keyframe)))
 
     def _linked_to(self, keyframe: StoredKeyframe) -> set[int]:
-        return linked_to(keyframe.number, self._edges)
+        return linked_to(keyframe.row, self._edges)
 
     def _edges_by_rows(self, new: Sequence[UnmappedKeyframe]) -> list[PoseGraphEdge]:
         """The edges from new keyframes to earlier ones, by rows; registers the rows."""
         found: list[PoseGraphEdge] = []
         before = self._finder.keyframes[self._finder.session_start :][-1:]
         for n in new:
-            row = self._rows[n.number] = n.keyframe.number
+            row = self._rows[n.number] = n.keyframe.row
             known = [edge for edge in map(self._by_rows, n.edges) if edge is not None]
             if before and all(edge.child != row for edge in known):
                 known.append(_assumed(before[-1], n.keyframe))
@@ -307,4 +305,4 @@ def _assumed(before: StoredKeyframe, keyframe: StoredKeyframe) -> PoseGraphEdge:
     """In place of an edge that is not known: where the odometry has both."""
     T = se3.inverse(before.T_odom_camera) @ keyframe.T_odom_camera
     elapsed_ns = keyframe.stamp_ns - before.stamp_ns
-    return assumed_edge(before.number, keyframe.number, T, elapsed_ns)
+    return assumed_edge(before.row, keyframe.row, T, elapsed_ns)

@@ -67,7 +67,7 @@ def loop_edge(
     count = agreement.residuals_per_independent_one(errors.residuals_per_independent_one)
     errors = replace(errors, residuals_per_independent_one=count)
     covariance = refined_covariance(refinement, np.eye(4), problem.view.twist, errors)
-    return PoseGraphEdge(parent.number, child.number, T, covariance, EdgeOrigin.LOOP)
+    return PoseGraphEdge(parent.row, child.row, T, covariance, EdgeOrigin.LOOP)
 
 
 def T_map_odom_by(loop: PoseGraphEdge, T_map_parent: Float64, T_odom_child: Float64) -> Float64:

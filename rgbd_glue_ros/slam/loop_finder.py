@@ -113,7 +113,7 @@ class LoopFinder:
         keyframe = self._whole.of(stored)
         descriptors = self._descriptors(keyframe)
         alike = self._alike(descriptors)
-        self._session.add(keyframe.number, descriptors)
+        self._session.add(keyframe.row, descriptors)
         return self._loops(keyframe, alike, linked)
 
     def recognised(self, keyframe: MapKeyframe) -> tuple[PoseGraphEdge, ...]:
@@ -133,8 +133,8 @@ class LoopFinder:
         Returns:
             The loops found.
         """
-        T_child = poses[child.number]
-        earlier = [n for n in poses if self._is_earlier(n, child.number)]
+        T_child = poses[child.row]
+        earlier = [n for n in poses if self._is_earlier(n, child.row)]
         apart = se3.differences(np.array([poses[n] for n in earlier]).reshape(-1, 4, 4), T_child)
         near = [earlier[row] for row in np.argsort(apart, kind="stable") if apart[row] < _NEAR]
         unlinked = [n for n in near if n not in linked]
@@ -150,8 +150,7 @@ class LoopFinder:
         candidates = [
             likeness.number
             for likeness in alike
-            if self._is_earlier(likeness.number, keyframe.number)
-            and likeness.matches >= _MIN_MATCHES
+            if self._is_earlier(likeness.number, keyframe.row) and likeness.matches >= _MIN_MATCHES
         ]
         unlinked = [number for number in candidates[:_MOST_ALIKE] if number not in linked]
         return self._compared(keyframe, dict.fromkeys(unlinked))

@@ -18,14 +18,14 @@ class MapKeyframe:
     """A keyframe that can be compared with others; ``StoredKeyframe`` is what the map keeps of it.
 
     Attributes:
-        number: row in the pose graph.
+        row: in the pose graph.
         stamp_ns: of the frame.
         T_odom_camera: float64 [4, 4], as the odometry published it.
         features: of the frame.
         model: its planes and pixels, in its own camera's frame.
     """
 
-    number: int
+    row: int
     stamp_ns: int
     T_odom_camera: Float64
     features: FrameFeatures
@@ -41,8 +41,8 @@ class MapKeyframe:
 
     @staticmethod
     def seen(
-        number: int, stamp_ns: int, T_odom_camera: Float64, view: View, glue: Glue, config: Config
+        row: int, stamp_ns: int, T_odom_camera: Float64, view: View, glue: Glue, config: Config
     ) -> MapKeyframe:
         """A keyframe known only by its view and its pose [4, 4]."""
         model = model_of(view, config.refine.grid_step)
-        return MapKeyframe(number, stamp_ns, T_odom_camera, glue.extract(view), model)
+        return MapKeyframe(row, stamp_ns, T_odom_camera, glue.extract(view), model)

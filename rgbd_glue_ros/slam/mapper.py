@@ -66,7 +66,7 @@ class Mapper:
         stored = self._finder.tracked(keyframe)
         # so that it has its number whatever becomes of the search
         self._finder.add([stored])
-        self.edges += self._finder.loops_of(stored, linked_to(stored.number, self.edges))
+        self.edges += self._finder.loops_of(stored, linked_to(stored.row, self.edges))
 
     def T_map_odom(self) -> Float64 | None:
         """The pose of this session's odom frame in a given map, float64 [4, 4].
@@ -114,7 +114,7 @@ class Mapper:
         first = optimise(self.graph)
         poses = dict(enumerate(first.graph.keyframes.poses))
         for keyframe in self.keyframes:
-            linked = linked_to(keyframe.number, self.edges)
+            linked = linked_to(keyframe.row, self.edges)
             self.edges += self._finder.loops_near(keyframe, poses, linked)
         if not any(edge.origin is EdgeOrigin.LOOP for edge in self.edges):
             return replace(first, graph=self.graph)

@@ -22,7 +22,7 @@ class StoredKeyframe:
     """A keyframe whose images are compressed.
 
     Attributes:
-        number: row in the pose graph.
+        row: in the pose graph.
         stamp_ns: of the frame.
         T_odom_camera: float64 [4, 4], as the odometry published it.
         view: of the frame.
@@ -30,7 +30,7 @@ class StoredKeyframe:
         model: gives its planes and pixels from its view.
     """
 
-    number: int
+    row: int
     stamp_ns: int
     T_odom_camera: Float64
     view: PackedView
@@ -58,9 +58,7 @@ class StoredKeyframe:
         """The keyframe as it was."""
         view = self.view.unpacked()
         features = replace(self.features, view=view)
-        return MapKeyframe(
-            self.number, self.stamp_ns, self.T_odom_camera, features, self.model(view)
-        )
+        return MapKeyframe(self.row, self.stamp_ns, self.T_odom_camera, features, self.model(view))
 
 
 def _stored(
@@ -68,7 +66,7 @@ def _stored(
 ) -> StoredKeyframe:
     features = replace(keyframe.features, view=view.rest)
     return StoredKeyframe(
-        keyframe.number, keyframe.stamp_ns, keyframe.T_odom_camera, view, features, model
+        keyframe.row, keyframe.stamp_ns, keyframe.T_odom_camera, view, features, model
     )
 
 

@@ -70,7 +70,7 @@ class WaitingKeyframes:
     def numbered(self, first_row: int) -> list[UnmappedKeyframe]:
         """All of them, with their rows from the first on."""
         return [
-            replace(k, keyframe=replace(k.keyframe, number=row))
+            replace(k, keyframe=replace(k.keyframe, row=row))
             for row, k in enumerate(self._keyframes, first_row)
         ]
 

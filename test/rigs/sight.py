@@ -33,7 +33,7 @@ class Sight:
         self, parent: MapKeyframe, child: MapKeyframe, *others: Any
     ) -> PoseGraphEdge | None:
         """The loop between two keyframes."""
-        if child.number in self.failing:
+        if child.row in self.failing:
             raise ArithmeticError("no digits are left")
         loop = None if self.is_blind else loop_edge(parent, child, *others)
         if loop is None or not self.is_useless:

@@ -206,7 +206,7 @@ def test_loops_with_which_there_is_no_optimum_cost_no_keyframe(
     tried: list[tuple[int, int]] = []
 
     def useless(parent: MapKeyframe, child: MapKeyframe, *_: object) -> PoseGraphEdge:
-        tried.append((parent.number, child.number))
+        tried.append((parent.row, child.row))
         covariance = np.full((6, 6), np.nan)
         return PoseGraphEdge(*tried[-1], np.eye(4), covariance, EdgeOrigin.LOOP)
 

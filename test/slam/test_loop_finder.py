@@ -34,16 +34,16 @@ def test_the_first_keyframes_of_a_session_are_compared_with_the_last_of_the_map_
     compared: list[tuple[int, int]] = []
 
     def none_of(parent: MapKeyframe, child: MapKeyframe, *_: object) -> None:
-        compared.append((parent.number, child.number))
+        compared.append((parent.row, child.row))
 
     monkeypatch.setattr(loop_finder, "loop_edge", none_of)
     window = config().odometry.window
     finder = LoopFinder(config(), Glue(config()), HammingVotes)
     finder.restore(map_of(window + 1))
     known = drifted()[window].keyframe
-    session = [replace(known, number=number) for number in (window + 1, window + 2)]
+    session = [replace(known, row=number) for number in (window + 1, window + 2)]
     finder.add([finder.tracked(keyframe) for keyframe in session])
-    poses = {keyframe.number: keyframe.T_odom_camera for keyframe in finder.keyframes}
+    poses = {keyframe.row: keyframe.T_odom_camera for keyframe in finder.keyframes}
     for stored in finder.keyframes:
         assert finder.loops_near(stored, poses, ()) == ()
     last = window

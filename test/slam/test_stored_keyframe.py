@@ -95,7 +95,7 @@ def test_a_keyframe_of_the_odometry_is_whole_again_with_the_model_that_it_had() 
 
 def test_the_keyframes_used_last_are_not_made_whole_again_and_others_are() -> None:
     keyframes = WholeKeyframes()
-    many = [stored(replace(seen(0), number=number)) for number in range(10)]
+    many = [stored(replace(seen(0), row=number)) for number in range(10)]
     first = keyframes.of(many[0])
     assert keyframes.of(many[0]) is first
     for other in many[1:]:

@@ -97,7 +97,7 @@ class MappingSink:
             return
         start = perf_counter()
         kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
-        kept = replace(kept, number=start_row + kept.number)
+        kept = replace(kept, row=start_row + kept.row)
         self.mapper.reconfigure(self._odometry.learnt_config())
         self.mapper.add(kept)
         self.ms.append(1000 * (perf_counter() - start))
