@@ -46,7 +46,7 @@ def frame_from_messages(
     info: CameraInfo,
     topics: FrameTopics,
     depth_camera: DepthCamera | None = None,
-    depth_scale: float | None = None,
+    metres_per_unit: float | None = None,
     background: Executor | None = None,
     to_8_bits: ToEightBits = in_8_bits,
 ) -> RgbdFrame:
@@ -62,7 +62,7 @@ def frame_from_messages(
         info: camera info of the colour image.
         topics: their topics, for errors.
         depth_camera: the camera that took the depth image; None if depth is registered to colour.
-        depth_scale: as for ``depth_from_message``.
+        metres_per_unit: as for ``depth_from_message``.
         background: decodes depth while this thread decodes colour. Decoding a compressed image
             takes milliseconds and releases the interpreter lock. None decodes one after the other.
         to_8_bits: as for ``color_from_message``.
@@ -70,7 +70,7 @@ def frame_from_messages(
     Raises:
         InputError: a message cannot be used, or the aspect ratios differ.
     """
-    decode_depth = partial(depth_from_message, depth, topics.depth, depth_scale)
+    decode_depth = partial(depth_from_message, depth, topics.depth, metres_per_unit)
     decoded = None if background is None else background.submit(decode_depth)
     color_pixels = color_from_message(color, topics.color, to_8_bits)
     depth_pixels = decode_depth() if decoded is None else decoded.result()
@@ -146,7 +146,7 @@ def frame_of_match(
     match: Match[Any],
     topics: FrameTopics,
     depth_camera: DepthCamera | None,
-    depth_scale: float | None,
+    metres_per_unit: float | None,
     background: Executor | None = None,
     to_8_bits: ToEightBits = in_8_bits,
 ) -> RgbdFrame:
@@ -157,7 +157,7 @@ def frame_of_match(
         match.info,
         topics,
         depth_camera,
-        depth_scale,
+        metres_per_unit,
         background,
         to_8_bits,
     )

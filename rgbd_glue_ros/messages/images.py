@@ -155,13 +155,13 @@ def may_have_16_bits(msg: AnyImage) -> bool:
     return "16" in msg.format or (_is_png(data) and is_long_enough and data[_PNG_BITS] == 16)
 
 
-def depth_from_message(msg: AnyImage, where: str, depth_scale: float | None = None) -> Float32:
+def depth_from_message(msg: AnyImage, where: str, metres_per_unit: float | None = None) -> Float32:
     """The depth of every pixel.
 
     Args:
         msg: sensor_msgs/msg/Image or CompressedImage (``compressedDepth`` as PNG or RVL, or a PNG).
         where: its topic, for errors.
-        depth_scale: metres per unit of the image; None follows REP-118: integers are millimetres,
+        metres_per_unit: of the image; None follows REP-118: integers are millimetres,
             floating-point values are metres.
 
     Returns:
@@ -170,18 +170,18 @@ def depth_from_message(msg: AnyImage, where: str, depth_scale: float | None = No
     Raises:
         InputError: it has another type or encoding, or is truncated or damaged.
     """
-    return reader_of(_DEPTH_READERS, msg, where)(msg, where, depth_scale)
+    return reader_of(_DEPTH_READERS, msg, where)(msg, where, metres_per_unit)
 
 
-def metres(depth: NDArray[Any], units_per_metre: float, depth_scale: float | None) -> Float32:
+def metres(depth: NDArray[Any], units_per_metre: float, metres_per_unit: float | None) -> Float32:
     """Depth [H, W] in metres, float32; NaN where it is not positive and finite, or overflowed.
 
     Args:
         depth: depth in units, any real dtype.
         units_per_metre: units per metre of the format.
-        depth_scale: metres per unit, which overrides that; None for the unit of the format.
+        metres_per_unit: of the image, which overrides that; None for the unit of the format.
     """
-    units = units_per_metre if depth_scale is None else 1 / depth_scale
+    units = units_per_metre if metres_per_unit is None else 1 / metres_per_unit
     if (depth.dtype.kind, depth.dtype.itemsize) == ("u", 2):
         return metres_of_16_bits(depth, units)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -227,10 +227,10 @@ def _color_from_image(msg: Image, where: str) -> NDArray[Any]:
     return pixels
 
 
-def _depth_from_image(msg: Image, where: str, depth_scale: float | None) -> Float32:
+def _depth_from_image(msg: Image, where: str, metres_per_unit: float | None) -> Float32:
     _, (kind, units) = _encoding(msg, _DEPTH_ENCODINGS, "depth", where)
     pixels = _pixels(msg, _ordered(np.dtype(kind), msg), 1, msg.height, where)
-    return metres(pixels, units, depth_scale)
+    return metres(pixels, units, metres_per_unit)
 
 
 def _ordered(dtype: np.dtype[Any], msg: Image) -> np.dtype[Any]:
@@ -305,12 +305,14 @@ def _color_from_compressed(msg: CompressedImage, where: str) -> NDArray[Any]:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
 
 
-def _depth_from_compressed(msg: CompressedImage, where: str, depth_scale: float | None) -> Float32:
+def _depth_from_compressed(
+    msg: CompressedImage, where: str, metres_per_unit: float | None
+) -> Float32:
     data = _bytes(msg)
     is_quantised = "compressedDepth" in msg.format or _is_png(data[_QUANTISATION.size :])
     # some publishers of compressedDepth leave out the header before the PNG
     if not is_quantised or _is_png(data):
-        return _decoded_depth(data, msg.format, where, depth_scale)
+        return _decoded_depth(data, msg.format, where, metres_per_unit)
     if len(data) < _QUANTISATION.size:
         raise InputError(where, f"data are truncated: {len(data)} bytes", "check the recording")
     _, a, b = _QUANTISATION.unpack_from(data)
@@ -318,13 +320,13 @@ def _depth_from_compressed(msg: CompressedImage, where: str, depth_scale: float 
     is_rvl = "compressedDepth rvl" in msg.format
     image = decode_rvl(coded, where) if is_rvl else _decoded(coded, msg.format, where)
     if not msg.format.startswith("32FC1"):
-        return metres(image, DEPTH_UNITS_PER_METRE, depth_scale)
+        return metres(image, DEPTH_UNITS_PER_METRE, metres_per_unit)
     if not (np.isfinite(a) and np.isfinite(b) and a > 0):
         raise InputError(where, f"the quantisation ({a}, {b}) is invalid", "check the publisher")
     with np.errstate(divide="ignore"):
         depth = np.float32(a) / (image.astype(np.float32) - np.float32(b))
     depth[image == 0] = np.nan
-    return metres(depth, 1, depth_scale)
+    return metres(depth, 1, metres_per_unit)
 
 
 def _is_png(data: memoryview) -> bool:
@@ -337,14 +339,14 @@ def _bytes(msg: CompressedImage) -> memoryview:
 
 
 def _decoded_depth(
-    data: memoryview, image_format: str, where: str, depth_scale: float | None
+    data: memoryview, image_format: str, where: str, metres_per_unit: float | None
 ) -> Float32:
     """The depth in an image file without quantisation."""
     image = decode(data, where)
     if image.ndim == 2 and image.dtype == np.uint16:
-        return metres(image, DEPTH_UNITS_PER_METRE, depth_scale)
+        return metres(image, DEPTH_UNITS_PER_METRE, metres_per_unit)
     if image.ndim == 2 and image.dtype == np.float32:
-        return metres(image, 1, depth_scale)
+        return metres(image, 1, metres_per_unit)
     raise InputError(
         where,
         f"is a {image_format} image of {image.dtype} and shape {image.shape}, which is not depth",
