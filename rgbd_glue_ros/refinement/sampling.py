@@ -47,7 +47,7 @@ def _bilinear(a: float, b: float, c00: float, c01: float, c10: float, c11: float
 
 
 @compiled
-def is_occluded(
+def shows_another_surface(
     depth: Float32, K: tuple[float, ...], x: float, y: float, z: float, noise: float
 ) -> bool:
     """Whether depth shows another surface at the point x, y, z, in the depth camera's frame.
@@ -72,8 +72,8 @@ def sample_visible(seen: Projection, problem: LevelProblem) -> tuple[Mask, Float
         problem: the frame at the image's level.
 
     Returns:
-        Which pixels [M] are in the image and not occluded; the brightness [M] there, and its
-        gradient [2, M]; 0 elsewhere.
+        Which pixels [M] are in the image, on the surface that it shows; the brightness [M] there,
+        and its gradient [2, M]; 0 elsewhere.
     """
     image, depth = problem.image, problem.depth
     (fx, fy, cx, cy), twist = problem.image_exposure.K, problem.image_exposure.twist
@@ -85,10 +85,9 @@ def sample_visible(seen: Projection, problem: LevelProblem) -> tuple[Mask, Float
         u, v, z = seen.u[i], seen.v[i], seen.z[i]
         if not is_inside(image, u, v):
             continue
-        # occluded by a nearer surface, or the surface has moved away
         x, y = (u - cx) / fx * z, (v - cy) / fy * z
         x, y, z = displaced_point(x, y, z, -depth_delay, twist)
-        if is_occluded(depth, K_depth, x, y, z, problem.depth_noise):
+        if shows_another_surface(depth, K_depth, x, y, z, problem.depth_noise):
             continue
         is_visible[i] = True
         brightness[i], gradient[0, i], gradient[1, i] = brightness_and_gradient(image, u, v)
