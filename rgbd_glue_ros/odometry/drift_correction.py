@@ -43,11 +43,6 @@ class DriftCorrection:
         """A correction that is already complete."""
         return DriftCorrection(T_odom_track, T_odom_track)
 
-    @property
-    def remaining(self) -> Float64:
-        """Known drift that is not yet corrected, twist [6], multiplied on the left of poses."""
-        return se3.log(self.T_odom_track_known @ se3.inverse(self.T_odom_track))
-
     def after_shift(self, T_shift: Float64) -> DriftCorrection:
         """The drift after tracked poses were shifted, so that published ones are not.
 
@@ -86,8 +81,11 @@ class DriftCorrection:
             that is known but not yet corrected.
         """
         T_odom_camera = self.T_odom_track @ T_track_camera
-        in_odom = self.covariance_in_odom(covariance) + np.outer(self.remaining, self.remaining)
-        return T_odom_camera, se3.pose_covariance(T_odom_camera, in_odom)
+        T_known = self.T_odom_track_known @ T_track_camera
+        turn = se3.rotation_vector(T_known @ se3.inverse(T_odom_camera))
+        off = np.concatenate([T_known[:3, 3] - T_odom_camera[:3, 3], turn])
+        in_odom = self.covariance_in_odom(covariance)
+        return T_odom_camera, se3.pose_covariance(T_odom_camera, in_odom) + np.outer(off, off)
 
     def covariance_in_odom(self, covariance: Float64) -> Float64:
         """A covariance [6, 6] of the track frame in the odom frame, both on the left of poses."""

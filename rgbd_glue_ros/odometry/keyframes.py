@@ -112,8 +112,6 @@ class Keyframes:
 
         Args:
             T_odom_track: the correction of all drift that is known, float64 [4, 4].
-            component: that of the keyframe that its pose was measured from; None if it is the
-                first of another.
         """
         self._drop_images()
         while self._earlier:

@@ -202,12 +202,24 @@ def test_a_shift_of_the_tracked_pose_does_not_move_the_output_and_is_removed_gra
     np.testing.assert_allclose(
         after.T_odom_track @ T_shift @ T_track_camera, before.T_odom_track @ T_track_camera
     )
-    np.testing.assert_allclose(
-        se3.exp(after.remaining) @ after.T_odom_track, after.T_odom_track_known, atol=1e-12
-    )
-    assert 0.19 < np.linalg.norm(after.remaining[:3]) < 0.22
+    np.testing.assert_allclose(after.T_odom_track_known, before.T_odom_track_known, atol=1e-12)
+    remaining = after.T_odom_track_known @ se3.inverse(after.T_odom_track)
+    assert 0.19 < np.linalg.norm(remaining[:3, 3]) < 0.22
     moved = after
     for i in range(100):
         T_from, T_to = (se3.exp(np.array([0.5 * j, 0, 0, 0, 0, 0])) for j in (i, i + 1))
         moved = moved.advanced(T_from, T_to, 0.01)
     np.testing.assert_allclose(moved.T_odom_track, before.T_odom_track, atol=1e-12)
+
+
+@given(transforms(), transforms())
+def test_known_drift_is_stated_as_what_the_published_pose_is_off_by(
+    T_drift: Float64, T_track_camera: Float64
+) -> None:
+    """Along the error of the position, however much the drift turns, and in no other direction."""
+    drift = DriftCorrection(NONE, T_drift)
+    T, covariance = drift.pose_in_odom(T_track_camera, 1e-12 * np.eye(6))
+    off = (T_drift @ T_track_camera)[:3, 3] - T[:3, 3]
+    np.testing.assert_allclose(covariance[:3, :3], np.outer(off, off), atol=1e-9)
+    turn = np.trace(covariance[3:, 3:])
+    np.testing.assert_allclose(turn, se3.rotation_angle(T_drift) ** 2, atol=1e-9)
