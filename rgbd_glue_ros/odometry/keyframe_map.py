@@ -199,11 +199,7 @@ class KeyframeMap:
         self._edges.append(edge_from(keyframe, joined.number, T, covariance, EdgeOrigin.REVISIT))
 
     def jump_to(self, reference: Keyframe) -> None:
-        """Continues with the drift of a keyframe, where a jump was announced.
-
-        Args:
-            reference: keyframe that the pose was found from; an anchor has a drift of its own.
-        """
+        """Continues where a pose was found from a keyframe: an anchor has a drift of its own."""
         if isinstance(reference, Anchor):
             self._drift = DriftCorrection.at(self._known_drift_of(reference))
 
@@ -269,11 +265,15 @@ class KeyframeMap:
         is_near = distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap
         # frames are tracked against the window of one component: the next one would be lost again
         # if a keyframe elsewhere alone showed this place
-        if is_near and self._keyframes.is_tracked_from(candidate.pose.reference):
+        is_tracked_on = is_near and self._keyframes.is_tracked_from(candidate.pose.reference)
+        if is_tracked_on and candidate.is_certain:
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):
             return None
+        if is_tracked_on:
+            # the pose is not known, and texture that the keyframes do not show tells how it goes on
+            return (features, model) if self._shows_texture(model) else None
         # a blurred image is a poor keyframe: a sharper one will probably follow
         pixels, of_reference = model.pixels[0], candidate.pose.reference.model.pixels[0]
         is_blurred = 2 * len(pixels.points) < len(of_reference.points)
@@ -291,6 +291,10 @@ class KeyframeMap:
         static_features = self._background.submit(self._glue.with_other_depth, features, view)
         model = model_of(view, grid_step)
         return static_features.result(), model
+
+    def _shows_texture(self, model: Model) -> bool:
+        """Whether a model has pixels at the coarsest level, to which noise does not get."""
+        return len(model.pixels[-1].points) >= self._config.odometry.min_pixels
 
     def _shows_enough(self, model: Model) -> bool:
         return len(model.planes.points) >= self._config.odometry.min_planes

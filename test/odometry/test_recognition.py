@@ -65,6 +65,22 @@ def test_a_camera_that_stops_at_a_bare_wall_is_not_said_to_move_on() -> None:
 
 
 @pytest.mark.slow
+def test_when_all_texture_is_replaced_motion_is_measured_by_the_new_one() -> None:
+    """As when another poster is put up: of a bare wall behind it, planes agree with any pose."""
+    x = positions([0.0, 2.0, 4.0], [0.0, 0.0, 0.6])
+    new = bare_wall.frames(x, seed=2, poster_m=3.0)
+    old = bare_wall.frames(x, seed=1, poster_m=3.0)
+    frames = [
+        before if i < 10 else after for i, (before, after) in enumerate(zip(old, new, strict=True))
+    ]
+    with Odometry(Config()) as odometry:
+        estimates = [odometry.process(frame) for frame in frames]
+    poses = [e.T_odom_camera for e in estimates if e.T_odom_camera is not None]
+    way = poses[-1][0, 3] - poses[20][0, 3]
+    np.testing.assert_allclose(way, x[-1] - x[20], atol=0.03)
+
+
+@pytest.mark.slow
 def test_after_a_restart_somewhere_else_a_camera_that_returns_recognises_where_it_was_before() -> (
     None
 ):
