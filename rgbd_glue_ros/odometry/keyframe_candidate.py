@@ -23,13 +23,11 @@ class KeyframeCandidate:
         pose: as tracked.
         features: of the frame.
         overlap: the fraction of the view that the keyframes showed too.
-        is_certain: whether its pose is known from that of its reference in all directions.
     """
 
     pose: TrackedPose
     features: FrameFeatures
     overlap: float
-    is_certain: bool
 
     def distance(self, config: OdometryConfig) -> float:
         """Distance from the reference, in units of that at which a frame becomes a keyframe."""

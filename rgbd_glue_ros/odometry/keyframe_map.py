@@ -18,6 +18,7 @@ from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
 from rgbd_glue_ros.odometry.keyframes import Keyframes
 from rgbd_glue_ros.odometry.motion_filter import Motion, lost_covariance
+from rgbd_glue_ros.odometry.pose_covariance import is_known
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import LastBlend, Model, model_of
@@ -59,7 +60,10 @@ class KeyframeMap:
 
     def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
         """The keyframes that a frame at a pose is compared with, the nearest first."""
-        nearest = self._keyframes.nearest(T_track_camera, self._keyframes.component)
+        return self._nearest(T_track_camera, self._keyframes.component)
+
+    def _nearest(self, T_track_camera: Float64, component: int) -> list[RecentKeyframe]:
+        nearest = self._keyframes.nearest(T_track_camera, component)
         return nearest[: self._config.odometry.references]
 
     def model_shown_by(self, references: Sequence[Keyframe]) -> Model:
@@ -156,7 +160,7 @@ class KeyframeMap:
         T, stamp_ns = pose.T_track_camera, pose.motion.stamp_ns
         # a keyframe with a wrong time is off, and what is tracked from it is off by the opposite
         covariance = pose.covariance - pose.timing_covariance
-        component = pose.reference.component if candidate.is_certain else None
+        component = pose.reference.component if is_known(pose.motion) else None
         keyframe = self._add(stamp_ns, T, covariance, *shown, component)
         relative = pose.covariance_from_keyframe
         self._edges.append(edge_from(pose.reference, keyframe.number, T, relative))
@@ -210,8 +214,7 @@ class KeyframeMap:
             T_before: T_track_camera of the previous pose, float64 [4, 4].
             T_now: T_track_camera of this pose.
         """
-        rate = self._config.odometry.drift_rate
-        self._drift = self._drift.advanced(T_before, T_now, rate)
+        self._drift = self._drift.advanced(T_before, T_now, self._config.odometry.drift_rate)
 
     def shift_track(self, T_shift: Float64, reference: Keyframe) -> None:
         """Continues with shifted tracked poses, without a jump of the published ones.
@@ -266,14 +269,16 @@ class KeyframeMap:
         # frames are tracked against the window of one component: the next one would be lost again
         # if a keyframe elsewhere alone showed this place
         is_tracked_on = is_near and self._keyframes.is_tracked_from(candidate.pose.reference)
-        if is_tracked_on and candidate.is_certain:
+        if is_tracked_on and is_known(candidate.pose.motion):
             return None
         features, model = self._shown_of_the_room(candidate)
         if not self._shows_enough(model):
             return None
         if is_tracked_on:
             # the pose is not known, and texture that the keyframes do not show tells how it goes on
-            return (features, model) if self._shows_texture(model) else None
+            # noise does not get to the coarsest level
+            has_texture = len(model.pixels[-1].points) >= self._config.odometry.min_pixels
+            return (features, model) if has_texture else None
         # a blurred image is a poor keyframe: a sharper one will probably follow
         pixels, of_reference = model.pixels[0], candidate.pose.reference.model.pixels[0]
         is_blurred = 2 * len(pixels.points) < len(of_reference.points)
@@ -283,18 +288,13 @@ class KeyframeMap:
         """A frame's features and model without dynamic objects."""
         features, grid_step = candidate.features, self._config.refine.grid_step
         T = candidate.pose.T_track_camera
-        nearest = self._keyframes.nearest(T, candidate.pose.reference.component)
-        surfaces = [k.surfaces for k in nearest[: self._config.odometry.references]]
+        surfaces = [k.surfaces for k in self._nearest(T, candidate.pose.reference.component)]
         view = without_dynamic_objects(features.view, T, surfaces)
         if view is None:
             return features, model_of(features.view, grid_step)
         static_features = self._background.submit(self._glue.with_other_depth, features, view)
         model = model_of(view, grid_step)
         return static_features.result(), model
-
-    def _shows_texture(self, model: Model) -> bool:
-        """Whether a model has pixels at the coarsest level, to which noise does not get."""
-        return len(model.pixels[-1].points) >= self._config.odometry.min_pixels
 
     def _shows_enough(self, model: Model) -> bool:
         return len(model.planes.points) >= self._config.odometry.min_planes

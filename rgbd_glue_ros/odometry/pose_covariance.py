@@ -92,6 +92,11 @@ def unmeasured_part(refinement: Refinement, residuals_per_independent_one: float
     return uncertain_part(se3.transported_covariance(T_camera_model, covariance))
 
 
+def is_known(motion: Motion) -> bool:
+    """Whether a pose is known from its keyframe in all directions; not so long at a bare wall."""
+    return not uncertain_part(motion.pose_covariance).any()
+
+
 def uncertain_part(covariance: Float64) -> Float64:
     """What of a twist is along directions in which a pose is not known: a matrix [6, 6].
 

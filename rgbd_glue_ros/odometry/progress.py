@@ -33,14 +33,11 @@ class LastPose:
         motion: at that frame.
         view: of that frame.
         alternative: to its pose, if a part of the view contradicted it.
-        is_certain: whether its pose is known from its keyframe in all directions; not so at a bare
-            wall, after some time.
     """
 
     motion: Motion
     view: View
     alternative: Alternative | None = None
-    is_certain: bool = True
 
 
 @dataclass(frozen=True)
@@ -139,10 +136,7 @@ class Progress:
         """The state after the last frame has become a keyframe that others are compared with."""
         if self.last is None:
             return self
-        return replace(
-            self,
-            last=replace(self.last, motion=self.last.motion.at_own_keyframe(), is_certain=True),
-        )
+        return replace(self, last=replace(self.last, motion=self.last.motion.at_own_keyframe()))
 
     def with_estimate(self, estimate: OdometryEstimate, T_guess_camera: Float64 | None) -> Progress:
         """The state with the complete estimate for that frame."""

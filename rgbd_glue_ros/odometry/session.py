@@ -15,7 +15,7 @@ from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate, overlap
 from rgbd_glue_ros.odometry.keyframe_map import KeyframeMap
 from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion, PredictedMotion
 from rgbd_glue_ros.odometry.own_parts_tracker import OwnPartsTracker
-from rgbd_glue_ros.odometry.pose_covariance import uncertain_part, unmeasured_part
+from rgbd_glue_ros.odometry.pose_covariance import is_known, unmeasured_part
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import recognise, relocalise
@@ -106,7 +106,7 @@ class Session:
         candidate, self._candidate = self._candidate, None
         if candidate is None or not self.keyframes.add_if_due(candidate, self.calibration):
             return False
-        if not candidate.is_certain:
+        if not is_known(candidate.pose.motion):
             self._progress = self._progress.at_own_keyframe()
         return True
 
@@ -211,7 +211,7 @@ class Session:
         else:
             self.keyframes.jump_to(fix.reference)
         count = self._config.refine.residuals_per_independent_one
-        if not last.is_certain:
+        if not is_known(last.motion):
             part = unmeasured_part(fix.estimate.refinement, count)
             predicted = predicted.decoupled(part).slowed(part)
         motion = corrected_motion(predicted, fix.estimate, count)
@@ -221,9 +221,7 @@ class Session:
         pose = TrackedPose.of(fix, motion, predicted, errors, acceptance)
         # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)
-        is_certain = not uncertain_part(motion.pose_covariance).any()
-        last_pose = LastPose(motion, view, fix.alternative, is_certain)
-        self._progress = self._progress.with_pose(last_pose)
+        self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
         knows_twist = motion.stamp_ns - before.stamp_ns <= _TWIST_IS_CERTAIN_NS
         if knows_twist:
             self.keyframes.set_velocity_at_start(before, motion)
@@ -231,7 +229,7 @@ class Session:
         self._own_parts.compare(replace(whole, twist=motion.twist), motion.T_track_camera)
         overlapping = overlap(view, fix.estimate.refinement, self._config.refine)
         features = replace(attempt.features, view=view)
-        self._candidate = KeyframeCandidate(pose, features, overlapping, is_certain)
+        self._candidate = KeyframeCandidate(pose, features, overlapping)
         return replace(
             pose.estimate(self.keyframes.drift, self.state),
             registration=attempt.registration,

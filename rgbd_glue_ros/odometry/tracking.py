@@ -20,6 +20,7 @@ from rgbd_glue_ros.odometry.contradiction import settle_contradiction
 from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
+from rgbd_glue_ros.odometry.pose_covariance import is_known
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.odometry.unmeasured_direction import without_spurious_motion
@@ -103,7 +104,7 @@ def track(
     fix = partial(_pose_fix, nearest=nearest, problem=problem, last=last, acceptance=acceptance)
     predicted_fix = None
     # in most frames this is the pose that is chosen, and no match has a say in it
-    if predicted is not None and last.is_certain:
+    if predicted is not None and is_known(last.motion):
         predicted_fix = background.start(lambda: fix(predicted.result(), agreeing_matches=0))
     features = glue.extract_visual(problem.view, geometric.result)
     prior = _prior(problem.predicted, nearest, prior_radius) if uses_prior else None
@@ -172,7 +173,7 @@ def _pose_fix(
     settled = settle_contradiction(chosen, problem, last, acceptance)
     estimate = settled.estimate
     # from a start as far off as the camera may be, edges find others that look like them
-    is_found = last.is_certain or agreeing_matches >= FEW_MATCHES
+    is_found = is_known(last.motion) or agreeing_matches >= FEW_MATCHES
     if not is_found or acceptance.pixels_contradict(estimate.refinement):
         # their gradients would hold the pose where nothing was measured
         problem = problem.without_pixels()
