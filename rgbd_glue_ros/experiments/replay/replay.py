@@ -31,7 +31,7 @@ from rgbd_glue_ros.experiments.replay.result_names import (
     RESULTS,
     TRAJECTORY,
 )
-from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run, metrics
+from rgbd_glue_ros.experiments.replay.run_record import FrameRecord, Provenance, Run, metrics
 from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
@@ -202,25 +202,28 @@ def _warn_of_restarts(run: Run) -> None:
 def _warn_of_blind_restarts(run: Run) -> None:
     restarts = run.blind_restarts
     if restarts:
-        off_m = max(frame.position_m or 0.0 for frame in restarts)
         logger.warning(
             "%s: lost and not recognised again %s, the first time at %.3f s: the odometry "
             "restarted at the last pose, which may be %.1f m off, and so may all that follows",
             *(run.sequence, counted(len(restarts), "time")),
-            *(restarts[0].stamp_ns / NANOSECONDS, off_m),
+            *_first_s_and_most_off_m(restarts),
         )
 
 
 def _warn_of_unseen_motion(run: Run) -> None:
     unseen = run.unseen_motion
     if unseen:
-        off_m = max(frame.position_m or 0.0 for frame in unseen)
         logger.warning(
             "%s: %s, the first at %.3f s, did not show all of the motion, as at a bare "
             "wall: their poses may be %.1f m off, and so may all that follows",
             *(run.sequence, counted(len(unseen), "frame")),
-            *(unseen[0].stamp_ns / NANOSECONDS, off_m),
+            *_first_s_and_most_off_m(unseen),
         )
+
+
+def _first_s_and_most_off_m(frames: Sequence[FrameRecord]) -> tuple[float, float]:
+    """The stamp of the first, seconds, and how far off any of their poses may be, metres."""
+    return frames[0].stamp_ns / NANOSECONDS, max(frame.position_m or 0.0 for frame in frames)
 
 
 def _warn_of_imu(odometry: Odometry) -> None:
