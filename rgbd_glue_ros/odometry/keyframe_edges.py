@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframe import Keyframe, NewestKeyframe
-from rgbd_glue_ros.odometry.pose_covariance import PoseErrors, refined_covariance
+from rgbd_glue_ros.odometry.pose_covariance import PoseErrors, refined_covariance, tilt_covariance
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge
 
@@ -35,7 +35,9 @@ def edge_from(
     T_parent_track = se3.inverse(parent.T_track_camera)
     T_parent_child = T_parent_track @ T_track_camera
     in_parent = se3.transported_covariance(T_parent_track, covariance)
-    return PoseGraphEdge(parent.number, child_number, T_parent_child, in_parent, origin)
+    in_child = se3.transported_covariance(se3.inverse(T_parent_child), in_parent)
+    tilt = se3.transported_covariance(T_parent_child, tilt_covariance(in_child))
+    return PoseGraphEdge(parent.number, child_number, T_parent_child, in_parent + tilt, origin)
 
 
 def revisit_edge(

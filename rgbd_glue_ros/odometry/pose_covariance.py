@@ -11,6 +11,7 @@ from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import LOST_COVARIANCE, Motion
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
+from rgbd_glue_ros.refinement.reliability import SAME_DIRECTION
 from rgbd_glue_ros.types import Float64
 
 UNKNOWN = 0.25
@@ -111,6 +112,19 @@ def uncertain_part(covariance: Float64) -> Float64:
     variances, directions = np.linalg.eigh(covariance)
     uncertain = directions[:, variances >= UNKNOWN**2]
     return np.asarray(uncertain @ uncertain.T, np.float64)
+
+
+def tilt_covariance(covariance: Float64) -> Float64:
+    """What a covariance lacks as noise tilts directions in which the pose is not known, [6, 6].
+
+    Such directions are known to some degrees only, so that a pose that is off by a metre along them
+    is off by centimetres across them too. It is 0 for a pose that is known.
+
+    Args:
+        covariance: float64 [6, 6] of the pose, perturbation on the right.
+    """
+    along = np.trace(uncertain_part(covariance) @ covariance)
+    return np.asarray((1 - SAME_DIRECTION**2) * along * np.eye(6), np.float64)
 
 
 def tracked_covariance(motion: Motion, reference: Keyframe, errors: PoseErrors) -> Float64:

@@ -28,6 +28,12 @@ from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.second_derivatives import real_and_apparent_information
 from rgbd_glue_ros.types import Float64
 
+SAME_DIRECTION = 0.99
+"""The cosine between two directions that noise alone may separate: 8 degrees.
+
+With more, directions that are measured take part in the uncertainty of others, and poses oscillate
+after seconds.
+"""
 # With a smaller reliability ratio information is spurious. The ratio of noise, and of the steps of
 # slanted edges, is up to 0.2; that of texture as fine as pixels, which a smaller image shows less
 # of, is 0.45 or more.
@@ -35,9 +41,6 @@ _LEAST_REAL = 1 / 3
 # In all directions of more than this many times the information that is needed, some is real: edges
 # of black and white surfaces make up 8 times as much.
 _AMPLE = 20.0
-# The cosine between two directions that noise alone may separate: 8 degrees. With more, directions
-# that are measured take part in the uncertainty of others, and poses oscillate after seconds.
-_SAME_DIRECTION = 0.99
 # Information in a direction that is less than this part of all is rounding.
 _NOTHING = 1e-12
 
@@ -167,7 +170,7 @@ def _as_uncertain(unmeasured: Float64, covariance: Float64, tolerance: float) ->
     U = np.linalg.qr(unmeasured)[0]
     variances, directions = np.linalg.eigh(covariance)
     uncertain = directions[:, variances > tolerance**2][:, ::-1]
-    D = uncertain[:, np.linalg.norm(U.T @ uncertain, axis=0) > _SAME_DIRECTION][:, : U.shape[1]]
+    D = uncertain[:, np.linalg.norm(U.T @ uncertain, axis=0) > SAME_DIRECTION][:, : U.shape[1]]
     # the part of U across D: as many directions as D has not replaced
     across = np.linalg.svd(U - D @ (D.T @ U))[0][:, : U.shape[1] - D.shape[1]]
     return np.column_stack([D, across])

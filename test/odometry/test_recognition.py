@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -32,13 +33,18 @@ def tracked(x: Float64, seed: int) -> list[OdometryEstimate]:
         return [odometry.process(frame) for frame in bare_wall.frames(x, seed)]
 
 
+@cache
+def tracked_on_way(way: str, seed: int) -> list[OdometryEstimate]:
+    return tracked(positions(*WAYS[way]), seed)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "way"), list(enumerate(WAYS)))
 def test_back_from_a_bare_wall_a_camera_recognises_where_it_was_and_has_not_claimed_to_know_it(
     way: str, seed: int
 ) -> None:
     x = positions(*WAYS[way])
-    estimates = tracked(x, seed)
+    estimates = tracked_on_way(way, seed)
     poses = np.array([e.T_odom_camera for e in estimates if e.T_odom_camera is not None])
     covariances = [e.covariance for e in estimates if e.covariance is not None]
     off, stated = poses[:, 0, 3] - x, np.sqrt([covariance[0, 0] for covariance in covariances])
@@ -50,6 +56,23 @@ def test_back_from_a_bare_wall_a_camera_recognises_where_it_was_and_has_not_clai
     from_keyframe = estimates[-1].covariance_from_keyframe
     assert from_keyframe is not None
     assert np.sqrt(from_keyframe[0, 0]) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "way"), list(enumerate(WAYS)))
+def test_edges_measured_at_a_bare_wall_state_by_how_much_they_are_wrong(
+    way: str, seed: int
+) -> None:
+    x = positions(*WAYS[way])
+    estimates = tracked_on_way(way, seed)
+    of_keyframes = x[[e.is_keyframe for e in estimates]]
+    edges = [edge for e in estimates for edge in e.edges]
+    assert {edge.child for edge in edges} == set(range(1, len(of_keyframes)))
+    for edge in edges:
+        T = se3.exp(np.array([of_keyframes[edge.child] - of_keyframes[edge.parent], *[0.0] * 5]))
+        error = se3.log(edge.T_parent_child @ se3.inverse(T))
+        # six degrees of freedom: one of a million is beyond
+        assert error @ np.linalg.solve(edge.covariance, error) < 38
 
 
 @pytest.mark.slow
