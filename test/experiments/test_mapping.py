@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import make_bag
@@ -14,16 +15,21 @@ from rigs.pan import Pan
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.mapping.mapping import UNCORRECTED, MapOutputs, map_recording
 from rgbd_glue_ros.experiments.replay.replay import INTERRUPTED
+from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.parameters import Config, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.first_frames import first_frames
 from rgbd_glue_ros.slam.map_file import read_map
 from rgbd_glue_ros.trajectories.pose_graph import read_graph
 from rgbd_glue_ros.trajectories.tum import read_tum
-from rgbd_glue_ros.types import EdgeOrigin, OdometryEstimate
+from rgbd_glue_ros.types import EdgeOrigin, ImuSamples, OdometryEstimate
 
 pytest.importorskip("gtsam", reason="GTSAM is not installed")
 pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+
+
+# in a camera that looks down
+UP = np.array([0.0, -np.cos(0.3), -np.sin(0.3)])
 
 
 def config() -> Config:
@@ -88,6 +94,37 @@ def test_where_time_goes_back_the_longest_part_is_mapped(tmp_path: Path) -> None
     for name in ("trajectory", "odometry"):
         stamps = read_tum(tmp_path / f"{name}.txt").stamps_ns
         np.testing.assert_array_equal(stamps, pan.ground_truth.stamps_ns)
+
+
+def test_a_saved_map_has_the_axes_of_the_node_with_z_up_if_the_camera_starts_level(
+    tmp_path: Path,
+) -> None:
+    room = tmp_path / "room.rgbdmap"
+    map_recording(Pan(6), config(), tmp_path / "out", outputs=MapOutputs(save_map=room))
+    (first, *_) = read_map(room).graph.keyframes.poses
+    np.testing.assert_allclose(first, T_BODY_OPTICAL, atol=1e-9)
+    (start, *_) = read_tum(tmp_path / "out" / "trajectory.txt").poses
+    np.testing.assert_allclose(start, np.eye(4), atol=1e-9)
+
+
+@dataclass(frozen=True)
+class TiltedPan(Pan):
+    """A camera that looks down by 0.3 rad, with an accelerometer at rest."""
+
+    @property
+    def imu(self) -> ImuSamples:
+        stamps = np.arange(0, 10**9, 5_000_000, dtype=np.int64)
+        shape = len(stamps), 1
+        return ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(9.81 * UP, shape))
+
+
+def test_a_saved_map_is_level_where_the_recording_has_an_accelerometer(tmp_path: Path) -> None:
+    room = tmp_path / "room.rgbdmap"
+    map_recording(TiltedPan(6), config(), tmp_path / "out", outputs=MapOutputs(save_map=room))
+    (first, *_) = read_map(room).graph.keyframes.poses
+    np.testing.assert_allclose(first[:3, :3] @ UP, [0.0, 0.0, 1.0], atol=1e-6)
+    # and ahead is where the camera looks, as far as that is level
+    np.testing.assert_allclose(first[:3, 2], [np.cos(0.3), 0.0, -np.sin(0.3)], atol=1e-6)
 
 
 @pytest.mark.slow

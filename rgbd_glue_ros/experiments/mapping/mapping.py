@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.evaluation.trajectory_errors import error_figures, evaluated
+from rgbd_glue_ros.experiments.mapping.sink import MappingSink
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import replay_into, results_of, write_results
@@ -26,11 +26,10 @@ from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.appearance import SearchTree
-from rgbd_glue_ros.slam.cloud import ColoredCloud, cloud_of, fused, write_ply
+from rgbd_glue_ros.slam.cloud import ColoredCloud, fused, write_ply
 from rgbd_glue_ros.slam.correction import corrected
 from rgbd_glue_ros.slam.loop_finder import LoopFinder
 from rgbd_glue_ros.slam.map_file import SavedMap, write_map
-from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.mapper import Mapper
 from rgbd_glue_ros.slam.optimiser import Optimum, load_gtsam
 from rgbd_glue_ros.slam.picture import map_jpeg
@@ -40,7 +39,6 @@ from rgbd_glue_ros.types import (
     EdgeOrigin,
     OdometryEstimate,
     PoseGraphEdge,
-    RgbdFrame,
     Trajectory,
 )
 from rgbd_glue_ros.viz.rerun_recording import RerunRecording
@@ -53,58 +51,6 @@ UNCORRECTED = (
 
 MAP_RESULTS = (*RESULTS, ODOMETRY, CLOUD)
 """What is written to the folder."""
-
-
-class MappingSink:
-    """Passes the keyframes of an odometry to a mapper, and keeps their clouds.
-
-    Where the odometry starts anew, so does the map; that of the longest part is in ``longest``.
-
-    Attributes:
-        mapper: of the part in work.
-        clouds: of its keyframes, each in its camera's frame.
-        ms: time spent on each keyframe, milliseconds.
-    """
-
-    def __init__(self, odometry: Odometry, new_mapper: Callable[[], Mapper]) -> None:
-        self._odometry = odometry
-        self._new_mapper = new_mapper
-        self.mapper = new_mapper()
-        self.clouds: list[ColoredCloud] = []
-        self.ms: list[float] = []
-        self._parts = [(self.mapper, self.clouds)]
-
-    def start_anew(self) -> None:
-        """Begins another map."""
-        self.mapper, self.clouds = self._new_mapper(), []
-        self._parts.append((self.mapper, self.clouds))
-
-    def longest(self, run: Run) -> tuple[Mapper, list[ColoredCloud]]:
-        """Mapper and clouds of the longest part of a run."""
-        return self._parts[run.longest_row]
-
-    def add(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
-        """Adds a frame."""
-        start_row = self.mapper.session_start
-        self.mapper.add_edges(
-            tuple(
-                replace(edge, parent=start_row + edge.parent, child=start_row + edge.child)
-                for edge in estimate.edges
-            )
-        )
-        keyframe = self._odometry.newest_keyframe
-        if not estimate.is_keyframe or keyframe is None or estimate.T_odom_camera is None:
-            return
-        start = perf_counter()
-        kept = MapKeyframe.of(keyframe, estimate.T_odom_camera)
-        kept = replace(kept, row=start_row + kept.row)
-        self.mapper.reconfigure(self._odometry.learnt_config())
-        self.mapper.add(kept)
-        self.ms.append(1000 * (perf_counter() - start))
-        self.clouds.append(cloud_of(frame))
-
-    def close(self) -> None:
-        """Does nothing: the map is built at the end."""
 
 
 @dataclass(frozen=True)
@@ -206,8 +152,8 @@ def _new_mapper(config: Config, glue: Glue, before: SavedMap | None) -> Mapper:
 
 def _optimised(whole: Run, sink: MappingSink, folder: Path, outputs: MapOutputs) -> MappedRun:
     """Optimises the longest part of a run, and replaces its results in the folder."""
-    part = whole.longest_part
-    mapper, clouds = sink.longest(whole)
+    part, mapped_part = whole.longest_part, sink.longest(whole)
+    mapper = mapped_part.mapper
     write_tum(folder / ODOMETRY, part.trajectory)
     try:
         optimum, finish_ms = timed(mapper.finish)
@@ -222,7 +168,7 @@ def _optimised(whole: Run, sink: MappingSink, folder: Path, outputs: MapOutputs)
     write_tum(folder / TRAJECTORY, mapped.trajectory)
     if outputs.shown is not None:
         outputs.shown.correct(mapped.trajectory, mapped.pose_graph, _keyframes_before(whole))
-    cloud = fused(clouds, optimum.graph.keyframes.poses[mapper.session_start :])
+    cloud = fused(mapped_part.clouds, optimum.graph.keyframes.poses[mapper.session_start :])
     write_ply(folder / CLOUD, cloud)
     mapped = replace(mapped, map_jpeg=map_jpeg(cloud, mapped.trajectory.poses))
     measured = {
@@ -235,7 +181,7 @@ def _optimised(whole: Run, sink: MappingSink, folder: Path, outputs: MapOutputs)
     figures = write_results(mapped, folder, measured)
     # the largest comes last: on a disk that it fills, the others are of one state
     if outputs.save_map is not None:
-        write_map(outputs.save_map, mapper.saved(optimum.graph))
+        write_map(outputs.save_map, mapped_part.saved(optimum.graph))
     return MappedRun(mapped, optimum, cloud, figures)
 
 
