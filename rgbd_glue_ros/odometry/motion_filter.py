@@ -203,11 +203,13 @@ class Motion:
         # Joseph's form: the difference P - gain P has no digits left after a minute without a pose
         kept = np.eye(12)
         kept[:, measured] -= gain
+        covariance = kept @ P @ kept.T + P[:, measured] @ noise @ P[measured]
         return Motion(
             self.stamp_ns,
             self.T_track_camera @ se3.exp(change[_POSE]),
             self.twist + change[_TWIST],
-            kept @ P @ kept.T + P[:, measured] @ noise @ P[measured],
+            # what rounding makes asymmetric grows from update to update, until variances are negative
+            (covariance + covariance.T) / 2,
         )
 
 

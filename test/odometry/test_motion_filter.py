@@ -150,6 +150,17 @@ def test_the_pose_of_a_pushed_camera_follows_the_measurement() -> None:
     assert se3.rotation_angle(off) < 0.01
 
 
+def test_of_a_camera_that_shakes_for_seconds_no_variance_becomes_negative() -> None:
+    rng = np.random.default_rng(0)
+    motion = Motion.start(0, np.eye(4))
+    for i in range(1, 300):
+        way = np.array([0.03, -0.02, 0.02, 0.05, 0.04, -0.05]) * (1 + rng.normal(scale=0.3, size=6))
+        shaken = se3.exp(way if i % 2 else -way)
+        motion = motion.predicted(i * PERIOD_NS, CONFIG).corrected(shaken, 1e4 * np.eye(6))
+        assert np.linalg.eigvalsh(motion.covariance)[0] > 0
+        np.testing.assert_allclose(motion.covariance, motion.covariance.T, rtol=1e-9)
+
+
 @given(st.sampled_from([PERIOD_S, 1.0, 60.0, 3600.0]), st.sampled_from([1e-4, 1e-3, 1e-2]))
 def test_after_relocalisation_the_covariance_is_that_of_the_measurement_whatever_the_gap(
     seconds: float, sigma: float
