@@ -12,6 +12,21 @@ FEW_MATCHES = 6
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """What speaks for a pose.
+
+    Attributes:
+        pose: with what its frame shows of it.
+        agreeing_matches: number of visual matches that agree with it.
+        is_within_reach: whether the camera can have got there.
+    """
+
+    pose: Refinement
+    agreeing_matches: int
+    is_within_reach: bool
+
+
+@dataclass(frozen=True)
 class Acceptance:
     """The evidence that a pose needs to be accepted.
 
@@ -63,27 +78,25 @@ class Acceptance:
 
     def sceptical(self) -> ScepticalAcceptance:
         """One that takes all kinds of evidence, for a pose that no motion leads to."""
-        return ScepticalAcceptance(**vars(self.stricter()), usual=self)
+        strict = self.stricter()
+        return ScepticalAcceptance(
+            strict.min_planes,
+            strict.min_pixels,
+            strict.plane_agreement,
+            strict.brightness_correlation,
+            strict.min_inliers,
+            strict.includes_jumps,
+            usual=self,
+        )
 
     def without_jumps(self) -> Acceptance:
         """One that accepts no pose that the camera can hardly reach."""
         return replace(self, includes_jumps=False)
 
-    def accepts(
-        self,
-        pose: Refinement,
-        agreeing_matches: int,  # noqa: ARG002
-        *,
-        is_within_reach: bool,
-    ) -> bool:
-        """Whether to accept a pose: a plausible one within reach, or one that allows a jump.
-
-        Args:
-            pose: with what its frame shows of it.
-            agreeing_matches: number of visual matches that agree with it.
-            is_within_reach: whether the camera can have got there.
-        """
-        return self.is_plausible(pose) and (is_within_reach or self.allows_jump(pose))
+    def accepts(self, evidence: Evidence) -> bool:
+        """Whether to accept a pose: a plausible one within reach, or one that allows a jump."""
+        pose = evidence.pose
+        return self.is_plausible(pose) and (evidence.is_within_reach or self.allows_jump(pose))
 
     def is_plausible(self, pose: Refinement) -> bool:
         """Whether planes or pixels support a pose, and the visible planes do not contradict it."""
@@ -146,14 +159,15 @@ class ScepticalAcceptance(Acceptance):
 
     usual: Acceptance
 
-    def accepts(self, pose: Refinement, agreeing_matches: int, *, is_within_reach: bool) -> bool:
+    def accepts(self, evidence: Evidence) -> bool:
         """Whether all kinds of evidence support a pose, as far as the images hold them.
 
         Of a pose metres off, most visible planes agree if the others are occluded, and smooth
         brightness may correlate. Both at once, without occluded planes as an excuse, they do only
         by a rare chance, and then no visual match agrees.
         """
-        matches_agree = agreeing_matches >= FEW_MATCHES
+        pose, is_within_reach = evidence.pose, evidence.is_within_reach
+        matches_agree = evidence.agreeing_matches >= FEW_MATCHES
         if self.is_conclusive(pose) or (matches_agree and self.usual.is_conclusive(pose)):
             return is_within_reach or self.includes_jumps
         has_texture = pose.pixels_seen >= self.min_pixels

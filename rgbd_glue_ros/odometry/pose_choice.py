@@ -14,7 +14,7 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.fitting import POSE_GATE, distances
-from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.acceptance import Acceptance, Evidence
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.types import Correspondences
@@ -78,6 +78,11 @@ class Candidate:
         apart = distances(self.estimate.T_track_camera, matches)
         return int(np.count_nonzero(apart <= inlier_threshold))
 
+    def evidence(self, matches: Correspondences, inlier_threshold: float) -> Evidence:
+        """What speaks for the pose, with the visual matches nearer than a threshold, metres."""
+        agreeing = self.agreeing(matches, inlier_threshold)
+        return Evidence(self.refinement, agreeing, self.is_within_reach)
+
 
 def choose(
     candidates: Sequence[Candidate],
@@ -96,11 +101,7 @@ def choose(
     accepted = [
         candidate
         for candidate in candidates
-        if acceptance.accepts(
-            candidate.refinement,
-            candidate.agreeing(matches, inlier_threshold),
-            is_within_reach=candidate.is_within_reach,
-        )
+        if acceptance.accepts(candidate.evidence(matches, inlier_threshold))
     ]
     if not accepted:
         return None

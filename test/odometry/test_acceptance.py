@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.odometry.acceptance import Acceptance
+from rgbd_glue_ros.odometry.acceptance import Acceptance, Evidence
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.refinement.gauss_newton import START_BRIGHTNESS, Refinement
 
@@ -81,16 +81,17 @@ def test_where_no_motion_leads_all_that_images_show_must_support_a_pose(
     pose: Refinement, agreeing_matches: int, accepted: bool
 ) -> None:
     sceptical = USUAL.sceptical()
-    assert sceptical.accepts(pose, agreeing_matches, is_within_reach=True) is accepted
+    evidence = Evidence(pose, agreeing_matches, is_within_reach=True)
+    assert sceptical.accepts(evidence) is accepted
     # a motion would make each of them plausible
-    assert USUAL.accepts(pose, agreeing_matches, is_within_reach=True)
+    assert USUAL.accepts(evidence)
 
 
 def test_a_pose_out_of_reach_takes_texture_too() -> None:
     with_texture, without = found(MANY, 0.9, MANY, 0.9), found(MANY, 0.9, 0, 0.0)
     for acceptance in USUAL, USUAL.sceptical():
-        assert acceptance.accepts(with_texture, 0, is_within_reach=False)
-        assert not acceptance.accepts(without, 0, is_within_reach=False)
+        assert acceptance.accepts(Evidence(with_texture, 0, is_within_reach=False))
+        assert not acceptance.accepts(Evidence(without, 0, is_within_reach=False))
 
 
 @pytest.mark.parametrize(
