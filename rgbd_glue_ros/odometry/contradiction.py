@@ -36,8 +36,9 @@ class SettledPose:
     Attributes:
         estimate: the accepted pose.
         alternative: another pose on which a part of the frame agrees; None if nothing contradicts.
-        T_shift: float64 [4, 4], set if earlier poses turn out to have followed a moving object: to
-            be multiplied on the left of tracked poses from this frame on. None in all other frames.
+        T_shift: float64 [4, 4], to be multiplied on the left of tracked poses from this frame on,
+            if those before turn out to be off by it: they followed a moving object, or go back to
+            one that was not measured. None in all other frames.
     """
 
     estimate: PoseEstimate

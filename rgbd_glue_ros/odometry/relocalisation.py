@@ -69,7 +69,7 @@ def relocalise(
         T_track_camera = keyframe.T_track_camera @ T_keyframe_camera
         refinement = refine(T_track_camera, replace(problem, model=keyframe.model))
         if _is_accepted(refinement, problem.predicted, acceptance):
-            fix = PoseFix(PoseEstimate(refinement), keyframe, keyframe.model)
+            fix = PoseFix(PoseEstimate(refinement), reference=keyframe, model=keyframe.model)
             return Attempt(features, registration, fix)
     return None
 

@@ -8,7 +8,6 @@ from functools import partial
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import FEW_MATCHES, Acceptance
-from rgbd_glue_ros.odometry.alternative import Alternative
 from rgbd_glue_ros.odometry.background import BackgroundThread, Once
 from rgbd_glue_ros.odometry.candidates import (
     TrackRegistration,
@@ -16,19 +15,18 @@ from rgbd_glue_ros.odometry.candidates import (
     registered_candidates,
     turned_candidates,
 )
-from rgbd_glue_ros.odometry.contradiction import settle_contradiction
+from rgbd_glue_ros.odometry.contradiction import SettledPose, settle_contradiction
 from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import PredictedMotion
 from rgbd_glue_ros.odometry.pose_choice import Candidate, choose, is_clear
 from rgbd_glue_ros.odometry.pose_covariance import is_known
-from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate, PoseProblem
+from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.odometry.unmeasured_direction import without_spurious_motion
 from rgbd_glue_ros.refinement.model import Model
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import (
-    Float64,
     RegistrationResult,
     RegistrationStatus,
     TransformPrior,
@@ -36,24 +34,17 @@ from rgbd_glue_ros.types import (
 )
 
 
-@dataclass(frozen=True)
-class PoseFix:
+@dataclass(frozen=True, kw_only=True)
+class PoseFix(SettledPose):
     """A pose that is believed, and what it was found from.
 
     Attributes:
-        estimate: the pose.
         reference: the keyframe that the frame was registered against.
         model: what the pose was refined against, in the track frame.
-        alternative: what else the frame may show, if a part of it contradicts the pose.
-        T_shift: float64 [4, 4], multiplied on the left of poses as tracked from this frame on,
-            where those before turned out to be carried along; None in all other frames.
     """
 
-    estimate: PoseEstimate
     reference: Keyframe
     model: Model
-    alternative: Alternative | None = None
-    T_shift: Float64 | None = None
 
 
 @dataclass(frozen=True)
@@ -180,4 +171,10 @@ def _pose_fix(
         coarse = problem.refined(estimate.T_track_camera, COARSE_LEVELS)
         estimate = problem.refined_further(coarse, acceptance)
     estimate = without_spurious_motion(estimate, problem)
-    return PoseFix(estimate, nearest, problem.model, settled.alternative, settled.T_shift)
+    return PoseFix(
+        estimate,
+        settled.alternative,
+        settled.T_shift,
+        reference=nearest,
+        model=problem.model,
+    )
