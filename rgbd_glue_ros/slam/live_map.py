@@ -226,7 +226,7 @@ class LiveMap:
                 searches.callback(self._close_alike, keyframe)
 
     def _close_alike(self, keyframe: StoredKeyframe) -> None:
-        self._close(self._finder.loops_of(keyframe, self._linked_to(keyframe)))
+        self._close(self._finder.compare_and_index(keyframe, self._linked_to(keyframe)))
 
     def _close_near(self, keyframe: StoredKeyframe) -> None:
         self._close(self._finder.loops_near(keyframe, self.poses, self._linked_to(keyframe)))

@@ -100,8 +100,10 @@ class LoopFinder:
         """Adds keyframes, whose numbers are the next ones."""
         self.keyframes += keyframes
 
-    def loops_of(self, stored: StoredKeyframe, linked: Container[int]) -> tuple[PoseGraphEdge, ...]:
-        """Compares a keyframe with similar ones, and makes it a candidate for later ones.
+    def compare_and_index(
+        self, stored: StoredKeyframe, linked: Container[int]
+    ) -> tuple[PoseGraphEdge, ...]:
+        """Compares a keyframe with similar ones, then makes it a candidate for later ones.
 
         Args:
             stored: one of the added keyframes. Call this once for each.

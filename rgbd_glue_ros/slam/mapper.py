@@ -66,7 +66,7 @@ class Mapper:
         stored = self._finder.tracked(keyframe)
         # so that it has its number whatever becomes of the search
         self._finder.add([stored])
-        self.edges += self._finder.loops_of(stored, linked_to(stored.row, self.edges))
+        self.edges += self._finder.compare_and_index(stored, linked_to(stored.row, self.edges))
 
     def T_map_odom(self) -> Float64 | None:
         """The pose of this session's odom frame in a given map, float64 [4, 4].
