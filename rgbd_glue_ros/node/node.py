@@ -28,6 +28,7 @@ from rgbd_glue_ros.live.camera_frame import CameraFrame
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.heap import exempt_loaded_objects
+from rgbd_glue_ros.live.imu_faults import explain_distrust
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
 from rgbd_glue_ros.live.monitor import Drop
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
@@ -46,7 +47,6 @@ from rgbd_glue_ros.node.saving import create_save_service
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.node.viewer import NodeViewer
 from rgbd_glue_ros.odometry.depth_diagnosis import NO_POSE_YET, doubt_at_start, explain_no_pose
-from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.registration.glue import Glue

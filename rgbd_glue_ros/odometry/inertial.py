@@ -118,13 +118,3 @@ class Inertial:
         moved = se3.inverse(last.T_track_camera) @ now.T_track_camera
         gyroscope = self.gyroscope.compared(turn, moved, last.covariance + now.covariance)
         return replace(self, gyroscope=gyroscope, _last=now)
-
-
-def explain_distrust(imu: ImuCalibration) -> str | None:
-    """Why a gyroscope is not used, and what to do about it; None if it is used."""
-    if imu.use is not ImuUse.DISTRUSTED:
-        return None
-    return (
-        "the gyroscope disagrees with the images, and is not used until they agree: check the "
-        "IMU's orientation in the camera (imu_pose, TF), and its stamps"
-    )

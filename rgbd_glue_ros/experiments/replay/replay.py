@@ -36,8 +36,8 @@ from rgbd_glue_ros.experiments.replay.run_warnings import heard_warnings
 from rgbd_glue_ros.experiments.replay.thumbnails import Thumbnails
 from rgbd_glue_ros.experiments.report.colophon import Colophon
 from rgbd_glue_ros.files.writing import ResultFolder, json_text, write_whole
+from rgbd_glue_ros.live.imu_faults import explain_distrust
 from rgbd_glue_ros.odometry.depth_diagnosis import explain_no_pose
-from rgbd_glue_ros.odometry.inertial import explain_distrust
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up_once
 from rgbd_glue_ros.parameters import Config, InputConfig, to_yaml
