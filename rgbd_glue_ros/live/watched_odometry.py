@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rgbd_glue_ros.live.monitor import NO_POSE_S, Summary
+from rgbd_glue_ros.live.frame_counts import Summary
+from rgbd_glue_ros.live.monitor import NO_POSE_S
 from rgbd_glue_ros.live.watched_poses import ReceivedPose, WatchedPoses
 from rgbd_glue_ros.types import NANOSECONDS, TrackingState
 

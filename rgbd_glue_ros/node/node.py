@@ -27,10 +27,10 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.camera_frame import CameraFrame
 from rgbd_glue_ros.live.end_signals import EndSignals
 from rgbd_glue_ros.live.extrinsics import Extrinsics
+from rgbd_glue_ros.live.frame_counts import Drop
 from rgbd_glue_ros.live.heap import exempt_loaded_objects
 from rgbd_glue_ros.live.imu_faults import explain_distrust
 from rgbd_glue_ros.live.keyframe_graph import KeyframeGraph, moved_edge
-from rgbd_glue_ros.live.monitor import Drop
 from rgbd_glue_ros.live.worker import NewestWorker, QueueWorker, Worker
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.synchronizer import Match

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.live.monitor import Drop, Load, Monitor, Summary
+from rgbd_glue_ros.live.frame_counts import Drop, Summary
+from rgbd_glue_ros.live.load import Load
+from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.messages.fault_news import FAULTS_WINDOW_NS, MAX_FAULTS
 from rgbd_glue_ros.types import ImuCalibration, ImuUse, OdometryEstimate, TrackingState
 

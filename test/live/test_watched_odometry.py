@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.live.monitor import Drop, Monitor
+from rgbd_glue_ros.live.frame_counts import Drop
+from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.live.watched_odometry import Report, WatchedOdometry
 from rgbd_glue_ros.live.watched_poses import ReceivedPose
 from rgbd_glue_ros.types import NANOSECONDS, OdometryEstimate, TrackingState

@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as npst
 from rigs.bag_frames import recorded_frames
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.live.monitor import Drop, Summary
+from rgbd_glue_ros.live.frame_counts import Drop, Summary
 from rgbd_glue_ros.messages.camera_info import (
     intrinsics_from_message,
     rectified_intrinsics_from_message,

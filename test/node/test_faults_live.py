@@ -20,7 +20,8 @@ from rigs.bag_frames import recorded_frames, true_poses
 from rgbd_glue_ros.experiments.demo.demo import bundled_bag
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.live.monitor import NO_POSE_S, Drop, Summary
+from rgbd_glue_ros.live.frame_counts import Drop, Summary
+from rgbd_glue_ros.live.monitor import NO_POSE_S
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel

@@ -19,7 +19,7 @@ from rgbd_glue_ros.experiments.replay.result_names import LOG, TRAJECTORY
 from rgbd_glue_ros.experiments.replay.run_record import Run
 from rgbd_glue_ros.experiments.replay.thumbnails import thumbnail
 from rgbd_glue_ros.files.writing import write_whole
-from rgbd_glue_ros.live.monitor import Summary
+from rgbd_glue_ros.live.frame_counts import Summary
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.parameters import (
     RECEIPT,

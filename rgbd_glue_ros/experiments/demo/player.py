@@ -20,7 +20,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.experiments.demo.played import Played, PlayedMessage, Sensor, Stream, transport
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.live.monitor import Summary
+from rgbd_glue_ros.live.frame_counts import Summary
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel
