@@ -32,12 +32,16 @@ class LastPose:
     Attributes:
         motion: at that frame.
         view: of that frame.
+        estimate: the result for that frame.
         alternative: to its pose, if a part of the view contradicted it.
+        T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if any.
     """
 
     motion: Motion
     view: View
+    estimate: OdometryEstimate
     alternative: Alternative | None = None
+    T_guess_camera: Float64 | None = None
 
 
 @dataclass(frozen=True)
@@ -47,9 +51,8 @@ class Progress:
     Attributes:
         state: after the last frame.
         last: the last frame with a pose; None before the first.
-        estimate: the result for that frame; None before the first.
-        T_guess_camera: the pose by another odometry at that frame, float64 [4, 4], if any.
         last_stamp_ns: of the last frame; None before the first.
+        T_guess_camera: the pose by another odometry at the last frame, float64 [4, 4], if any.
         last_interval_ns: from the frame before it to the last one; None before the second.
         is_after_gap: whether the last frame came so much later than usual that the motion before
             it says little of where the camera is.
@@ -58,9 +61,8 @@ class Progress:
 
     state: TrackingState = TrackingState.INITIALIZING
     last: LastPose | None = None
-    estimate: OdometryEstimate | None = None
-    T_guess_camera: Float64 | None = None
     last_stamp_ns: int | None = None
+    T_guess_camera: Float64 | None = None
     last_interval_ns: int | None = None
     is_after_gap: bool = False
     frames_missed: int = 0
@@ -77,8 +79,12 @@ class Progress:
         seconds = (stamp_ns - self.last.motion.stamp_ns) / NANOSECONDS
         return self.frames_missed >= config.reset_countdown and seconds >= config.reset_delay
 
-    def with_frame(self, stamp_ns: int) -> Progress:
+    def with_frame(self, stamp_ns: int, T_guess_camera: Float64 | None) -> Progress:
         """The state after a frame has arrived.
+
+        Args:
+            stamp_ns: of the frame.
+            T_guess_camera: float64 [4, 4], the pose by another odometry at that frame, if any.
 
         Raises:
             InputError: the frame is not later than the previous one.
@@ -90,27 +96,25 @@ class Progress:
                 "skip it, or call reset() when time restarts",
             )
         if self.last_stamp_ns is None:
-            return replace(self, last_stamp_ns=stamp_ns)
+            return replace(self, last_stamp_ns=stamp_ns, T_guess_camera=T_guess_camera)
         interval_ns = stamp_ns - self.last_stamp_ns
         usual_ns = self.last_interval_ns or 0
         return replace(
             self,
             last_stamp_ns=stamp_ns,
+            T_guess_camera=T_guess_camera,
             last_interval_ns=interval_ns,
             is_after_gap=interval_ns > max(_GAP_INTERVALS * usual_ns, _GAP_NS),
         )
 
-    def guided(self, predicted: PredictedMotion, T_guess_camera: Float64 | None) -> PredictedMotion:
-        """A predicted motion, to where another odometry has moved since the last pose.
+    def guided(self, predicted: PredictedMotion) -> PredictedMotion:
+        """A motion predicted from the last pose, to where another odometry has moved since then.
 
-        Args:
-            predicted: from the last pose.
-            T_guess_camera: float64 [4, 4], the pose by the other odometry now. Without it, or
-                without that at the last pose, the prediction remains.
+        Without its pose at both frames the prediction remains.
         """
-        if self.last is None or self.T_guess_camera is None or T_guess_camera is None:
+        if self.last is None or self.last.T_guess_camera is None or self.T_guess_camera is None:
             return predicted
-        T_last_camera = se3.inverse(self.T_guess_camera) @ T_guess_camera
+        T_last_camera = se3.inverse(self.last.T_guess_camera) @ self.T_guess_camera
         return predicted.along(T_last_camera, self.last.motion)
 
     def repeated(self, stamp_ns: int, view: View) -> OdometryEstimate | None:
@@ -119,17 +123,24 @@ class Progress:
         Some drivers send every image twice. The second says nothing about the time in between, and
         would look like a camera that stopped; if the camera is at rest, it may be a new image.
         """
-        last, estimate = self.last, self.estimate
-        if self.state is not TrackingState.TRACKING or last is None or estimate is None:
+        last = self.last
+        if self.state is not TrackingState.TRACKING or last is None:
             return None
         is_soon = stamp_ns - last.motion.stamp_ns <= _REPEATED_WITHIN_NS
         speeds = np.linalg.norm(last.motion.twist.reshape(2, 3), axis=1)
         if not (is_soon and speeds.sum() > _AT_REST and _show_the_same(view, last.view)):
             return None
-        return replace(estimate, stamp_ns=stamp_ns, is_keyframe=False)
+        return replace(last.estimate, stamp_ns=stamp_ns, is_keyframe=False)
 
-    def with_pose(self, last: LastPose) -> Progress:
-        """The state after a frame with a pose."""
+    def with_pose(
+        self,
+        motion: Motion,
+        view: View,
+        estimate: OdometryEstimate,
+        alternative: Alternative | None = None,
+    ) -> Progress:
+        """The state after the last frame got a pose; of the arguments, see ``LastPose``."""
+        last = LastPose(motion, view, estimate, alternative, self.T_guess_camera)
         return replace(self, state=TrackingState.TRACKING, last=last, frames_missed=0)
 
     def at_own_keyframe(self) -> Progress:
@@ -137,10 +148,6 @@ class Progress:
         if self.last is None:
             return self
         return replace(self, last=replace(self.last, motion=self.last.motion.at_own_keyframe()))
-
-    def with_estimate(self, estimate: OdometryEstimate, T_guess_camera: Float64 | None) -> Progress:
-        """The state with the complete estimate for that frame."""
-        return replace(self, estimate=estimate, T_guess_camera=T_guess_camera)
 
 
 def _show_the_same(view: View, other: View) -> bool:

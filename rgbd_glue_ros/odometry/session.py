@@ -79,9 +79,9 @@ class Session:
     def track(self, frame: RgbdFrame, T_guess_camera: Float64 | None) -> OdometryEstimate:
         """Registers a frame, as ``Odometry.track`` does."""
         self.update_map()
-        self._progress = self._progress.with_frame(frame.stamp_ns)
+        self._progress = self._progress.with_frame(frame.stamp_ns, T_guess_camera)
         self.inertial = self.inertial.at_frame(frame.stamp_ns)
-        last, predicted = self._progress.last, self._predict(frame.stamp_ns, T_guess_camera)
+        last, predicted = self._progress.last, self._predict(frame.stamp_ns)
         (whole, view), preparation_ms = timed(self._prepare, frame, predicted)
         if (repeated := self._progress.repeated(frame.stamp_ns, view)) is not None:
             return replace(repeated, stages_ms={stages.PREPARATION: preparation_ms})
@@ -95,8 +95,6 @@ class Session:
                 estimate = self._accept(attempt, attempt.fix, last, predicted, whole)
         if estimate.T_odom_camera is None:
             estimate = replace(estimate, depth=summarise_depth(frame.depth, self._config.camera))
-        else:
-            self._progress = self._progress.with_estimate(estimate, T_guess_camera)
         return replace(
             estimate, stages_ms={stages.PREPARATION: preparation_ms, **estimate.stages_ms}
         )
@@ -110,13 +108,13 @@ class Session:
             self._progress = self._progress.at_own_keyframe()
         return True
 
-    def _predict(self, stamp_ns: int, T_guess_camera: Float64 | None) -> PredictedMotion | None:
+    def _predict(self, stamp_ns: int) -> PredictedMotion | None:
         """The motion at a stamp, predicted without its images; None at the start."""
         last = self._progress.last
         if last is None:
             return None
         predicted = self.inertial.predicted(last.motion, stamp_ns, self._config.motion)
-        return self._progress.guided(predicted, T_guess_camera)
+        return self._progress.guided(predicted)
 
     def _prepare(self, frame: RgbdFrame, predicted: PredictedMotion | None) -> tuple[View, View]:
         """The frame with its expected twist: all of it, and without parts of the robot."""
@@ -221,7 +219,6 @@ class Session:
         pose = TrackedPose.of(fix, motion, predicted, errors, acceptance)
         # with its pose known, the twist of the frame is known better than its prediction
         view = replace(attempt.features.view, twist=motion.twist)
-        self._progress = self._progress.with_pose(LastPose(motion, view, fix.alternative))
         knows_twist = motion.stamp_ns - before.stamp_ns <= _TWIST_IS_CERTAIN_NS
         if knows_twist:
             self.keyframes.set_velocity_at_start(before, motion)
@@ -230,11 +227,13 @@ class Session:
         overlapping = overlap(view, fix.estimate.refinement, self._config.refine)
         features = replace(attempt.features, view=view)
         self._candidate = KeyframeCandidate(pose, features, overlapping)
-        return replace(
-            pose.estimate(self.keyframes.drift, self.state),
+        estimate = replace(
+            pose.estimate(self.keyframes.drift),
             registration=attempt.registration,
             stages_ms=attempt.stages_ms,
         )
+        self._progress = self._progress.with_pose(motion, view, estimate, fix.alternative)
+        return estimate
 
     def _start(self, stamp_ns: int, view: View) -> OdometryEstimate:
         """The first frame that shows enough becomes the origin of the track frame."""
@@ -262,15 +261,16 @@ class Session:
         """Goes on from the pose of a keyframe, and reports it."""
         self._forget_earlier_poses()
         motion = Motion.start(keyframe.stamp_ns, keyframe.T_track_camera)
-        self._progress = self._progress.with_pose(LastPose(motion, keyframe.features.view))
-        return OdometryEstimate(
+        estimate = OdometryEstimate(
             keyframe.stamp_ns,
-            self.state,
+            TrackingState.TRACKING,
             *self.keyframes.drift.pose_in_odom(keyframe.T_track_camera, keyframe.covariance),
             is_keyframe=True,
             keyframe_id=keyframe.number,
             stages_ms=stages_ms,
         )
+        self._progress = self._progress.with_pose(motion, keyframe.features.view, estimate)
+        return estimate
 
     def _forget_earlier_poses(self) -> None:
         """Continues with poses that do not go on from the last one, by an unknown motion."""

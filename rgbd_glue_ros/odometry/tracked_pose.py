@@ -76,11 +76,11 @@ class TrackedPose:
         """The covariance given the pose of the keyframe, float64 [6, 6]."""
         return self.covariance - self.reference.covariance
 
-    def estimate(self, drift: DriftCorrection, state: TrackingState) -> OdometryEstimate:
+    def estimate(self, drift: DriftCorrection) -> OdometryEstimate:
         """The published pose and twist, with a drift correction applied."""
         return OdometryEstimate(
             self.motion.stamp_ns,
-            state,
+            TrackingState.TRACKING,
             *drift.pose_in_odom(self.T_track_camera, self.covariance),
             self.motion.twist.copy(),
             self.motion.covariance[6:, 6:].copy(),

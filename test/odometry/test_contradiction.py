@@ -25,7 +25,7 @@ from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseProblem
 from rgbd_glue_ros.odometry.progress import LastPose
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import evaluate_pose
-from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, View
+from rgbd_glue_ros.types import Float64, OdometryEstimate, RgbdFrame, TrackingState, View
 
 CONFIG = Config()
 ACCEPTANCE = Acceptance.of(CONFIG.odometry)
@@ -98,7 +98,8 @@ def test_of_a_pose_that_takes_the_place_of_another_all_planes_are_counted() -> N
     of = problem_at_rest(prepared(frames[0]), prepared(frames[4]))
     carried_along = refined_candidate(np.eye(4), of, ACCEPTANCE)
     at_rest = Motion.start(0, np.eye(4))
-    last = LastPose(at_rest, prepared(frames[3]), Alternative(true_poses()[3], 0.6))
+    estimate = OdometryEstimate(0, TrackingState.TRACKING, np.eye(4))
+    last = LastPose(at_rest, prepared(frames[3]), estimate, Alternative(true_poses()[3], 0.6))
     settled = settle_contradiction(carried_along, of, last, ACCEPTANCE).estimate
     T = settled.T_track_camera
     assert np.linalg.norm((T - true_poses()[4])[:3, 3]) < 0.01

@@ -16,7 +16,7 @@ def after(*intervals_ms: int) -> Progress:
     """The progress after frames at these intervals."""
     progress = Progress()
     for stamp_ms in accumulate(intervals_ms, initial=1000):
-        progress = progress.with_frame(stamp_ms * MILLISECOND_NS)
+        progress = progress.with_frame(stamp_ms * MILLISECOND_NS, None)
     return progress
 
 
