@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from nav_msgs.msg import Path
 from rclpy.event_handler import PublisherEventCallbacks
@@ -20,6 +20,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import edge_message
 from rgbd_glue_ros.live.match_image import match_image
+from rgbd_glue_ros.live.odometry_message import odometry_message
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.node.inputs import describe_node, describe_qos
@@ -117,10 +118,13 @@ class NodeOutputs:
         head = fields.header(estimate.stamp_ns, self._config.odom_frame_id)
         T_fixed_child = extrinsics.pose(estimate.T_odom_camera)
         _check(T_fixed_child, estimate.covariance, estimate.twist, estimate.twist_covariance)
-        pose = fields.copy_fields(fields.pose_stamped(T_fixed_child, head), PoseStamped())
+        plain = fields.pose_stamped(T_fixed_child, head)
+        pose = fields.copy_fields(plain, PoseStamped())
         self._broadcast(T_fixed_child, T_guess_child, estimate.stamp_ns)
         self._pose.publish(pose)
-        self._publish_odom(estimate, extrinsics, pose, child)
+        odom = odometry_message(estimate, extrinsics, plain, child)
+        if odom is not None:  # the first frame has no velocity
+            self._odom.publish(fields.copy_fields(odom, OdometryMessage()))
         self._extend_path(pose)
         return PublishedPose(T_fixed_child, pose)
 
@@ -137,26 +141,6 @@ class NodeOutputs:
         """
         message = fields.copy_fields(edge_message(edge, stamp_ns), OdometryMessage())
         self._edges.publish(message)
-
-    def _publish_odom(
-        self, estimate: OdometryEstimate, extrinsics: Extrinsics, pose: PoseStamped, child: str
-    ) -> None:
-        if (
-            estimate.T_odom_camera is None
-            or estimate.covariance is None
-            or estimate.twist is None
-            or estimate.twist_covariance is None
-        ):
-            return  # the first frame has no velocity, and consumers would trust an invented one
-        odom = OdometryMessage(header=pose.header)
-        odom.child_frame_id = child
-        odom.pose.pose = pose.pose
-        odom.pose.covariance = extrinsics.pose_covariance(
-            estimate.T_odom_camera, estimate.covariance
-        ).ravel()
-        odom.twist.twist = _twist_message(extrinsics.twist(estimate.twist))
-        odom.twist.covariance = extrinsics.twist_covariance(estimate.twist_covariance).ravel()
-        self._odom.publish(odom)
 
     def forget_path(self) -> None:
         """Starts a new path, as after a reset."""
@@ -215,10 +199,3 @@ def _check(*values: Float64 | None) -> None:
     """
     if not all(value is None or np.isfinite(value).all() for value in values):
         raise InputError("the pose", "is not finite", "check the camera's pose on TF")
-
-
-def _twist_message(velocity: Float64) -> Twist:
-    twist = Twist()
-    for part, (x, y, z) in ((twist.linear, velocity[:3]), (twist.angular, velocity[3:])):
-        part.x, part.y, part.z = float(x), float(y), float(z)
-    return twist

@@ -98,6 +98,18 @@ def test_the_edges_join_the_keyframes_of_the_bag(replayed: tuple[Path, Run]) -> 
         assert np.linalg.eigvalsh(np.reshape(edge.pose.covariance, (6, 6))).min() > 0
 
 
+def test_the_diagnostics_of_the_bag_have_the_names_of_the_nodes(
+    replayed: tuple[Path, Run],
+) -> None:
+    folder, run = replayed
+    last = messages(folder / "bag")["/diagnostics"][-1]
+    values = {each.key: each.value for each in last.status[0].values}
+    (frame,) = (f for f in run.frames if f.stamp_ns == stamp_ns(last.header.stamp))
+    assert values["state"] == last.status[0].message == frame.state.value
+    assert values["visual_inliers"] == str(frame.visual_inliers)
+    assert values["credible_matches"] == str(frame.credible)
+
+
 def test_the_bag_holds_the_matches_as_images(replayed: tuple[Path, Run]) -> None:
     folder, _ = replayed
     image = messages(folder / "bag")["/debug/matches/compressed"][-1]

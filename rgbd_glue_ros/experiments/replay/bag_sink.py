@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.typesys import Stores, get_typestore
@@ -16,10 +15,12 @@ from rosbags.typesys import Stores, get_typestore
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.writing import NewFolder, not_written
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.evidence_values import evidence_values
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import edge_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.match_image import match_image
+from rgbd_glue_ros.live.odometry_message import odometry_message
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.transform_tree import TF
 from rgbd_glue_ros.types import (
@@ -112,8 +113,9 @@ class BagSink:
             self._keyframes.append(frame.stamp_ns)
             self._write(topics.KEYFRAME_POSE, frame.stamp_ns, pose)
         self._write(TF, frame.stamp_ns, self._transform(pose, camera))
-        if estimate.covariance is not None and estimate.twist is not None:
-            self._write(topics.ODOM, frame.stamp_ns, self._odometry(pose, estimate, camera))
+        odom = odometry_message(estimate, self._extrinsics, pose, camera)
+        if odom is not None:
+            self._write(topics.ODOM, frame.stamp_ns, odom)
 
     def _add_edge(self, edge: PoseGraphEdge) -> None:
         stamp_ns = self._keyframes[edge.child]
@@ -142,35 +144,6 @@ class BagSink:
             self._write(topics.PATH, last.stamp.sec * NANOSECONDS + last.stamp.nanosec, path)
         self._writer.close()
 
-    def _odometry(self, pose: fields.PoseStamped, estimate: OdometryEstimate, child: str) -> Any:
-        T, covariance, twist = estimate.T_odom_camera, estimate.covariance, estimate.twist
-        twist_covariance = estimate.twist_covariance
-        if T is None or covariance is None or twist is None or twist_covariance is None:
-            raise ValueError("an estimate without a pose has no odometry message")
-        x = self._extrinsics
-        return self._make(
-            "nav_msgs/msg/Odometry",
-            header=pose.header,
-            child_frame_id=child,
-            pose=self._make(
-                "geometry_msgs/msg/PoseWithCovariance",
-                pose=pose.pose,
-                covariance=x.pose_covariance(T, covariance).ravel(),
-            ),
-            twist=self._make(
-                "geometry_msgs/msg/TwistWithCovariance",
-                twist=self._twist(x.twist(twist)),
-                covariance=x.twist_covariance(twist_covariance).ravel(),
-            ),
-        )
-
-    def _twist(self, velocity: Float64) -> Any:
-        linear, angular = (
-            self._make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
-            for x, y, z in (velocity[:3], velocity[3:])
-        )
-        return self._make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
-
     def _transform(self, pose: fields.PoseStamped, child: str) -> Any:
         at, turn = pose.pose.position, pose.pose.orientation
         transform = self._make(
@@ -182,19 +155,17 @@ class BagSink:
         return self._make("tf2_msgs/msg/TFMessage", transforms=[transform])
 
     def _diagnose(self, estimate: OdometryEstimate) -> None:
-        """State and evidence, once a second of the recording."""
+        """State and evidence as the node names them, and durations; once a second."""
         if self._diagnosed_ns is not None:
             since = estimate.stamp_ns - self._diagnosed_ns
             if since < NANOSECONDS:
                 return
         self._diagnosed_ns = estimate.stamp_ns
-        values = {f"{name}_ms": f"{ms:.2f}" for name, ms in estimate.stages_ms.items()}
-        result = estimate.registration
-        if result is not None:
-            values["visual_inliers"] = str(len(result.visual_inliers))
-            values["credible"] = str(len(result.credible))
-            if np.isfinite(result.epsilon_m):
-                values["epsilon_m"] = f"{result.epsilon_m:.4f}"
+        values = {
+            "state": estimate.state.value,
+            **evidence_values(estimate),
+            **{f"{name}_ms": f"{ms:.2f}" for name, ms in estimate.stages_ms.items()},
+        }
         status = self._make(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=_LEVELS[estimate.state],
