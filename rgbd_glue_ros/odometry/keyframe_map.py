@@ -1,4 +1,4 @@
-"""The keyframe map: when a frame becomes a keyframe, the edges between keyframes, their drift."""
+"""The keyframe map: the keyframes, the edges between them, and their drift."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.drift_correction import DriftCorrection, Revisit, revisit
-from rgbd_glue_ros.odometry.dynamic_objects import without_dynamic_objects
 from rgbd_glue_ros.odometry.keyframe import Anchor, Keyframe, NewestKeyframe, RecentKeyframe
 from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
+from rgbd_glue_ros.odometry.keyframe_selection import shown_if_due, shows_enough
 from rgbd_glue_ros.odometry.keyframes import Keyframes
 from rgbd_glue_ros.odometry.motion_filter import Motion, lost_covariance
 from rgbd_glue_ros.odometry.pose_covariance import is_known
@@ -60,11 +60,8 @@ class KeyframeMap:
 
     def nearest(self, T_track_camera: Float64) -> list[RecentKeyframe]:
         """The keyframes that a frame at a pose is compared with, the nearest first."""
-        return self._nearest(T_track_camera, self._keyframes.component)
-
-    def _nearest(self, T_track_camera: Float64, component: int) -> list[RecentKeyframe]:
-        nearest = self._keyframes.nearest(T_track_camera, component)
-        return nearest[: self._config.odometry.references]
+        component, count = self._keyframes.component, self._config.odometry.references
+        return self._keyframes.nearest(T_track_camera, component, count)
 
     def model_shown_by(self, references: Sequence[Keyframe]) -> Model:
         """The planes and pixels that some of the keyframes show together, in the track frame."""
@@ -87,7 +84,7 @@ class KeyframeMap:
     def model_if_enough(self, features: FrameFeatures) -> Model | None:
         """The planes and pixels of a frame; None if it shows too few planes for a keyframe."""
         model = model_of(features.view, self._config.refine.grid_step)
-        return model if self._shows_enough(model) else None
+        return model if shows_enough(model, self._config.odometry) else None
 
     def start(self, stamp_ns: int, features: FrameFeatures, model: Model) -> NewestKeyframe:
         """Makes the first keyframe, which is the origin."""
@@ -153,7 +150,7 @@ class KeyframeMap:
         Returns:
             Whether the frame became a keyframe.
         """
-        shown = self._shown_if_due(candidate)
+        shown = shown_if_due(candidate, self._keyframes, self._glue, self._background, self._config)
         if shown is None:
             return False
         pose = candidate.pose
@@ -261,40 +258,3 @@ class KeyframeMap:
                 Acceptance.of(self._config.odometry),
                 calibration.pose_errors(),
             )
-
-    def _shown_if_due(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model] | None:
-        """What a frame due as a keyframe shows of the room; None if it is not due."""
-        distance = candidate.distance(self._config.odometry)
-        is_near = distance < 1 and candidate.overlap >= self._config.odometry.keyframe_overlap
-        # frames are tracked against the window of one component: the next one would be lost again
-        # if a keyframe elsewhere alone showed this place
-        is_tracked_on = is_near and self._keyframes.is_tracked_from(candidate.pose.reference)
-        if is_tracked_on and is_known(candidate.pose.motion):
-            return None
-        features, model = self._shown_of_the_room(candidate)
-        if not self._shows_enough(model):
-            return None
-        if is_tracked_on:
-            # the pose is not known, and texture that the keyframes do not show tells how it goes on
-            # noise does not get to the coarsest level
-            has_texture = len(model.pixels[-1].points) >= self._config.odometry.min_pixels
-            return (features, model) if has_texture else None
-        # a blurred image is a poor keyframe: a sharper one will probably follow
-        pixels, of_reference = model.pixels[0], candidate.pose.reference.model.pixels[0]
-        is_blurred = 2 * len(pixels.points) < len(of_reference.points)
-        return None if is_blurred and distance < 2 else (features, model)
-
-    def _shown_of_the_room(self, candidate: KeyframeCandidate) -> tuple[FrameFeatures, Model]:
-        """A frame's features and model without dynamic objects."""
-        features, grid_step = candidate.features, self._config.refine.grid_step
-        T = candidate.pose.T_track_camera
-        surfaces = [k.surfaces for k in self._nearest(T, candidate.pose.reference.component)]
-        view = without_dynamic_objects(features.view, T, surfaces)
-        if view is None:
-            return features, model_of(features.view, grid_step)
-        static_features = self._background.submit(self._glue.with_other_depth, features, view)
-        model = model_of(view, grid_step)
-        return static_features.result(), model
-
-    def _shows_enough(self, model: Model) -> bool:
-        return len(model.planes.points) >= self._config.odometry.min_planes

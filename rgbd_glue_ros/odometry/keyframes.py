@@ -196,7 +196,10 @@ class Keyframes:
         start = turn * count % max(len(newest_first), 1)
         return (newest_first[start:] + newest_first[:start])[:count]
 
-    def nearest(self, T_track_camera: Float64, component: int) -> list[RecentKeyframe]:
-        """The window's keyframes of a component, ordered by nearness of their views to a pose."""
+    def nearest(self, T_track_camera: Float64, component: int, count: int) -> list[RecentKeyframe]:
+        """The window's ``count`` keyframes of a component whose views are nearest to a pose."""
         newest_first = [k for k in self._window()[::-1] if k.component == component]
-        return sorted(newest_first, key=lambda k: se3.difference(k.T_track_camera, T_track_camera))
+        nearest_first = sorted(
+            newest_first, key=lambda k: se3.difference(k.T_track_camera, T_track_camera)
+        )
+        return nearest_first[:count]

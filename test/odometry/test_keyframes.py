@@ -79,7 +79,7 @@ def test_keyframes_outside_the_window_are_used_for_relocalisation_but_not_for_tr
     for metres in (0.0, 5.0):
         add(keyframes, moved(metres))
     keyframes.leave_window(np.eye(4))
-    assert keyframes.nearest(np.eye(4), keyframes.component) == []
+    assert keyframes.nearest(np.eye(4), keyframes.component, 1) == []
     assert [k.number for k in keyframes.latest(3)] == [1, 0]
     assert add(keyframes, np.eye(4)).number == 2
 
@@ -114,14 +114,16 @@ def test_keyframes_with_the_most_similar_pose_come_first(
     keyframes = kept(5)
     for pose in poses:
         add(keyframes, T @ pose)
-    assert [k.number for k in keyframes.nearest(T, keyframes.component)] == order
+    assert [k.number for k in keyframes.nearest(T, keyframes.component, len(keyframes))] == order
 
 
 def test_tracking_does_not_return_to_keyframes_older_than_the_window() -> None:
     keyframes = kept(5, window=2)
     for way in (0.0, 0.5, 1.0):
         add(keyframes, moved(way))
-    assert [k.number for k in keyframes.nearest(np.eye(4), keyframes.component)] == [1, 2]
+    assert [
+        k.number for k in keyframes.nearest(np.eye(4), keyframes.component, len(keyframes))
+    ] == [1, 2]
     assert [k.number for k in keyframes.latest(2)] == [2, 1]
 
 
@@ -175,7 +177,9 @@ def test_at_the_limit_the_oldest_anchor_is_removed_and_the_window_stays() -> Non
     for i in range(8):
         add(keyframes, moved(float(i)))
     assert [k.number for k in keyframes] == [4, 5, 6, 7]
-    assert [k.number for k in keyframes.nearest(moved(9.0), keyframes.component)] == [7, 6, 5]
+    assert [
+        k.number for k in keyframes.nearest(moved(9.0), keyframes.component, len(keyframes))
+    ] == [7, 6, 5]
 
 
 def test_frames_are_compared_with_the_component_of_the_newest_keyframe_alone() -> None:
@@ -184,7 +188,9 @@ def test_frames_are_compared_with_the_component_of_the_newest_keyframe_alone() -
     first = add(keyframes, moved(0.1), component=None)
     second = add(keyframes, moved(0.2), component=first.component)
     assert first.component == first.number
-    assert [k.number for k in keyframes.nearest(moved(0.0), keyframes.component)] == [
+    assert [
+        k.number for k in keyframes.nearest(moved(0.0), keyframes.component, len(keyframes))
+    ] == [
         first.number,
         second.number,
     ]
