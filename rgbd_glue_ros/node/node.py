@@ -44,9 +44,10 @@ from rgbd_glue_ros.node.parameters import NO_CAMERA, declare_parameters, follow_
 from rgbd_glue_ros.node.rgbd_input import RgbdInput
 from rgbd_glue_ros.node.runtime import run_node
 from rgbd_glue_ros.node.saving import create_save_service
+from rgbd_glue_ros.node.state_log import log_state, sentence
 from rgbd_glue_ros.node.tf import listen
 from rgbd_glue_ros.node.viewer import NodeViewer
-from rgbd_glue_ros.odometry.depth_diagnosis import NO_POSE_YET, doubt_at_start, explain_no_pose
+from rgbd_glue_ros.odometry.depth_diagnosis import doubt_at_start, explain_no_pose
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.registration.glue import Glue
@@ -188,7 +189,7 @@ class OdometryNode(BaseNode):
     # Input
 
     def _warm_up(self, glue: Glue) -> None:
-        self.get_logger().info(_sentence(WARMING_UP))
+        self.get_logger().info(sentence(WARMING_UP))
         try:
             # no frame arrives before this has ended, so sharing the features is safe
             warm_up(self._config, glue)
@@ -273,7 +274,7 @@ class OdometryNode(BaseNode):
             imu = self._odometry.imu_calibration
             self.monitor.learnt(imu)
             self.warn_once("imu", explain_distrust(imu))
-            self._announce(tracked.state_before, estimate, why)
+            log_state(self, tracked.state_before, estimate, why)
             is_keyframe = self._update_map(estimate, tracked.pose, extrinsics)
             self._outputs.show_matches(frame, estimate)
             self._viewer.show(frame, estimate, extrinsics, is_keyframe=is_keyframe)
@@ -343,28 +344,6 @@ class OdometryNode(BaseNode):
         self.monitor.start_anew()
         self._last_stamp_ns = None
 
-    def _announce(self, before: TrackingState, estimate: OdometryEstimate, why: str) -> None:
-        """Logs changes of state, and once for each cause why there is no first pose."""
-        if estimate.state is TrackingState.INITIALIZING:
-            self.warn_once(NO_POSE_YET, why)
-            return
-        if estimate.is_start and before is not TrackingState.INITIALIZING:
-            self.get_logger().warning(_sentence(self.monitor.restarts.doubt))
-            return
-        if self.monitor.unseen_motion.since_ns == estimate.stamp_ns:
-            self.get_logger().warning(_sentence(self.monitor.unseen_motion.doubt))
-        if estimate.state is before:
-            return
-        if estimate.state is TrackingState.LOST:
-            self.get_logger().warning(
-                f"Lost at {estimate.stamp_ns / NANOSECONDS:.3f} ({why}): no pose is published "
-                "until the camera is found again"
-            )
-        elif before is TrackingState.INITIALIZING:
-            self.get_logger().info(f"Tracking: first pose at {estimate.stamp_ns / NANOSECONDS:.3f}")
-        elif before is TrackingState.LOST:
-            self.get_logger().info(f"Tracking again at {estimate.stamp_ns / NANOSECONDS:.3f}")
-
     def _description(self) -> str:
         """What the node subscribes to and publishes, with the frames for the user to check."""
         subscribed = ", ".join(self._input.topics)
@@ -375,10 +354,6 @@ class OdometryNode(BaseNode):
             f"Subscribed to {subscribed}, and if they exist {optional}; publishing {frames}. "
             f"{self._extrinsics.description}"
         )
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}"
 
 
 def main(
