@@ -29,11 +29,7 @@ PROGRESS_S = 2.0
 
 
 class MapLoading:
-    """Creates the map, and passes it to the node.
-
-    Attributes:
-        is_passed_on: whether the node has the map.
-    """
+    """Creates the map, and passes it to the node."""
 
     def __init__(
         self,
@@ -57,12 +53,10 @@ class MapLoading:
         self._config = config
         self._give_up = give_up
         self._map: LiveMap | None = None
-        self.is_passed_on = False
 
         def pass_on() -> None:
             if self._map is not None:
                 loaded(self._map)
-                self.is_passed_on = True
 
         self._is_loaded = node.create_guard_condition(pass_on)
         # a daemon, so that the process ends while it runs

@@ -49,7 +49,7 @@ from rigs.tf import Robot, transform
 from std_srvs.srv import Trigger
 
 from rgbd_glue_ros.node import mapping
-from rgbd_glue_ros.node.mapping import KEYFRAMES_WAITING
+from rgbd_glue_ros.node.keyframe_matching import KEYFRAMES_WAITING
 
 NODE_NAME = "rgbd_mapping"
 MODULE = "rgbd_glue_ros.node.mapping"
