@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import mahalanobis_squared
+from rgbd_glue_ros.geometry.gates import mahalanobis_squared
 from rgbd_glue_ros.trajectories.interpolation import interpolated
 from rgbd_glue_ros.types import Float64, OdometryEstimate, Trajectory
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
+from rgbd_glue_ros.geometry.gates import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe import Anchor, NewestKeyframe
 from rgbd_glue_ros.odometry.keyframe_edges import revisit_edge

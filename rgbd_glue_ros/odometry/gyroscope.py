@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import chi_squared, mahalanobis_squared
+from rgbd_glue_ros.geometry.gates import chi_squared, mahalanobis_squared
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples, Int64
 
 # Noise of the worst consumer sensors, rad/s/√Hz.

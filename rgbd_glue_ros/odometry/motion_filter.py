@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
+from rgbd_glue_ros.geometry.gates import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.gyroscope import Turn
 from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import POSE_GATE, distances
+from rgbd_glue_ros.geometry.fitting import distances
+from rgbd_glue_ros.geometry.gates import POSE_GATE
 from rgbd_glue_ros.odometry.acceptance import Acceptance, Evidence
 from rgbd_glue_ros.odometry.pose_refinement import COARSE_LEVELS, PoseEstimate
 from rgbd_glue_ros.refinement.gauss_newton import Refinement

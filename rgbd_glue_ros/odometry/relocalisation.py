@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import POSE_GATE, mahalanobis_squared
+from rgbd_glue_ros.geometry.gates import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.keyframe import Keyframe
 from rgbd_glue_ros.odometry.motion_filter import PredictedMotion

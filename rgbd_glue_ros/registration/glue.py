@@ -15,12 +15,8 @@ import numpy as np
 from rgbd_glue_ros.features import GEOMETRIC, VISUAL
 from rgbd_glue_ros.features.lifting import KeypointPoints, lift
 from rgbd_glue_ros.features.visual import KeypointFeature, check_matches
-from rgbd_glue_ros.geometry.fitting import (
-    chi_squared,
-    distances,
-    fit_covariance,
-    ransac,
-)
+from rgbd_glue_ros.geometry.fitting import distances, fit_covariance, ransac
+from rgbd_glue_ros.geometry.gates import chi_squared
 from rgbd_glue_ros.parameters import SC2_PCR, Config
 from rgbd_glue_ros.registration.fits import FITS
 from rgbd_glue_ros.registration.frame_features import (

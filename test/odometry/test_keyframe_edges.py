@@ -7,7 +7,7 @@ import pytest
 from rigs.bag_frames import recorded_frames, true_poses
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.fitting import chi_squared, mahalanobis_squared
+from rgbd_glue_ros.geometry.gates import chi_squared, mahalanobis_squared
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import load_preset, with_values
 from rgbd_glue_ros.types import EdgeOrigin, OdometryEstimate
