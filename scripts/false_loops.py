@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.parameters import load_preset
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.registration.glue import Glue

@@ -21,7 +21,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.report import markdown
 from rgbd_glue_ros.features import VISUAL
 from rgbd_glue_ros.features.weights import require
-from rgbd_glue_ros.geometry.camera import grey
+from rgbd_glue_ros.geometry.views import grey
 from rgbd_glue_ros.parameters import FeaturesConfig
 from rgbd_glue_ros.types import View
 

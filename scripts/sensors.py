@@ -20,7 +20,7 @@ from rgbd_glue_ros.experiments.bench.degraded import Degradation, DegradedSequen
 from rgbd_glue_ros.experiments.bench.figures import errors, losses, trajectory_of
 from rgbd_glue_ros.experiments.bench.robot_part import with_robot_part
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
-from rgbd_glue_ros.geometry.camera import grey
+from rgbd_glue_ros.geometry.views import grey
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.parameters import Config, with_values
 from rgbd_glue_ros.parameters.files import parse_assignment

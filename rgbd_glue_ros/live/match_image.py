@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rgbd_glue_ros.geometry.camera import project, rectified
+from rgbd_glue_ros.geometry.camera import project
+from rgbd_glue_ros.geometry.views import rectified
 from rgbd_glue_ros.types import (
     CameraIntrinsics,
     Correspondences,

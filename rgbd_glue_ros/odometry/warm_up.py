@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
-from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.geometry.depth import metres_of_16_bits
 from rgbd_glue_ros.geometry.reduction import reduced
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.own_parts import OwnParts
 from rgbd_glue_ros.odometry.plane_counts import PlaneCounts

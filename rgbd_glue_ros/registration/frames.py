@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.parameters import Config, load_preset
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import RegistrationResult, RgbdFrame

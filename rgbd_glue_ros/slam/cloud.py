@@ -12,8 +12,9 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.features.voxels import group_means
 from rgbd_glue_ros.files.writing import write_whole
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import back_project, rectified
+from rgbd_glue_ros.geometry.camera import back_project
 from rgbd_glue_ros.geometry.depth import DEPTH_EDGE_SIGMAS, depth_sigmas
+from rgbd_glue_ros.geometry.views import rectified
 from rgbd_glue_ros.types import Float32, Float64, Int64, Mask, RgbdFrame, UInt8
 
 VOXEL_M = 0.01

@@ -17,8 +17,9 @@ from rgbd_glue_ros.evaluation.trajectory_errors import evaluated
 from rgbd_glue_ros.files.user_paths import expanded
 from rgbd_glue_ros.files.writing import not_written
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import project, rectified
+from rgbd_glue_ros.geometry.camera import project
 from rgbd_glue_ros.geometry.reduction import reduced
+from rgbd_glue_ros.geometry.views import rectified
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import CREDIBLE, REJECTED, VISUAL, drawn, rejected
 from rgbd_glue_ros.slam.cloud import cloud_of

@@ -34,7 +34,7 @@ from rgbd_glue_ros.experiments.pairs.methods import Described, GlueMethod, PairM
 from rgbd_glue_ros.experiments.pairs.report import FIGURES, TABLES
 from rgbd_glue_ros.experiments.pairs.results import GLUE
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.parameters import (
     CameraConfig,
     Config,

@@ -16,7 +16,7 @@ from rigs.room import CAMERA, room_frame, true_depth, true_pose
 from scipy.ndimage import map_coordinates
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import back_project, cloud, grey, project, rectified
+from rgbd_glue_ros.geometry.camera import back_project, cloud, project
 from rgbd_glue_ros.geometry.depth import (
     DEPTH_EDGE_SIGMAS,
     depth_at,
@@ -26,6 +26,7 @@ from rgbd_glue_ros.geometry.depth import (
     sample_depth,
 )
 from rgbd_glue_ros.geometry.motion_compensation import displaced_points, keypoints_to_points
+from rgbd_glue_ros.geometry.views import grey, rectified
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.types import Float32, Float64, RgbdFrame, View
 

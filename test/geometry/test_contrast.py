@@ -13,8 +13,8 @@ from rigs.room import room_frame
 from rigs.scenes import SCENES
 
 from rgbd_glue_ros.features import VISUAL
-from rgbd_glue_ros.geometry.camera import grey, view_of
 from rgbd_glue_ros.geometry.contrast import contrast_of, well_lit
+from rgbd_glue_ros.geometry.views import grey, view_of
 from rgbd_glue_ros.parameters import CameraConfig, Config
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.types import Float64, UInt8, View

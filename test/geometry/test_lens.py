@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from rgbd_glue_ros.geometry.camera import rectified
 from rgbd_glue_ros.geometry.lens import rays, undistortion_maps
+from rgbd_glue_ros.geometry.views import rectified
 from rgbd_glue_ros.types import CameraIntrinsics, Float64, LensModel, RgbdFrame
 
 PINHOLE = CameraIntrinsics(160, 120, 120.0, 121.0, 79.5, 59.5)

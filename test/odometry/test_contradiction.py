@@ -14,7 +14,7 @@ from rigs.scenes import SCENES
 
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.odometry.acceptance import Acceptance
 from rgbd_glue_ros.odometry.alternative import Alternative, find_alternative, is_contradicted
 from rgbd_glue_ros.odometry.candidates import refined_candidate

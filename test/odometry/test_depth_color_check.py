@@ -13,7 +13,7 @@ import pytest
 from rigs.bag_frames import errors, recorded_frames, true_poses
 from rigs.unseen import without_depth
 
-from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.geometry import se3, views
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
 from rgbd_glue_ros.odometry.edge_overlay import Orientation
 from rgbd_glue_ros.odometry.odometry import Odometry
@@ -26,7 +26,7 @@ LONG_ENOUGH = 16
 
 
 def view(frame: RgbdFrame) -> View:
-    return View(camera.grey(frame.color), frame.depth, frame.intrinsics)
+    return View(views.grey(frame.color), frame.depth, frame.intrinsics)
 
 
 def laid(depth: Float32, scale: float, right: float, down: float) -> Float32:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rigs.room import view_after
 
-from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.geometry import se3, views
 from rgbd_glue_ros.odometry.image_turn import turn_between
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config, with_values
@@ -23,7 +23,7 @@ TO_HALF_A_BLUR = np.deg2rad(3.8)
 
 
 def view(frame: RgbdFrame) -> View:
-    return View(camera.grey(frame.color), frame.depth, frame.intrinsics)
+    return View(views.grey(frame.color), frame.depth, frame.intrinsics)
 
 
 def blurred(frame: RgbdFrame) -> RgbdFrame:

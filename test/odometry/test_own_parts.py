@@ -16,8 +16,8 @@ from rigs.scenes import SCENES
 from rgbd_glue_ros.experiments.bench.passer_by import PasserBy
 from rgbd_glue_ros.experiments.bench.robot_part import pixels_of_part, with_robot_part
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import view_of
 from rgbd_glue_ros.geometry.depth import depth_sigmas
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.odometry.background import BackgroundThread
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.own_parts import OwnParts

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from numba.core.dispatcher import Dispatcher
 
-from rgbd_glue_ros.geometry.camera import grey
+from rgbd_glue_ros.geometry.views import grey
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.parameters import load_preset
 from rgbd_glue_ros.odometry.odometry import Odometry

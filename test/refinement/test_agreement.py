@@ -9,7 +9,7 @@ import pytest
 from rigs.bag_frames import recorded_frames, true_poses
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import grey
+from rgbd_glue_ros.geometry.views import grey
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement, disagreement
 from rgbd_glue_ros.refinement.gauss_newton import refine

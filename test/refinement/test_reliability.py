@@ -10,7 +10,7 @@ from rigs.room import room_view, true_pose
 from rigs.scenes import SCENES
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import Model, model_of

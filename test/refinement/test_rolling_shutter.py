@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigs.room import CAMERA, rolling_frame, true_pose, true_twist
 
-from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.geometry import se3, views
 from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
@@ -24,7 +24,7 @@ LEVEL = 0
 
 def view(time_s: float, readout_time: float, latency: float, twist: Float64) -> View:
     frame = rolling_frame(time_s, readout_time, latency)
-    return View(camera.grey(frame.color), frame.depth, CAMERA, twist, readout_time, -latency)
+    return View(views.grey(frame.color), frame.depth, CAMERA, twist, readout_time, -latency)
 
 
 def seen(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigs.room import CAMERA, rolling_frame, room_view, true_pose, true_twist
 
-from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.geometry import se3, views
 from rgbd_glue_ros.parameters import RefineConfig, TimeOffsetsConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
@@ -26,7 +26,7 @@ TIMES = 1.0, 1.3
 
 def prepared(frame: RgbdFrame, time_s: float, timing: TimeOffsets) -> View:
     """The frame as odometry sees it that knows its velocity, and its timing more or less."""
-    grey, twist = camera.grey(frame.color), true_twist(time_s)
+    grey, twist = views.grey(frame.color), true_twist(time_s)
     return View(grey, frame.depth, CAMERA, twist, timing.readout_time, -timing.depth_latency)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem
 from rgbd_glue_ros.parameters import Config

@@ -11,7 +11,7 @@ from raycast_room.motion import hand_held
 from raycast_room.raycaster import Tables
 from raycast_room.render import measure, render
 
-from rgbd_glue_ros.geometry import camera, se3
+from rgbd_glue_ros.geometry import se3, views
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
 
@@ -62,13 +62,13 @@ def panned_frame(radians: float) -> RgbdFrame:
 def room_view(time_s: float) -> View:
     """The same, prepared for registration."""
     frame = room_frame(time_s)
-    return View(camera.grey(frame.color), frame.depth, CAMERA)
+    return View(views.grey(frame.color), frame.depth, CAMERA)
 
 
 def small_room_view(time_s: float) -> View:
     """The same of half the width: the largest network takes a part of a second."""
     frame = reduced(room_frame(time_s), CAMERA.width // 2)
-    return View(camera.grey(frame.color), frame.depth, frame.intrinsics)
+    return View(views.grey(frame.color), frame.depth, frame.intrinsics)
 
 
 _BAND = 4

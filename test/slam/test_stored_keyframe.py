@@ -12,7 +12,7 @@ import pytest
 from rigs.bag_frames import recorded_frames
 from rigs.drifted import config, drifted
 
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.live_map import LiveMap, PublishedKeyframe
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe

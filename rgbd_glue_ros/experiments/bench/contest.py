@@ -13,7 +13,7 @@ from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.experiments.bench.figures import errors, honesty, losses, times
 from rgbd_glue_ros.experiments.peers import NoTransformError, Peer
 from rgbd_glue_ros.experiments.replay.run_record import stage_medians
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import CameraConfig, Config
 from rgbd_glue_ros.recordings import Recording

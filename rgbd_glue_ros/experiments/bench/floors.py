@@ -17,9 +17,10 @@ import cv2
 import numpy as np
 
 from rgbd_glue_ros.features.visual import orb_detector
-from rgbd_glue_ros.geometry.camera import back_project, grey, rectified
+from rgbd_glue_ros.geometry.camera import back_project
 from rgbd_glue_ros.geometry.depth import depth_at, limit_depth
 from rgbd_glue_ros.geometry.normals import grid_points_and_normals
+from rgbd_glue_ros.geometry.views import grey, rectified
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import LEVELS
 from rgbd_glue_ros.stopwatch import timed

@@ -18,8 +18,8 @@ from rgbd_glue_ros.experiments.pairs.jobs import pose_at, true_poses
 from rgbd_glue_ros.experiments.pairs.methods import PairMethod
 from rgbd_glue_ros.experiments.report.escaping import escape
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.geometry.camera import grey, view_of
 from rgbd_glue_ros.geometry.fitting import distances
+from rgbd_glue_ros.geometry.views import grey, view_of
 from rgbd_glue_ros.messages.image_codecs import encode_jpeg
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.recordings import Recording

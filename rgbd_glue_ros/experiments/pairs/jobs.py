@@ -15,7 +15,7 @@ from rgbd_glue_ros.evaluation.registration_errors import RegistrationErrors
 from rgbd_glue_ros.experiments.batch.opening import Opener
 from rgbd_glue_ros.experiments.pairs.evaluation import Inliers, PairFrame, PairResult, evaluate_pair
 from rgbd_glue_ros.experiments.pairs.methods import Estimator, PairMethod, method_of
-from rgbd_glue_ros.geometry.camera import view_of
+from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.parameters import CameraConfig
 from rgbd_glue_ros.recordings import Recording
 from rgbd_glue_ros.trajectories.association import MAX_TIME_DIFFERENCE_S
