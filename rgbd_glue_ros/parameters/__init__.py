@@ -9,15 +9,11 @@ from __future__ import annotations
 from rgbd_glue_ros.parameters.aliases import OLD_NAMES, USUAL_NAMES, by_current_names
 from rgbd_glue_ros.parameters.checks import POSE
 from rgbd_glue_ros.parameters.files import (
-    PACKAGE,
-    PROFILES_VARIABLE,
     explain,
     load_preset,
     load_yaml,
     parameter_values,
     parse_assignment,
-    profiles_file,
-    share_directory,
     to_markdown,
     to_yaml,
 )
@@ -47,6 +43,12 @@ from rgbd_glue_ros.parameters.method import (
 )
 from rgbd_glue_ros.parameters.node import NodeConfig
 from rgbd_glue_ros.parameters.odometry import OdometryConfig
+from rgbd_glue_ros.parameters.package_data import (
+    PACKAGE,
+    PROFILES_VARIABLE,
+    profiles_file,
+    share_directory,
+)
 from rgbd_glue_ros.parameters.parameter import (
     Parameter,
     Value,

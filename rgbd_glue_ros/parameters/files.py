@@ -15,11 +15,10 @@ from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.parameters.aliases import current_name
 from rgbd_glue_ros.parameters.method import Config
 from rgbd_glue_ros.parameters.node import NodeConfig
+from rgbd_glue_ros.parameters.package_data import share_directory
 from rgbd_glue_ros.parameters.parameter import parameters, unknown_parameter, values, with_values
 
 C = TypeVar("C")
-
-PACKAGE = "rgbd_glue_ros"
 
 
 def parse_assignment(text: str) -> tuple[str, object]:
@@ -36,29 +35,6 @@ def parse_assignment(text: str) -> tuple[str, object]:
     except yaml.YAMLError as error:
         raise InputError(f"--set {text}", "the value is not YAML", "quote it") from error
     return name, "" if parsed is None else parsed
-
-
-PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-"""The environment variable that gives Fast DDS its profile."""
-
-
-def profiles_file() -> Path:
-    """The DDS profile with which images arrive between processes without loss."""
-    return share_directory() / "config" / "fastdds.xml"
-
-
-def share_directory() -> Path:
-    """The folder that holds ``config/``, ``launch/`` and ``package.xml``: source tree or share.
-
-    Raises:
-        InputError: the package was copied without its data files.
-    """
-    here = Path(__file__).resolve()
-    for parent in here.parents:
-        for candidate in (parent, parent / "share" / PACKAGE):
-            if (candidate / "package.xml").is_file() and (candidate / "config").is_dir():
-                return candidate
-    raise InputError(here.parent, "the package's data files are missing", "install it again")
 
 
 def load_yaml(path: str | Path, base: C) -> C:

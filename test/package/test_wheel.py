@@ -123,7 +123,9 @@ def test_an_installed_package_has_every_module_and_its_types(environment: Path) 
 @pytest.mark.every_python
 def test_an_installed_package_finds_its_own_data_files(environment: Path) -> None:
     site_packages = _only(environment, f"{NAME}/py.typed").parents[1]
-    program = f"import {NAME}.parameters.files as c; print(c.__file__); print(c.share_directory())"
+    program = (
+        f"import {NAME}.parameters.package_data as c; print(c.__file__); print(c.share_directory())"
+    )
     done = subprocess.run(
         [sys.executable, "-c", program],
         cwd=environment,
