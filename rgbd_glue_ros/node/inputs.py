@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
@@ -16,11 +16,14 @@ from rgbd_glue_ros.live.mixture import Mixture
 from rgbd_glue_ros.live.transports import OtherTransport, other_transport
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.node.following import FollowingSubscription, offered_durability
+from rgbd_glue_ros.node.publishers import (
+    describe_mixture,
+    describe_publishers,
+    describe_qos,
+    message_number,
+)
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.parameters import NodeConfig
-
-# What DDS says before a node has announced its name, and after it was killed.
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"
 
 Receive = Callable[[Channel, Any], None]
 
@@ -142,59 +145,6 @@ class NodeInput:
         return other_transport(self.channel, self._base, self._transport, types_on)
 
 
-def describe_publishers(node: Node, topic: str, message_type: type) -> tuple[str, ...]:
-    """Descriptions of a topic's publishers: node, type and reliability.
-
-    Args:
-        node: any node; its view of the ROS graph is used.
-        topic: full name of the topic.
-        message_type: the type that the topic should have.
-    """
-    expected = message_type.__module__.split(".")[0] + "/msg/" + message_type.__name__
-    words = []
-    for info in node.get_publishers_info_by_topic(topic):
-        name = describe_node(info)
-        wrong = "" if info.topic_type == expected else f", not {expected}"
-        words.append(f"{name} ({info.topic_type}{wrong}, {_describe_offer(info.qos_profile)})")
-    return tuple(words)
-
-
-def describe_node(endpoint: TopicEndpointInfo) -> str:
-    """The name of the node of a publisher or subscription, which DDS may not know."""
-    if endpoint.node_name == _UNKNOWN:
-        return "a node that has ended or just begun"
-    return topics.full_name(endpoint.node_namespace, endpoint.node_name)
-
-
-def publishing_nodes(node: Node, topic: str) -> tuple[str, ...]:
-    """Full names of the nodes that publish a topic, sorted; of some DDS does not know the name.
-
-    Args:
-        node: any node; its view of the ROS graph is used.
-        topic: full name of the topic.
-    """
-    infos = node.get_publishers_info_by_topic(topic)
-    return tuple(sorted({describe_node(i) for i in infos if i.node_name != _UNKNOWN}))
-
-
-def message_number(info: dict[str, Any]) -> int | None:
-    """The number of a message among those of its publisher; None if the middleware gives none."""
-    return info.get("publication_sequence_number")
-
-
-def describe_mixture(topic: str, publishers: Sequence[str]) -> str:
-    """A warning that a topic has several publishers, and what to do.
-
-    Args:
-        topic: its full name.
-        publishers: their descriptions.
-    """
-    return (
-        f"{topic} has {len(publishers)} publishers, whose messages mix: {', '.join(publishers)}; "
-        "keep one"
-    )
-
-
 def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeInput, ...]:
     """Subscribes to colour, depth and camera info; returns the inputs in this order."""
     transports = {
@@ -212,19 +162,3 @@ def node_inputs(node: Node, config: NodeConfig, receive: Receive) -> tuple[NodeI
         topic = node.resolve_topic_name(topics.SUBSCRIBED[channel])
         inputs.append(NodeInput(node, channel, message_type, topic, receive, config, transport))
     return tuple(inputs)
-
-
-def describe_qos(profile: QoSProfile) -> str:
-    """Reliability and durability, which must be compatible, such as ``reliable, volatile``."""
-    return f"{_policy_name(profile.reliability)}, {_policy_name(profile.durability)}"
-
-
-def _describe_offer(profile: QoSProfile) -> str:
-    """The reliability, and the durability if it is not volatile, as with nearly all cameras."""
-    if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-        return describe_qos(profile)
-    return _policy_name(profile.reliability)
-
-
-def _policy_name(policy: ReliabilityPolicy | DurabilityPolicy) -> str:
-    return str(policy.name).lower().replace("_", " ")

@@ -15,7 +15,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.arrivals import Arrivals
 from rgbd_glue_ros.live.odometry_faults import OdometryTopic, explain_no_keyframes
 from rgbd_glue_ros.node.input_watch import LOOK_S
-from rgbd_glue_ros.node.inputs import describe_publishers, publishing_nodes
+from rgbd_glue_ros.node.publishers import describe_publishers, publishing_nodes
 from rgbd_glue_ros.node.silence import SilenceLog
 
 # Queued messages of each topic, at most.

@@ -23,7 +23,7 @@ from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.live.odometry_message import odometry_message
 from rgbd_glue_ros.messages import fields
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.node.inputs import describe_node, describe_qos
+from rgbd_glue_ros.node.publishers import describe_node, describe_qos
 from rgbd_glue_ros.node.runtime import say_later
 from rgbd_glue_ros.node.tf import Broadcaster
 from rgbd_glue_ros.parameters import NodeConfig

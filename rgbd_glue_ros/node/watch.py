@@ -22,7 +22,7 @@ from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.node.base_node import BaseNode
 from rgbd_glue_ros.node.diagnostics import PART
-from rgbd_glue_ros.node.inputs import describe_mixture, describe_publishers, message_number
+from rgbd_glue_ros.node.publishers import describe_mixture, describe_publishers, message_number
 from rgbd_glue_ros.node.runtime import GiveUp, run_node
 from rgbd_glue_ros.printable import counted
 from rgbd_glue_ros.trajectories.recorder import PoseRecorder
