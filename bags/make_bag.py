@@ -18,12 +18,8 @@ from raycast_room.motion import LOOP_S, hand_held
 from raycast_room.sensor import photograph
 from tqdm import tqdm
 
-from rgbd_glue_ros.messages.fields import (
-    DEPTH_UNITS_PER_METRE,
-    CompressedImage,
-    Header,
-    compressed_color_image,
-)
+from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, CompressedImage, Header
+from rgbd_glue_ros.messages.making import compressed_color_image
 from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, BagWriter
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float32, Float64, RgbdFrame
 

@@ -28,7 +28,7 @@ from rgbd_glue_ros.experiments.report.colophon import machine_text
 from rgbd_glue_ros.experiments.report.machine import load, machine
 from rgbd_glue_ros.experiments.report.markdown import NOTHING, table
 from rgbd_glue_ros.geometry.reduction import reduced
-from rgbd_glue_ros.messages.fields import millimetre_image
+from rgbd_glue_ros.messages.making import millimetre_image
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.odometry.warm_up import warm_up
 from rgbd_glue_ros.recordings.bag.writer import INFO_TYPE, RAW, encode_frame

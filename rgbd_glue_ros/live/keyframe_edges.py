@@ -9,7 +9,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import fields, making
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.types import PoseGraphEdge
 
@@ -22,8 +22,8 @@ def edge_message(edge: PoseGraphEdge, stamp_ns: int) -> fields.Odometry:
         stamp_ns: stamp of the child, nanoseconds.
     """
     T = edge.T_parent_child
-    head = fields.header(stamp_ns, topics.KEYFRAME_FRAME.format(edge.parent))
-    pose = fields.pose_stamped(T, head).pose
+    head = making.header(stamp_ns, topics.KEYFRAME_FRAME.format(edge.parent))
+    pose = making.pose_stamped(T, head).pose
     covariance = se3.pose_covariance(T, edge.covariance).ravel()
     return fields.Odometry(
         head,

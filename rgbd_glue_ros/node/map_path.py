@@ -7,7 +7,7 @@ from nav_msgs.msg import Path as PathMessage
 from rclpy.node import Node
 
 from rgbd_glue_ros.live import topics
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.slam.live_map import LiveMap
 from rgbd_glue_ros.types import Float64
 
@@ -42,10 +42,10 @@ class MapPath:
             return
         path, frame = PathMessage(), self._frame_id
         stamps = live_map.stamps_ns()
-        fields.copy_fields(fields.header(at_ns, frame), path.header)
+        making.copy_fields(making.header(at_ns, frame), path.header)
         path.poses = [
-            fields.copy_fields(
-                fields.pose_stamped(T @ T_camera_child, fields.header(stamps[row], frame)),
+            making.copy_fields(
+                making.pose_stamped(T @ T_camera_child, making.header(stamps[row], frame)),
                 PoseStamped(),
             )
             for row, T in sorted(live_map.poses.items())

@@ -21,7 +21,7 @@ from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import edge_message
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.live.odometry_message import odometry_message
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.node.publishers import describe_node, describe_qos
 from rgbd_glue_ros.node.runtime import say_later
@@ -115,16 +115,16 @@ class NodeOutputs:
             if self._config.publish_null_when_lost:
                 self._odom.publish(self._null(estimate.stamp_ns, child))
             return None
-        head = fields.header(estimate.stamp_ns, self._config.odom_frame_id)
+        head = making.header(estimate.stamp_ns, self._config.odom_frame_id)
         T_fixed_child = extrinsics.pose(estimate.T_odom_camera)
         _check(T_fixed_child, estimate.covariance, estimate.twist, estimate.twist_covariance)
-        plain = fields.pose_stamped(T_fixed_child, head)
-        pose = fields.copy_fields(plain, PoseStamped())
+        plain = making.pose_stamped(T_fixed_child, head)
+        pose = making.copy_fields(plain, PoseStamped())
         self._broadcast(T_fixed_child, T_guess_child, estimate.stamp_ns)
         self._pose.publish(pose)
         odom = odometry_message(estimate, extrinsics, plain, child)
         if odom is not None:  # the first frame has no velocity
-            self._odom.publish(fields.copy_fields(odom, OdometryMessage()))
+            self._odom.publish(making.copy_fields(odom, OdometryMessage()))
         self._extend_path(pose)
         return PublishedPose(T_fixed_child, pose)
 
@@ -139,7 +139,7 @@ class NodeOutputs:
             edge: the edge between the published frames of the two keyframes.
             stamp_ns: stamp of the child, nanoseconds.
         """
-        message = fields.copy_fields(edge_message(edge, stamp_ns), OdometryMessage())
+        message = making.copy_fields(edge_message(edge, stamp_ns), OdometryMessage())
         self._edges.publish(message)
 
     def forget_path(self) -> None:
@@ -159,9 +159,9 @@ class NodeOutputs:
     def show_matches(self, frame: RgbdFrame, estimate: OdometryEstimate) -> None:
         """Draws and publishes the matches if they have a subscriber."""
         if self._matches.get_subscription_count():
-            head = fields.header(estimate.stamp_ns, frame.frame_id)
-            image = fields.color_image(match_image(frame, estimate), head)
-            self._matches.publish(fields.copy_fields(image, Image()))
+            head = making.header(estimate.stamp_ns, frame.frame_id)
+            image = making.color_image(match_image(frame, estimate), head)
+            self._matches.publish(making.copy_fields(image, Image()))
 
     def _broadcast(
         self, T_fixed_child: Float64, T_guess_child: Float64 | None, stamp_ns: int
@@ -182,9 +182,9 @@ class NodeOutputs:
 
     def _null(self, stamp_ns: int, child: str) -> OdometryMessage:
         """The message that rtabmap_odom publishes for a frame without a pose."""
-        head = fields.header(stamp_ns, self._config.odom_frame_id)
+        head = making.header(stamp_ns, self._config.odom_frame_id)
         odom = OdometryMessage()
-        fields.copy_fields(head, odom.header)
+        making.copy_fields(head, odom.header)
         odom.child_frame_id = child
         odom.pose.pose.orientation.w = 0.0
         odom.pose.covariance = odom.twist.covariance = np.diag([NULL_VARIANCE] * 6).ravel()

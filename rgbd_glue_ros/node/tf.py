@@ -18,7 +18,7 @@ from rclpy.time import Time
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.monitor import Monitor
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import plain_frame, stamp_ns
 from rgbd_glue_ros.messages.transform_tree import HISTORY_NS, TF, TF_STATIC, TransformTree
@@ -177,7 +177,7 @@ class Broadcaster:
     def publish(self, parent: str, child: str, T_parent_child: Float64, stamp_ns: int) -> None:
         """Publishes the pose [4, 4] of a frame in another."""
         transform = TransformStamped(child_frame_id=child)
-        fields.copy_fields(fields.header(stamp_ns, parent), transform.header)
+        making.copy_fields(making.header(stamp_ns, parent), transform.header)
         to, turn = transform.transform.translation, transform.transform.rotation
         to.x, to.y, to.z = (float(value) for value in T_parent_child[:3, 3])
         turn.x, turn.y, turn.z, turn.w = (float(v) for v in se3.quaternion(T_parent_child))

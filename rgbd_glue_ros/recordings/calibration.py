@@ -26,7 +26,8 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.bounded_yaml import BoundedLoader, documents
 from rgbd_glue_ros.files.reading import read_text
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
-from rgbd_glue_ros.messages.fields import CameraInfo, header
+from rgbd_glue_ros.messages.fields import CameraInfo
+from rgbd_glue_ros.messages.making import header
 from rgbd_glue_ros.parameters import metres_per_unit
 from rgbd_glue_ros.recordings.calibration_texts import (
     bundle_fusion_cameras,

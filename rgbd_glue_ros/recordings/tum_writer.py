@@ -13,8 +13,8 @@ import yaml
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.files.stamp_text import format_stamp
-from rgbd_glue_ros.messages.fields import distortion_model
 from rgbd_glue_ros.messages.image_codecs import encode_png, quantised
+from rgbd_glue_ros.messages.making import distortion_model
 from rgbd_glue_ros.recordings.depth_encoding import TUM_UNITS_PER_METRE
 from rgbd_glue_ros.recordings.tum import (
     ACCELEROMETER,

@@ -23,7 +23,7 @@ from rgbd_glue_ros.experiments.demo.node_process import ros_environment
 from rgbd_glue_ros.experiments.demo.played import PlayedRecording, Sensor, transport
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.camera_presets import load_camera, remappings
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW
@@ -39,7 +39,7 @@ def with_imu_at_rest(folder: Path, frames: list[RgbdFrame]) -> Path:
     stamps = np.arange(first_ns, last_ns, IMU_PERIOD_NS, dtype=np.int64)
     samples = ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(9.81 * UP, (len(stamps), 1)))
     imu = [
-        Recorded("/imu", "sensor_msgs/msg/Imu", at, fields.imu(samples, i, frames[0].frame_id))
+        Recorded("/imu", "sensor_msgs/msg/Imu", at, making.imu(samples, i, frames[0].frame_id))
         for i, at in enumerate(stamps.tolist())
     ]
     return write_rosbag2(folder, sorted([*recorded(frames), *imu], key=lambda m: m.stamp_ns))
@@ -168,7 +168,7 @@ def test_the_first_frame_reaches_a_node_that_was_there_before(
             assert player.returncode == 0, faults
     assert "received by /rgbd_odometry\n" in said
     assert f"odometry{f' --camera {camera}' if camera else ''}\n" in said
-    stamp = fields.header(frames[0].stamp_ns, "").stamp
+    stamp = making.header(frames[0].stamp_ns, "").stamp
     first = listener.poses[0].header.stamp
     assert (first.sec, first.nanosec) == (stamp.sec, stamp.nanosec)
 

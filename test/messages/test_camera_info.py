@@ -11,15 +11,9 @@ from rigs import messages as rig
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message, pinhole
-from rgbd_glue_ros.messages.fields import (
-    CameraInfo,
-    RegionOfInterest,
-    camera_info,
-    color_image,
-    depth_image,
-    header,
-)
+from rgbd_glue_ros.messages.fields import CameraInfo, RegionOfInterest
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
+from rgbd_glue_ros.messages.making import camera_info, color_image, depth_image, header
 from rgbd_glue_ros.types import CameraIntrinsics, LensModel
 
 HEAD = header(1, "camera")

@@ -13,8 +13,8 @@ from rgbd_glue_ros.messages.depth_camera import (
     GivenDepthCamera,
     find_depth_camera,
 )
-from rgbd_glue_ros.messages.fields import camera_info, color_image, depth_image, header
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
+from rgbd_glue_ros.messages.making import camera_info, color_image, depth_image, header
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 COLOR = CameraIntrinsics(64, 48, 60.0, 61.0, 31.5, 23.5, (0.1, -0.2, 0.001, 0.002, 0.3))

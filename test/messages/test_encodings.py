@@ -11,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.fields import CompressedImage, Image, header
+from rgbd_glue_ros.messages.fields import CompressedImage, Image
 from rgbd_glue_ros.messages.images import color_from_message, depth_from_message
+from rgbd_glue_ros.messages.making import header
 
 HEAD = header(1, "camera")
 WIDTH, HEIGHT = 32, 24

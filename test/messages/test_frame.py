@@ -10,18 +10,13 @@ import pytest
 from rigs.messages import CAMERA, DEPTH, HEAD, RGB, TOPICS
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.fields import (
-    Header,
-    Time,
-    camera_info,
-    color_image,
-    depth_image,
-)
+from rgbd_glue_ros.messages.fields import Header, Time
 from rgbd_glue_ros.messages.frame import (
     frame_from_messages,
     registration_doubt,
     resampled,
 )
+from rgbd_glue_ros.messages.making import camera_info, color_image, depth_image
 
 
 def test_depth_in_another_frame_than_colour_is_doubted() -> None:

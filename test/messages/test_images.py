@@ -14,13 +14,10 @@ from numpy.typing import NDArray
 from rigs.messages import DEPTH, HEAD, RGB, flat, raw, smooth
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.fields import (
-    CompressedImage,
-    compressed_color_image,
-    compressed_depth_image,
-)
+from rgbd_glue_ros.messages.fields import CompressedImage
 from rgbd_glue_ros.messages.image_codecs import encode_png
 from rgbd_glue_ros.messages.images import color_from_message, depth_from_message
+from rgbd_glue_ros.messages.making import compressed_color_image, compressed_depth_image
 
 
 @pytest.mark.parametrize("padding", [0, 3, 64])

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import fields, making
 from rgbd_glue_ros.messages.imu import ImuReading, imu_reading, imu_samples
 from rgbd_glue_ros.types import ImuSamples
 
@@ -26,7 +26,7 @@ def test_samples_written_to_messages_are_read_back() -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     readings = []
     for index in range(len(SAMPLES)):
-        message = fields.imu(SAMPLES, index, "imu_link")
+        message = making.imu(SAMPLES, index, "imu_link")
         kind = "sensor_msgs/msg/Imu"
         read: Any = store.deserialize_cdr(store.serialize_cdr(message, kind), kind)
         assert read.header.frame_id == "imu_link"
@@ -38,19 +38,19 @@ def test_samples_written_to_messages_are_read_back() -> None:
 
 def test_zero_acceleration_means_that_there_is_no_accelerometer() -> None:
     zero = fields.Vector3(0.0, 0.0, 0.0)
-    message = replace(fields.imu(SAMPLES, 0, ""), linear_acceleration=zero)
+    message = replace(making.imu(SAMPLES, 0, ""), linear_acceleration=zero)
     assert np.isnan(imu_reading(message, 0, "imu").linear_acceleration).all()
 
 
 def test_measurements_that_are_not_finite_are_refused() -> None:
     broken = fields.Vector3(0.0, float("nan"), 0.0)
-    message = replace(fields.imu(SAMPLES, 0, ""), angular_velocity=broken)
+    message = replace(making.imu(SAMPLES, 0, ""), angular_velocity=broken)
     with pytest.raises(InputError, match="imu: a measurement is not finite"):
         imu_reading(message, 0, "imu")
 
 
 def test_a_message_of_another_type_is_refused() -> None:
-    image = fields.header(0, "")
+    image = making.header(0, "")
     with pytest.raises(InputError, match="has the type Header"):
         imu_reading(image, 0, "imu")  # type: ignore[arg-type]
 

@@ -11,7 +11,8 @@ from rigs.messages import HEAD
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.fields import Quaternion, pose_stamped
+from rgbd_glue_ros.messages.fields import Quaternion
+from rgbd_glue_ros.messages.making import pose_stamped
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.slam.map_check import transforms
 from rgbd_glue_ros.trajectories.tum import read_tum, write_tum

@@ -11,11 +11,8 @@ from rigs.messages import CAMERA, HEAD, RGB, raw
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
-from rgbd_glue_ros.messages.fields import (
-    camera_info,
-    header,
-)
 from rgbd_glue_ros.messages.images import color_from_message
+from rgbd_glue_ros.messages.making import camera_info, header
 from rgbd_glue_ros.messages.reading import stamp_ns
 
 

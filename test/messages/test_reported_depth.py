@@ -13,8 +13,9 @@ import pytest
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.messages.depth_camera import find_depth_camera
-from rgbd_glue_ros.messages.fields import CameraInfo, camera_info, color_image, depth_image, header
+from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_from_messages
+from rgbd_glue_ros.messages.making import camera_info, color_image, depth_image, header
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
 WALL_M = 2.0

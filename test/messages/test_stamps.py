@@ -10,7 +10,8 @@ import pytest
 from rigs.bags import DEPTH, Recorded, make_frames, recorded, write_rosbag2
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.fields import Image, header
+from rgbd_glue_ros.messages.fields import Image
+from rgbd_glue_ros.messages.making import header
 from rgbd_glue_ros.messages.stamps import StampSource, explain_miss
 from rgbd_glue_ros.messages.synchronizer import Channel, Match, Synchronizer
 from rgbd_glue_ros.parameters import InputConfig

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rgbd_glue_ros.live.topics import MATCHES
-from rgbd_glue_ros.messages.fields import color_image, copy_fields, depth_image, header
 from rgbd_glue_ros.messages.images import color_from_message
+from rgbd_glue_ros.messages.making import color_image, copy_fields, depth_image, header
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.types import NANOSECONDS
 

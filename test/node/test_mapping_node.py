@@ -24,8 +24,8 @@ from rgbd_glue_ros.live.topics import (
     MAP_PATH,
     POSE,
 )
-from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.messages.fields import copy_fields
+from rgbd_glue_ros.messages import making
+from rgbd_glue_ros.messages.making import copy_fields
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.slam.map_file import read_map
@@ -57,13 +57,13 @@ MAPPED_S = 60.0
 
 
 def pose_message(T: Float64, at_ns: int) -> PoseStamped:
-    return copy_fields(fields.pose_stamped(T, fields.header(at_ns, "odom")), PoseStamped())
+    return copy_fields(making.pose_stamped(T, making.header(at_ns, "odom")), PoseStamped())
 
 
 def edge_message(edge: PoseGraphEdge, at_ns: int) -> OdometryMessage:
     message = OdometryMessage(child_frame_id=KEYFRAME_FRAME.format(edge.child))
-    head = fields.header(at_ns, KEYFRAME_FRAME.format(edge.parent))
-    stamped = copy_fields(fields.pose_stamped(edge.T_parent_child, head), PoseStamped())
+    head = making.header(at_ns, KEYFRAME_FRAME.format(edge.parent))
+    stamped = copy_fields(making.pose_stamped(edge.T_parent_child, head), PoseStamped())
     message.header, message.pose.pose = stamped.header, stamped.pose
     covariance = se3.pose_covariance(edge.T_parent_child, edge.covariance)
     message.pose.covariance = covariance.ravel()

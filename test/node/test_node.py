@@ -15,17 +15,11 @@ from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, private_dom
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
 from rgbd_glue_ros.live.match_image import VISUAL
 from rgbd_glue_ros.live.topics import MATCHES, PATH, POSE, SUBSCRIBED
-from rgbd_glue_ros.messages.fields import (
-    DEPTH_UNITS_PER_METRE,
-    camera_info,
-    color_image,
-    copy_fields,
-    depth_image,
-    header,
-)
+from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE
 from rgbd_glue_ros.messages.fields import CompressedImage as CompressedImageFields
 from rgbd_glue_ros.messages.image_codecs import encode_png, quantised
 from rgbd_glue_ros.messages.images import color_from_message
+from rgbd_glue_ros.messages.making import camera_info, color_image, copy_fields, depth_image, header
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.synchronizer import Channel

@@ -9,7 +9,7 @@ import pytest
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import DEPTH_INFO
-from rgbd_glue_ros.messages.fields import camera_info, color_image, copy_fields, depth_image, header
+from rgbd_glue_ros.messages.making import camera_info, color_image, copy_fields, depth_image, header
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, Float32
 

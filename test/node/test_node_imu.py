@@ -14,7 +14,7 @@ from rigs.bag_frames import recorded_frames
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.topics import IMU
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.types import NANOSECONDS, Float64, ImuSamples
 
@@ -48,7 +48,7 @@ def first_pose(
     rig.wait(imu.get_subscription_count, "the subscription to the IMU")
     rig.wait_for_answer("rgbd_odometry")
     for index in range(len(samples)):
-        imu.publish(fields.copy_fields(fields.imu(samples, index, frame_id), Imu()))
+        imu.publish(making.copy_fields(making.imu(samples, index, frame_id), Imu()))
     pose = rig.pose_of(corner_frame(START_NS))
     node.wait_for_line(line, PATIENCE_S)
     return pose_from_message(pose, "pose")
@@ -128,8 +128,8 @@ def test_bias_and_time_offset_of_the_imu_are_on_the_diagnostics(ros_domain: int)
         for frame in frames:
             # as a driver does, a little ahead of the images
             while sent < len(samples) and samples.stamps_ns[sent] < frame.stamp_ns + PERIOD_NS:
-                message = fields.imu(samples, sent, frame.frame_id)
-                imu.publish(fields.copy_fields(message, Imu()))
+                message = making.imu(samples, sent, frame.frame_id)
+                imu.publish(making.copy_fields(message, Imu()))
                 sent += 1
             rig.pose_of(frame)
 

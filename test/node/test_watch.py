@@ -22,8 +22,8 @@ from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environ
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.monitor import Monitor
 from rgbd_glue_ros.live.topics import DIAGNOSTICS, ODOM
-from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.messages.fields import copy_fields
+from rgbd_glue_ros.messages import making
+from rgbd_glue_ros.messages.making import copy_fields
 from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import Float64, OdometryEstimate, TrackingState
 
@@ -92,8 +92,8 @@ class KnownOdometry(Closing):
             T = pose_at(index)
             T[0, 3] += shift_m
             self.stamps_ns.append(first_ns + (index - indices.start + 1) * PERIOD_NS)
-            head = fields.header(self.stamps_ns[-1], "odom")
-            stamped = copy_fields(fields.pose_stamped(T, head), PoseStamped())
+            head = making.header(self.stamps_ns[-1], "odom")
+            stamped = copy_fields(making.pose_stamped(T, head), PoseStamped())
             message = OdometryMessage(header=stamped.header)
             message.pose.pose = stamped.pose
             self._odom.publish(message)
@@ -101,7 +101,7 @@ class KnownOdometry(Closing):
     def publish_null(self) -> None:
         """What stands for a frame without a pose."""
         message = OdometryMessage()
-        copy_fields(fields.header(time.time_ns(), "odom"), message.header)
+        copy_fields(making.header(time.time_ns(), "odom"), message.header)
         message.pose.pose.orientation.w = 0.0
         self._odom.publish(message)
 

@@ -30,7 +30,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages.fields import header, pose_stamped
+from rgbd_glue_ros.messages.making import header, pose_stamped
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings import open_recording, recordings
 from rgbd_glue_ros.recordings.bag.file import BagFile

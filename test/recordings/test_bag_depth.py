@@ -13,7 +13,7 @@ from rigs.bags import CAMERA, COLOR, INFO, Recorded, write_rosbag1, write_rosbag
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.fields import (
+from rgbd_glue_ros.messages.making import (
     camera_info,
     color_image,
     depth_image,

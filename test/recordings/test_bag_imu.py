@@ -18,7 +18,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.experiments.replay.replay import replay
 from rgbd_glue_ros.experiments.replay.result_names import METRICS
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.parameters import InputConfig, load_preset
 from rgbd_glue_ros.recordings import Topics, imu_of, open_recording
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
@@ -39,7 +39,7 @@ def imu_messages(
     samples: ImuSamples, frame_id: str = IMU_FRAME, topic: str = TOPIC
 ) -> list[Recorded]:
     return [
-        Recorded(topic, "sensor_msgs/msg/Imu", int(stamp), fields.imu(samples, i, frame_id))
+        Recorded(topic, "sensor_msgs/msg/Imu", int(stamp), making.imu(samples, i, frame_id))
         for i, stamp in enumerate(samples.stamps_ns)
     ]
 
@@ -52,7 +52,7 @@ def place(T: Float64) -> Recorded:
         kinds["geometry_msgs/msg/Quaternion"](*se3.quaternion(T).tolist()),
     )
     stamped = kinds["geometry_msgs/msg/TransformStamped"](
-        fields.header(0, CAMERA_FRAME), IMU_FRAME, transform
+        making.header(0, CAMERA_FRAME), IMU_FRAME, transform
     )
     message = kinds["tf2_msgs/msg/TFMessage"]([stamped])
     return Recorded("/tf_static", "tf2_msgs/msg/TFMessage", 0, message)
@@ -121,7 +121,7 @@ def test_an_imu_topic_that_is_not_there_is_refused(tmp_path: Path) -> None:
 
 def unstamped(recorded_message: Recorded) -> Recorded:
     message: Any = recorded_message.message
-    head = fields.header(0, message.header.frame_id)
+    head = making.header(0, message.header.frame_id)
     return replace(recorded_message, message=replace(message, header=head))
 
 

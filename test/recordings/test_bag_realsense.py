@@ -15,8 +15,8 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.messages.fields import color_image
+from rgbd_glue_ros.messages import making
+from rgbd_glue_ros.messages.making import color_image
 from rgbd_glue_ros.parameters import InputConfig
 from rgbd_glue_ros.recordings.bag.recording import BagRecording
 from rgbd_glue_ros.types import CameraIntrinsics, Float32
@@ -213,9 +213,9 @@ def test_bags_of_the_sdk_for_ros_2_tell_cameras_and_places_as_text(tmp_path: Pat
     units = np.zeros((48, 64), np.uint16)
     units[:, 32:] = round(WALL_M / 0.00025)
     stamp_ns = 360 * 10**9
-    color = color_image(np.zeros((48, 64), np.uint8), fields.header(stamp_ns, "Color"))
+    color = color_image(np.zeros((48, 64), np.uint8), making.header(stamp_ns, "Color"))
     depth = replace(
-        color_image(np.zeros((48, 64), np.uint8), fields.header(stamp_ns, "Depth")),
+        color_image(np.zeros((48, 64), np.uint8), making.header(stamp_ns, "Depth")),
         encoding="mono16",
         step=128,
         data=units.view(np.uint8).ravel(),

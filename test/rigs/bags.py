@@ -13,7 +13,7 @@ from rosbags.rosbag1 import Writer as Rosbag1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from rgbd_glue_ros.messages.fields import camera_info, header
+from rgbd_glue_ros.messages.making import camera_info, header
 from rgbd_glue_ros.recordings.bag.writer import COMPRESSED, RAW, ImageCodec
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, RgbdFrame, UInt8
 

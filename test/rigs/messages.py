@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rgbd_glue_ros.messages.fields import Image, header
+from rgbd_glue_ros.messages.fields import Image
 from rgbd_glue_ros.messages.frame import FrameTopics
+from rgbd_glue_ros.messages.making import header
 from rgbd_glue_ros.types import CameraIntrinsics
 
 HEAD = header(1_234_567_890_123_456_789, "camera_optical")

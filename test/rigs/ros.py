@@ -31,8 +31,8 @@ from rgbd_glue_ros.live.topics import (
     SUBSCRIBED,
     transported,
 )
-from rgbd_glue_ros.messages import fields
-from rgbd_glue_ros.messages.fields import copy_fields
+from rgbd_glue_ros.messages import making
+from rgbd_glue_ros.messages.making import copy_fields
 from rgbd_glue_ros.messages.synchronizer import Channel
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 
@@ -67,18 +67,18 @@ class Triple:
 
 def frame_messages(frame: RgbdFrame, *, is_compressed: bool) -> Triple:
     """A frame's three messages."""
-    head = fields.header(frame.stamp_ns, frame.frame_id)
-    info = copy_fields(fields.camera_info(frame.intrinsics, head), CameraInfo())
-    depth_head = fields.header(frame.stamp_ns + frame.depth_delay_ns, frame.frame_id)
+    head = making.header(frame.stamp_ns, frame.frame_id)
+    info = copy_fields(making.camera_info(frame.intrinsics, head), CameraInfo())
+    depth_head = making.header(frame.stamp_ns + frame.depth_delay_ns, frame.frame_id)
     if is_compressed:
-        color = fields.compressed_color_image(frame.color, head)
-        depth = fields.compressed_depth_image(frame.depth, depth_head)
+        color = making.compressed_color_image(frame.color, head)
+        depth = making.compressed_depth_image(frame.depth, depth_head)
         return Triple(
             copy_fields(color, CompressedImage()), copy_fields(depth, CompressedImage()), info
         )
     return Triple(
-        copy_fields(fields.color_image(frame.color, head), Image()),
-        copy_fields(fields.depth_image(frame.depth, depth_head), Image()),
+        copy_fields(making.color_image(frame.color, head), Image()),
+        copy_fields(making.depth_image(frame.depth, depth_head), Image()),
         info,
     )
 
@@ -227,7 +227,7 @@ class Rig(Closing):
 
     def pose_at(self, stamp_ns: int) -> PoseStamped:
         """Waits for the pose with this stamp."""
-        stamp = fields.header(stamp_ns, "").stamp
+        stamp = making.header(stamp_ns, "").stamp
 
         def found() -> list[PoseStamped]:
             return [

@@ -7,7 +7,7 @@ from tf2_msgs.msg import TFMessage
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live.extrinsics import T_BODY_OPTICAL
-from rgbd_glue_ros.messages.fields import copy_fields, header
+from rgbd_glue_ros.messages.making import copy_fields, header
 from rgbd_glue_ros.messages.poses import parse_pose
 from rgbd_glue_ros.messages.transform_tree import TF, TF_STATIC
 from rgbd_glue_ros.node.tf import TF_QOS, TF_STATIC_QOS

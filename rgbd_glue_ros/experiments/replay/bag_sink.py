@@ -21,7 +21,7 @@ from rgbd_glue_ros.live.keyframe_edges import edge_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.live.odometry_message import odometry_message
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import fields, making
 from rgbd_glue_ros.messages.transform_tree import TF
 from rgbd_glue_ros.types import (
     NANOSECONDS,
@@ -89,10 +89,10 @@ class BagSink:
         Raises:
             InputError: its time cannot be stored in a bag.
         """
-        fields.check_recordable(frame.stamp_ns)
+        making.check_recordable(frame.stamp_ns)
         camera = frame.frame_id or CAMERA_FRAME
-        head = fields.header(frame.stamp_ns, camera)
-        image = fields.compressed_color_image(match_image(frame, estimate), head, _JPEG_QUALITY)
+        head = making.header(frame.stamp_ns, camera)
+        image = making.compressed_color_image(match_image(frame, estimate), head, _JPEG_QUALITY)
         self._write(MATCHES, frame.stamp_ns, image)
         self._diagnose(estimate)
         if estimate.T_odom_camera is not None:
@@ -103,9 +103,9 @@ class BagSink:
     def _add_pose(
         self, T_odom_camera: Float64, frame: RgbdFrame, estimate: OdometryEstimate, camera: str
     ) -> None:
-        pose = fields.pose_stamped(
+        pose = making.pose_stamped(
             self._extrinsics.pose(T_odom_camera),
-            fields.header(frame.stamp_ns, ODOM_FRAME),
+            making.header(frame.stamp_ns, ODOM_FRAME),
         )
         self._path.append(pose)
         self._write(topics.POSE, frame.stamp_ns, pose)
@@ -177,7 +177,7 @@ class BagSink:
                 for key, value in values.items()
             ],
         )
-        head = fields.header(estimate.stamp_ns, "")
+        head = making.header(estimate.stamp_ns, "")
         array = self._make("diagnostic_msgs/msg/DiagnosticArray", header=head, status=[status])
         self._write(topics.DIAGNOSTICS, estimate.stamp_ns, array)
 

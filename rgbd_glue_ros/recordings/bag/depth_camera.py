@@ -15,9 +15,10 @@ from rgbd_glue_ros.messages.depth_camera import (
     find_depth_camera,
     is_same_camera,
 )
-from rgbd_glue_ros.messages.fields import CameraInfo, camera_info, header
+from rgbd_glue_ros.messages.fields import CameraInfo
 from rgbd_glue_ros.messages.frame import FrameTopics, registration_doubt
 from rgbd_glue_ros.messages.images import base_name
+from rgbd_glue_ros.messages.making import camera_info, header
 from rgbd_glue_ros.messages.poses import pose_parameter
 from rgbd_glue_ros.messages.reading import frame_of
 from rgbd_glue_ros.messages.synchronizer import Match

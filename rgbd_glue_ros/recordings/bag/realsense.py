@@ -20,7 +20,8 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
-from rgbd_glue_ros.messages.fields import CameraInfo, header
+from rgbd_glue_ros.messages.fields import CameraInfo
+from rgbd_glue_ros.messages.making import header
 from rgbd_glue_ros.recordings.bag.file import BagFile
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 

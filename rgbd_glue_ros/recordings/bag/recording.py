@@ -14,9 +14,10 @@ import numpy as np
 from rgbd_glue_ros.closing import Closing
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry.depth_registration import DepthCamera
-from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE, camera_info, header
+from rgbd_glue_ros.messages.fields import DEPTH_UNITS_PER_METRE
 from rgbd_glue_ros.messages.frame import FrameTopics, frame_of_match
 from rgbd_glue_ros.messages.images import holds_whole_numbers, in_8_bits
+from rgbd_glue_ros.messages.making import camera_info, header
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 from rgbd_glue_ros.messages.stamps import explain_miss

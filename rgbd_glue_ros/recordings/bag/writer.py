@@ -20,10 +20,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from rgbd_glue_ros.closing import Closing, uninterrupted
 from rgbd_glue_ros.errors import InputError
-from rgbd_glue_ros.messages.fields import (
-    CompressedImage,
-    Header,
-    Image,
+from rgbd_glue_ros.messages.fields import CompressedImage, Header, Image
+from rgbd_glue_ros.messages.images import COLOR_SUFFIX, DEPTH_SUFFIX
+from rgbd_glue_ros.messages.making import (
     camera_info,
     check_recordable,
     color_image,
@@ -34,7 +33,6 @@ from rgbd_glue_ros.messages.fields import (
     imu,
     pose_stamped,
 )
-from rgbd_glue_ros.messages.images import COLOR_SUFFIX, DEPTH_SUFFIX
 from rgbd_glue_ros.types import Float32, Float64, ImuSamples, RgbdFrame, UInt8
 
 GROUND_TRUTH_TOPIC = "/ground_truth/pose"

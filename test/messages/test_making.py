@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 from rigs.messages import CAMERA, DEPTH, HEAD, RGB
 
-from rgbd_glue_ros.messages import fields
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.messages.camera_info import intrinsics_from_message
-from rgbd_glue_ros.messages.fields import (
+from rgbd_glue_ros.messages.images import color_from_message, depth_from_message
+from rgbd_glue_ros.messages.making import (
     camera_info,
     color_image,
     compressed_depth_image,
     millimetre_image,
 )
-from rgbd_glue_ros.messages.images import color_from_message, depth_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
 
 
 def test_rclpy_messages_are_filled_and_read_like_plain_ones() -> None:
     ros = pytest.importorskip("sensor_msgs.msg", reason="needs the ROS message packages")
-    filled = fields.copy_fields(color_image(RGB, HEAD), ros.Image())
+    filled = making.copy_fields(color_image(RGB, HEAD), ros.Image())
     assert np.array_equal(color_from_message(filled, "/color"), RGB)
-    depth = fields.copy_fields(compressed_depth_image(DEPTH, HEAD), ros.CompressedImage())
+    depth = making.copy_fields(compressed_depth_image(DEPTH, HEAD), ros.CompressedImage())
     assert depth_from_message(depth, "/depth") == pytest.approx(DEPTH, abs=0.0006)
-    info = fields.copy_fields(camera_info(CAMERA, HEAD), ros.CameraInfo())
+    info = making.copy_fields(camera_info(CAMERA, HEAD), ros.CameraInfo())
     assert intrinsics_from_message(info, "/info") == CAMERA
     assert stamp_ns(info.header.stamp) == stamp_ns(HEAD.stamp)
 
