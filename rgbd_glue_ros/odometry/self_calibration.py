@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rgbd_glue_ros.geometry.views import view_of
-from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue
+from rgbd_glue_ros.odometry.background import BackgroundThread, BackgroundValue, Once
 from rgbd_glue_ros.odometry.depth_color_check import DepthColorCheck
 from rgbd_glue_ros.odometry.pose_covariance import PoseErrors
 from rgbd_glue_ros.odometry.tracking import PoseFix
 from rgbd_glue_ros.parameters import Config, RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement
+from rgbd_glue_ros.refinement.pose_residuals import rows_at
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import NANOSECONDS, Float64, RgbdFrame, View
@@ -94,12 +95,15 @@ class SelfCalibration:
         """
         pose = fix.estimate.refinement
         problem = RefinementProblem(fix.model, view, self.refine_config())
+        rows, drift = Once(rows_at, pose, problem, level=0), self._config.time_offsets
         if twist_is_certain and not self._time_offsets.current().is_settled:
             self._time_offsets.update_later(
-                TimeOffsets.corrected, pose, problem, self._config.time_offsets
+                lambda offsets: offsets.corrected(
+                    rows.result(), pose.T_model_source, problem, drift
+                )
             )
         self._frames += 1
         if self._frames % _BANDS_COMPARED_EVERY == 0:
-            self._agreement.update_later(BandAgreement.after_frame, pose, problem)
+            self._agreement.update_later(lambda agreement: agreement.after_frame(rows.result()))
         if self._depth_color_check.current().needs(view, T_track_camera):
             self._depth_color_check.update_later(DepthColorCheck.after_view, view, T_track_camera)

@@ -15,10 +15,8 @@ from math import exp, log
 
 import numpy as np
 
-from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.refinement.normal_equations import DAMPING, damped, normal_equations
-from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import Rows, plane_and_pixel_rows
+from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64
 
 # Bands of image rows: each usually sees enough of the scene to determine a pose.
@@ -49,15 +47,8 @@ class BandAgreement:
         seen = self.frames / (self.frames + _EXPECTATION)
         return exp(seen * (log(_IN_COMMON) + self.log_excess) + (1 - seen) * log(expected))
 
-    def after_frame(self, refinement: Refinement, problem: RefinementProblem) -> BandAgreement:
-        """The agreement, updated with a frame.
-
-        Args:
-            refinement: the frame's pose in the model.
-            problem: the problem that it was refined with.
-        """
-        T, finest = refinement.T_model_source, problem.at_level(0)
-        rows = plane_and_pixel_rows(T, finest, refinement.affine_brightness)
+    def after_frame(self, rows: Sequence[Rows]) -> BandAgreement:
+        """The agreement, updated with a frame's residuals at its pose, of several kinds."""
         excess = disagreement(rows)
         if excess is None:
             return self

@@ -19,8 +19,9 @@ from rgbd_glue_ros.refinement.normal_equations import (
     extended_normal_equations,
     marginalise_pose,
 )
+from rgbd_glue_ros.refinement.pose_residuals import rows_at
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import Rows, plane_and_pixel_rows
+from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64
 
 # Standard deviation of a velocity that causes no distortion, m/s and rad/s: above any camera's.
@@ -51,8 +52,7 @@ def twist_from_distortion(
         level: pyramid level.
     """
     T, source, config = refinement.T_model_source, problem.view, problem.config
-    of_level = problem.at_level(level)
-    planes, pixels = plane_and_pixel_rows(T, of_level, refinement.affine_brightness)
+    planes, pixels = rows_at(refinement, problem, level)
     H, g = _pose_and_twist(planes, source.depth_delay + planes.row_time * source.readout_time)
     H_pixels, g_pixels = _pose_and_twist(pixels, pixels.row_time * source.readout_time)
     H, g = marginalise_pose(H + H_pixels, g + g_pixels)

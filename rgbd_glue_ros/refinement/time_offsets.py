@@ -15,13 +15,12 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.parameters import TimeOffsetsConfig
-from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.refinement.normal_equations import (
     extended_normal_equations,
     marginalise_pose,
 )
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.residual_rows import Rows, plane_and_pixel_rows
+from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64
 
 # Limit of both: no driver is later, and no camera of a moving robot reads out more slowly.
@@ -73,16 +72,21 @@ class TimeOffsets:
         return longest / _PRIMESENSE_READOUT_TIME_S
 
     def corrected(
-        self, refinement: Refinement, problem: RefinementProblem, config: TimeOffsetsConfig
+        self,
+        rows: tuple[Rows, Rows],
+        T_model_source: Float64,
+        problem: RefinementProblem,
+        config: TimeOffsetsConfig,
     ) -> TimeOffsets:
         """The time offsets after a frame.
 
         Args:
-            refinement: the frame's pose in the model.
+            rows: residuals of planes and pixels at the frame's pose, at the finest level.
+            T_model_source: that pose, float64 [4, 4].
             problem: the problem that it was refined with; its view has the frame's velocity.
             config: how fast they drift.
         """
-        H, g = marginalise_pose(*_terms(refinement, problem))
+        H, g = marginalise_pose(*_terms(rows, T_model_source, problem))
         information = H / config.residuals_per_independent_one
         gradient = g / config.residuals_per_independent_one
         predicted = self.covariance + np.eye(2) * config.drift**2
@@ -94,15 +98,16 @@ class TimeOffsets:
         return TimeOffsets(float(latency), float(readout_time), covariance)
 
 
-def _terms(refinement: Refinement, problem: RefinementProblem) -> tuple[Float64, Float64]:
+def _terms(
+    rows: tuple[Rows, Rows], T: Float64, problem: RefinementProblem
+) -> tuple[Float64, Float64]:
     """Hessian [8, 8] and gradient [8] for the pose, depth latency and readout time."""
-    T, twist, finest = refinement.T_model_source, problem.view.twist, problem.at_level(0)
-    planes, pixels = problem.model.planes, problem.model.pixels[0]
-    rows, pixel_rows = plane_and_pixel_rows(T, finest, refinement.affine_brightness)
+    twist, planes, pixels = problem.view.twist, problem.model.planes, problem.model.pixels[0]
+    plane_rows, pixel_rows = rows
     by_now, by_then, by_readout_time = _derivatives_by_time(
-        rows, T, twist, planes.velocity, planes.row_time
+        plane_rows, T, twist, planes.velocity, planes.row_time
     )
-    H, g = extended_normal_equations(rows, by_then - by_now, by_readout_time)
+    H, g = extended_normal_equations(plane_rows, by_then - by_now, by_readout_time)
     *_, by_readout_time = _derivatives_by_time(
         pixel_rows, T, twist, pixels.velocity, pixels.row_time
     )

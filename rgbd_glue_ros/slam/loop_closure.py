@@ -17,6 +17,7 @@ from rgbd_glue_ros.odometry.pose_covariance import PoseErrors, refined_covarianc
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.agreement import BandAgreement
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
+from rgbd_glue_ros.refinement.pose_residuals import rows_at
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
@@ -62,7 +63,7 @@ def loop_edge(
     if se3.difference(T, se3.inverse(back.T_model_source)) > _SAME:
         return None
     # two that were taken far apart in time may disagree more than neighbours do
-    agreement = BandAgreement().after_frame(refinement, problem)
+    agreement = BandAgreement().after_frame(rows_at(refinement, problem, level=0))
     errors = PoseErrors.of(config)
     count = agreement.residuals_per_independent_one(errors.residuals_per_independent_one)
     errors = replace(errors, residuals_per_independent_one=count)

@@ -14,6 +14,7 @@ from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.agreement import BandAgreement, disagreement
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import Model, model_of
+from rgbd_glue_ros.refinement.pose_residuals import rows_at
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.residual_rows import Rows
 from rgbd_glue_ros.types import Float64, View
@@ -105,9 +106,9 @@ def after(view: View, frames: int = 1, model: Model | None = None) -> BandAgreem
     model = model_of(recorded(BEFORE), 8) if model is None else model
     start = se3.inverse(true_poses()[BEFORE]) @ true_poses()[NOW]
     problem = RefinementProblem(model, view, config)
-    found, known = refine(start, problem), BandAgreement()
+    of_frame, known = rows_at(refine(start, problem), problem, level=0), BandAgreement()
     for _ in range(frames):
-        known = known.after_frame(found, problem)
+        known = known.after_frame(of_frame)
     return known
 
 

@@ -10,8 +10,9 @@ from rigs.room import CAMERA, rolling_frame, room_view, true_pose, true_twist
 
 from rgbd_glue_ros.geometry import se3, views
 from rgbd_glue_ros.parameters import RefineConfig, TimeOffsetsConfig
-from rgbd_glue_ros.refinement.gauss_newton import refine
+from rgbd_glue_ros.refinement.gauss_newton import Refinement, refine
 from rgbd_glue_ros.refinement.model import model_of
+from rgbd_glue_ros.refinement.pose_residuals import rows_at
 from rgbd_glue_ros.refinement.problem import RefinementProblem
 from rgbd_glue_ros.refinement.time_offsets import TimeOffsets
 from rgbd_glue_ros.types import Float64, RgbdFrame, View
@@ -30,6 +31,14 @@ def prepared(frame: RgbdFrame, time_s: float, timing: TimeOffsets) -> View:
     return View(grey, frame.depth, CAMERA, twist, timing.readout_time, -timing.depth_latency)
 
 
+def corrected(
+    timing: TimeOffsets, found: Refinement, problem: RefinementProblem, config: TimeOffsetsConfig
+) -> TimeOffsets:
+    """The timing after a frame with a pose."""
+    rows = rows_at(found, problem, level=0)
+    return timing.corrected(rows, found.T_model_source, problem, config)
+
+
 def found_in(
     frames: list[RgbdFrame], timing: TimeOffsets, config: TimeOffsetsConfig
 ) -> tuple[TimeOffsets, Float64]:
@@ -38,7 +47,7 @@ def found_in(
     problem = RefinementProblem(model_of(target, STEP), source, REFINE)
     start = se3.inverse(true_pose(TIMES[0])) @ true_pose(TIMES[1])
     found = refine(start, problem)
-    return timing.corrected(found, problem, config), found.T_model_source
+    return corrected(timing, found, problem, config), found.T_model_source
 
 
 def pose_error(T: Float64) -> tuple[float, float]:
@@ -71,7 +80,7 @@ def test_a_camera_at_rest_does_not_reveal_its_timing() -> None:
     problem = RefinementProblem(model_of(view, STEP), view, REFINE)
     found = refine(np.eye(4), problem)
     start = TimeOffsets.start(TimeOffsetsConfig(drift=0.0), "")
-    timing = start.corrected(found, problem, TimeOffsetsConfig(drift=0.0))
+    timing = corrected(start, found, problem, TimeOffsetsConfig(drift=0.0))
     assert (timing.depth_latency, timing.readout_time) == (0.0, 0.0)
     np.testing.assert_allclose(timing.covariance, start.covariance)
 
@@ -98,8 +107,8 @@ def test_a_frame_without_finite_results_leaves_the_timing_unchanged() -> None:
     problem = RefinementProblem(model_of(view, STEP), view, REFINE)
     found = refine(np.eye(4), problem)
     poisoned = replace(found, affine_brightness=np.full(3, np.nan))
-    assert timing.corrected(found, problem, SURE) is not timing
-    assert timing.corrected(poisoned, problem, SURE) is timing
+    assert corrected(timing, found, problem, SURE) is not timing
+    assert corrected(timing, poisoned, problem, SURE) is timing
 
 
 def test_the_readout_ratio_is_the_longest_plausible_time_relative_to_a_kinect() -> None:
