@@ -208,7 +208,7 @@ class Motion:
             self.stamp_ns,
             self.T_track_camera @ se3.exp(change[_POSE]),
             self.twist + change[_TWIST],
-            # what rounding makes asymmetric grows from update to update, until variances are negative
+            # asymmetry from rounding grows with every update, until variances are negative
             (covariance + covariance.T) / 2,
         )
 

@@ -9,14 +9,17 @@ import numpy as np
 
 from rgbd_glue_ros.closing import uninterrupted
 from rgbd_glue_ros.geometry.depth import metres_of_16_bits
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera, registered
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.geometry.views import view_of
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.odometry.own_parts import OwnParts
 from rgbd_glue_ros.odometry.plane_counts import PlaneCounts
 from rgbd_glue_ros.parameters import Config, with_values
+from rgbd_glue_ros.refinement.gauss_newton import START_BRIGHTNESS
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.refinement.problem import RefinementProblem
+from rgbd_glue_ros.refinement.second_derivatives import real_and_apparent_information
 from rgbd_glue_ros.registration.glue import Glue
 from rgbd_glue_ros.types import NANOSECONDS, CameraIntrinsics, RgbdFrame
 
@@ -38,13 +41,16 @@ def warm_up(config: Config, glue: Glue | None = None) -> None:
     with Odometry(config, glue) as odometry:
         for i in range(4):
             odometry.process(_moved(frame, i))
-    # these frames contain no contradiction, and too little motion to look for parts of the robot
+    # these frames contain no contradiction and no bare wall, too little motion to look for parts of
+    # the robot, and depth that is registered
     view = view_of(frame, config.camera)
     with uninterrupted():
         problem = RefinementProblem(model_of(view, config.refine.grid_step), view, config.refine)
         PlaneCounts.of(np.eye(4), np.eye(4), problem.at_level(0))
+        real_and_apparent_information(np.eye(4), problem, np.array(START_BRIGHTNESS))
         OwnParts().after_view(view, np.eye(4)).after_view(view, np.eye(4))
         reduced(frame, _WIDTH // 2)
+        registered(frame.depth, DepthCamera(frame.intrinsics, np.eye(4)), frame.intrinsics)
 
 
 @cache

@@ -20,8 +20,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from numba.core.dispatcher import Dispatcher
 
+from rgbd_glue_ros.geometry.depth_registration import DepthCamera, registered
 from rgbd_glue_ros.geometry.views import grey
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.parameters import load_preset
@@ -47,6 +49,17 @@ def as_grey(frame):
     return replace(frame, color=image)
 
 
+def as_a_wall(frame):
+    bare = np.full_like(frame.color, 200)
+    return replace(frame, color=bare, depth=np.full_like(frame.depth, 1.5))
+
+
+def with_depth_of_its_own_camera(frame):
+    depth_camera = DepthCamera(frame.intrinsics.scaled(320, 240), np.eye(4))
+    depth = registered(frame.depth[::2, ::2].copy(), depth_camera, frame.intrinsics)
+    return replace(frame, depth=depth)
+
+
 config = load_preset("live")
 warm_up(config)
 before = compiled()
@@ -54,7 +67,14 @@ assert sum(before.values()) > 5, before
 with open_recording(Path(sys.argv[1])) as sequence:
     frames = [frame for frame, _ in zip(sequence, range(8))]
 delay = frames[1].stamp_ns - frames[0].stamp_ns
-for kind, width in ((frames, 0), ([as_grey(f) for f in frames], 0), (frames, 320)):
+kinds = (
+    (frames, 0),
+    (frames, 320),
+    ([as_grey(frame) for frame in frames], 0),
+    ([as_a_wall(frame) for frame in frames], 0),
+    ([with_depth_of_its_own_camera(frame) for frame in frames], 0),
+)
+for kind, width in kinds:
     odometry = Odometry(config)
     for frame in kind:
         odometry.process(replace(reduced(frame, width), depth_delay_ns=delay))
