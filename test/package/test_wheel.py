@@ -135,7 +135,7 @@ def test_an_installed_package_finds_its_own_data_files(environment: Path) -> Non
         check=True,
     )
     module, share = (Path(line) for line in done.stdout.splitlines())
-    assert module == site_packages / NAME / "parameters" / "files.py"
+    assert module == site_packages / NAME / "parameters" / "package_data.py"
     assert share == _only(environment, f"share/{NAME}")
     for folder in FOLDERS:
         assert _files(share, folder) == _files(ROOT, folder)
