@@ -14,6 +14,7 @@ from raycast_room.motion import LOOP_S, hand_held
 from raycast_room.raycaster import CYLINDER, SPHERE, Tables, nearest_hit, surface
 from raycast_room.render import measure, render
 from raycast_room.scene import Material, box, cylinder, faces_of, pack, room, sphere
+from rigs.stored_room import stored_living_room
 
 from rgbd_glue_ros.types import CameraIntrinsics, Float64
 
@@ -29,6 +30,11 @@ vectors = st.tuples(numbers, numbers, numbers)
 @pytest.fixture(scope="module")
 def scene() -> Tables:
     return living_room()
+
+
+def test_the_room_that_tests_read_from_disk_is_the_one_that_is_made(scene: Tables) -> None:
+    for name, stored, made in zip(Tables._fields, stored_living_room(), scene, strict=True):
+        np.testing.assert_array_equal(stored, made, err_msg=name)
 
 
 def _depth(scene: Tables) -> Float64:

@@ -6,23 +6,17 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from raycast_room.living_room import living_room
 from raycast_room.motion import hand_held
-from raycast_room.raycaster import Tables
 from raycast_room.render import measure, render
 
 from rgbd_glue_ros.geometry import se3, views
 from rgbd_glue_ros.geometry.reduction import reduced
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8, View
+from rigs.stored_room import stored_living_room
 
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
 # of a source and a target: 0.3 s of the hand-held motion are 11 cm and 2 degrees
 TIMES = 0.0, 0.3
-
-
-@lru_cache(maxsize=1)
-def _scene() -> Tables:
-    return living_room()
 
 
 def true_pose(time_s: float) -> Float64:
@@ -37,12 +31,12 @@ def true_transform() -> Float64:
 
 def true_depth(T_world_camera: Float64) -> Float32:
     """Exact depth from any pose."""
-    return measure(_scene(), T_world_camera, 0.0, CAMERA)[0].astype(np.float32)
+    return measure(stored_living_room(), T_world_camera, 0.0, CAMERA)[0].astype(np.float32)
 
 
 @lru_cache(maxsize=64)
 def _picture(time_s: float) -> tuple[UInt8, Float32]:
-    return render(_scene(), true_pose(time_s), CAMERA)
+    return render(stored_living_room(), true_pose(time_s), CAMERA)
 
 
 def room_frame(time_s: float) -> RgbdFrame:
@@ -55,7 +49,7 @@ def room_frame(time_s: float) -> RgbdFrame:
 def panned_frame(radians: float) -> RgbdFrame:
     """What the camera sees after turning to the right from where its motion starts."""
     T = true_pose(0.0) @ se3.exp(np.array([0, 0, 0, 0, radians, 0]))
-    color, depth = render(_scene(), T, CAMERA)
+    color, depth = render(stored_living_room(), T, CAMERA)
     return RgbdFrame(0, color, depth, CAMERA)
 
 
@@ -95,10 +89,10 @@ def _rolling_picture(
 def _band(top: int, time_s: float, depth_latency: float) -> tuple[UInt8, Float32]:
     """Colour and depth of a few rows."""
     rows = replace(CAMERA, height=_BAND, cy=CAMERA.cy - top)
-    color, depth = render(_scene(), true_pose(time_s), rows)
+    color, depth = render(stored_living_room(), true_pose(time_s), rows)
     if depth_latency == 0:
         return color, depth
-    return color, render(_scene(), true_pose(time_s - depth_latency), rows)[1]
+    return color, render(stored_living_room(), true_pose(time_s - depth_latency), rows)[1]
 
 
 def true_twist(time_s: float) -> Float64:
@@ -111,11 +105,11 @@ def true_twist(time_s: float) -> Float64:
 def turned_frame(yaw: float, stamp_ns: int) -> RgbdFrame:
     """What the camera sees from where it began, turned to the right by an angle (rad)."""
     turn = se3.exp(np.array([0, 0, 0, 0, yaw, 0]))
-    color, depth = render(_scene(), true_pose(0.0) @ turn, CAMERA)
+    color, depth = render(stored_living_room(), true_pose(0.0) @ turn, CAMERA)
     return RgbdFrame(stamp_ns, color, depth, CAMERA)
 
 
 def view_after(T_first_camera: Float64, stamp_ns: int) -> RgbdFrame:
     """What the camera sees after a motion [4, 4] from where it began."""
-    color, depth = render(_scene(), true_pose(0.0) @ T_first_camera, CAMERA)
+    color, depth = render(stored_living_room(), true_pose(0.0) @ T_first_camera, CAMERA)
     return RgbdFrame(stamp_ns, color, depth, CAMERA)

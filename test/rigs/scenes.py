@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from raycast_room import textures
-from raycast_room.living_room import living_room
 from raycast_room.motion import hand_held
 from raycast_room.raycaster import Tables
 from raycast_room.render import render
@@ -17,6 +16,7 @@ from raycast_room.scene import Material, box, pack, room
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.types import CameraIntrinsics, Float32, Float64, RgbdFrame, UInt8
+from rigs.stored_room import stored_living_room
 
 VGA_HALVED = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
 PHONE_LIDAR = CameraIntrinsics(256, 192, 212.0, 212.0, 127.5, 95.5)
@@ -249,11 +249,11 @@ SCENES = {
     "a bare wall, turning": Scene(plain_room, turning_at_a_wall, VGA_HALVED, 30.0, 30),
     "a bare floor": Scene(plain_room, above_the_floor, VGA_HALVED, 30.0, 30),
     "the edge of a bare wall": Scene(plain_room, along_the_edge, VGA_HALVED, 30.0, 30),
-    "the depth of a phone": Scene(living_room, carried_by_hand, PHONE_LIDAR, 30.0, 24),
+    "the depth of a phone": Scene(stored_living_room, carried_by_hand, PHONE_LIDAR, 30.0, 24),
     "the depth of a phone alone": Scene(
-        living_room, carried_by_hand, PHONE_LIDAR, 30.0, 24, has_color=False
+        stored_living_room, carried_by_hand, PHONE_LIDAR, 30.0, 24, has_color=False
     ),
-    "five frames a second": Scene(living_room, carried_by_hand, VGA_HALVED, 5.0, 10),
-    "a narrow field of view": Scene(living_room, carried_by_hand, NARROW, 10.0, 12),
-    "a wide field of view": Scene(living_room, carried_by_hand, WIDE, 10.0, 12),
+    "five frames a second": Scene(stored_living_room, carried_by_hand, VGA_HALVED, 5.0, 10),
+    "a narrow field of view": Scene(stored_living_room, carried_by_hand, NARROW, 10.0, 12),
+    "a wide field of view": Scene(stored_living_room, carried_by_hand, WIDE, 10.0, 12),
 }
