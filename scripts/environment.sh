@@ -81,10 +81,10 @@ make_environment() {
   "$python" -m venv --clear "$VENV"
 }
 
-# quiet_pip PIP_ARGUMENT...: installs, and shows how much is there; what pip says only when it fails.
-quiet_pip() {
+# quietly COMMAND...: installs, and shows how much is there; what the command says is in pip.log.
+quietly() {
   local log=$VENV/pip.log start=$SECONDS pid
-  "$VENV/bin/python" -m pip install --no-input --no-compile --disable-pip-version-check "$@" >"$log" 2>&1 &
+  "$@" >"$log" 2>&1 &
   pid=$!
   trap 'kill "$pid" 2>/dev/null' INT TERM
   while [ -t 2 ] && kill -0 "$pid" 2>/dev/null; do
@@ -92,13 +92,44 @@ quiet_pip() {
       "$VENV" "$((SECONDS - start))" "$(du -sh "$VENV" | cut -f 1)B" >&2
     sleep 1
   done
-  if ! wait "$pid"; then
-    cat "$log" >&2
-    fail "pip could not install what is needed; its words are above and in $log"
-  fi
+  wait "$pid" || return
   trap - INT TERM
   printf '\rInstalled into %s in %d s, %s  \n' \
     "$VENV" "$((SECONDS - start))" "$(du -sh "$VENV" | cut -f 1)B" >&2
+}
+
+pip_install() {
+  quietly "$VENV/bin/python" -m pip install --no-input --no-compile --disable-pip-version-check "$@"
+}
+
+# quiet_pip PIP_ARGUMENT...: installs; what pip says is shown only when it fails.
+quiet_pip() {
+  if ! pip_install "$@"; then
+    cat "$VENV/pip.log" >&2
+    fail "pip could not install what is needed; its words are above and in $VENV/pip.log"
+  fi
+}
+
+# What pip's settings say of where packages are, in the words of uv, which does not read them.
+pip_sources() {
+  local name place places
+  "$VENV/bin/python" -m pip config list |
+    sed -nE "s/\\\\n/ /g; s/^.*\.(index-url|extra-index-url|find-links|constraint)='(.*)'\$/\1 \2/p" |
+    while read -r name places; do
+      for place in $places; do
+        echo "--$name=$place"
+      done
+    done
+}
+
+# uv_install PIP_ARGUMENT...: as pip, in a third of its time. Where there is no uv, or it cannot
+# do what pip could, it fails.
+uv_install() {
+  local sources
+  mapfile -t sources < <(pip_sources)
+  pip_install --constraint "$CONSTRAINTS" uv &&
+    quietly "$VENV/bin/uv" pip install --python "$VENV/bin/python" \
+      --index-strategy unsafe-best-match "${sources[@]}" "$@"  # of all indexes, as pip
 }
 
 # install PIP_ARGUMENT...: into the environment; done already, it takes no time.
@@ -116,7 +147,7 @@ install() {
     install_system_packages "${missing[@]}"
   fi
   make_environment
-  quiet_pip --constraint "$CONSTRAINTS" "$@"
+  uv_install --constraint "$CONSTRAINTS" "$@" || quiet_pip --constraint "$CONSTRAINTS" "$@"
   touch "$stamp"
 }
 

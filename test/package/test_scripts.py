@@ -50,6 +50,16 @@ def test_an_environment_that_was_moved_is_made_again(tmp_path: Path) -> None:
     assert said.startswith(f"Making {tmp_path / 'new'} with Python {version}\n")
 
 
+@pytest.mark.slow
+def test_packages_come_from_where_pip_has_been_told_that_they_are(tmp_path: Path) -> None:
+    settings = tmp_path / "pip.conf"
+    settings.write_text("[global]\nextra-index-url =\n    https://one/simple\n    file:///two\n")
+    told = {"PIP_CONFIG_FILE": str(settings), "PIP_FIND_LINKS": "/wheels"}
+    said = sourced("pip_sources", VENV=sys.prefix, **told).splitlines()
+    one, two = "--extra-index-url=https://one/simple", "--extra-index-url=file:///two"
+    assert {one, two, "--find-links=/wheels"} <= {*said}
+
+
 def test_without_a_name_the_environment_is_in_the_clone() -> None:
     assert sourced('echo "$VENV"', VENV="").startswith(f"{ROOT}/.venv-3.")
 
