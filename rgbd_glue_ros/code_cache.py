@@ -21,6 +21,7 @@ from numba.core.caching import (
     IndexDataCacheFile,
     _CacheLocator,
 )
+from numba.core.runtime import rtsys
 
 from rgbd_glue_ros.closing import check_signals
 
@@ -47,7 +48,9 @@ class CodeCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The machine code for a signature; None if there is none that is intact."""
         check_signals()  # compiling everything takes a minute
-        target_context.refresh()
+        # what compiled code calls; refresh() would also import all that numba can compile, which
+        # takes a quarter of a second, and which the compiler does itself
+        rtsys.initialize(target_context)
         code = self._code_in(self._cache_file, sig, target_context)
         return code or self._code_in(self._installed, sig, target_context)
 
