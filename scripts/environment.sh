@@ -183,6 +183,10 @@ add_learned_weights() {
 # itself, and take the processor from live ones.
 compile_code() {
   PYTHONPATH=.:bags:test python - <<'EOF'
+import gc
+
+gc.disable()  # what a compiler makes and keeps is no garbage: to look for some takes a tenth
+
 from rigs.room import room_frame
 
 from rgbd_glue_ros import load_preset
