@@ -136,7 +136,10 @@ uv_install() {
 install() {
   local stamp missing
   stamp=$VENV/installed-$(
-    { echo "$PWD $version $*" && cat setup.py package.xml scripts/tools.txt "$CONSTRAINTS"; } |
+    {
+      echo "$PWD $version $*"
+      cat setup.py package.xml scripts/*.txt scripts/tf2_msgs/requirements.txt "$CONSTRAINTS"
+    } |
       sha256sum | cut -c 1-16
   )
   if [ -e "$stamp" ] && "$VENV/bin/python" -c ''; then
