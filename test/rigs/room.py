@@ -104,12 +104,16 @@ def true_twist(time_s: float) -> Float64:
 
 def turned_frame(yaw: float, stamp_ns: int) -> RgbdFrame:
     """What the camera sees from where it began, turned to the right by an angle (rad)."""
-    turn = se3.exp(np.array([0, 0, 0, 0, yaw, 0]))
-    color, depth = render(stored_living_room(), true_pose(0.0) @ turn, CAMERA)
-    return RgbdFrame(stamp_ns, color, depth, CAMERA)
+    return view_after(se3.exp(np.array([0, 0, 0, 0, yaw, 0])), stamp_ns)
 
 
 def view_after(T_first_camera: Float64, stamp_ns: int) -> RgbdFrame:
-    """What the camera sees after a motion [4, 4] from where it began."""
-    color, depth = render(stored_living_room(), true_pose(0.0) @ T_first_camera, CAMERA)
-    return RgbdFrame(stamp_ns, color, depth, CAMERA)
+    """What the camera sees after a motion [4, 4] from where it began; each is rendered once."""
+    color, depth = _picture_from((true_pose(0.0) @ T_first_camera).tobytes())
+    return RgbdFrame(stamp_ns, color.copy(), depth.copy(), CAMERA)
+
+
+@lru_cache(maxsize=64)
+def _picture_from(pose: bytes) -> tuple[UInt8, Float32]:
+    T_world_camera = np.frombuffer(pose).reshape(4, 4).copy()
+    return render(stored_living_room(), T_world_camera, CAMERA)
