@@ -61,7 +61,9 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("pip", reason="pip installs the package")
     pytest.importorskip("wheel", reason="older versions of setuptools build with it")
     folder = tmp_path_factory.mktemp("wheel")
-    ignored = shutil.ignore_patterns(".*", "*.egg-info", "build", "install", "log", "out")
+    ignored = shutil.ignore_patterns(
+        ".*", "__pycache__", "*.egg-info", "build", "install", "log", "out"
+    )
     shutil.copytree(ROOT, folder / "source", ignore=ignored)
     python("setup.py", "-q", "sdist", "-d", folder, cwd=folder / "source")
     (archive,) = folder.glob("*.tar.gz")
