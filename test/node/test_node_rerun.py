@@ -13,7 +13,6 @@ from rgbd_glue_ros.types import NANOSECONDS
 from rgbd_glue_ros.viz import layout
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
-pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed (it needs numpy 2)")
 
 from rigs.faults import running_node
 from rigs.rerun_reader import column, rows_of
@@ -23,6 +22,8 @@ from rigs.ros import Rig, corner_frame
 def test_the_file_contains_every_frame_at_its_published_pose(
     ros_domain: int, tmp_path: Path
 ) -> None:
+    # here, as it takes half a second in every process that collects tests
+    pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed (it needs numpy 2)")
     file = tmp_path / "live.rrd"
     stamps = [i * NANOSECONDS // 30 for i in range(1, 4)]
     with running_node(ros_domain, rerun=str(file)) as node, Rig(ros_domain) as rig:
