@@ -15,6 +15,7 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.gates import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.gyroscope import Turn
 from rgbd_glue_ros.parameters import MotionConfig
+from rgbd_glue_ros.refinement.rolling_shutter import Distortion
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 # A velocity is meaningful for this long; after that the camera is expected where it was.
@@ -130,7 +131,9 @@ class Motion:
         """The same motion elsewhere: poses multiplied by T_shift [4, 4] on the left."""
         return replace(self, T_track_camera=T_shift @ self.T_track_camera)
 
-    def corrected(self, T_measured: Float64, information: Float64) -> Motion:
+    def corrected(
+        self, T_measured: Float64, information: Float64, distortion: Distortion | None = None
+    ) -> Motion:
         """The motion after a measured pose.
 
         A measurement that is almost impossible according to the prediction is accepted: the camera
@@ -140,12 +143,19 @@ class Motion:
             T_measured: T_track_camera, float64 [4, 4].
             information: float64 [6, 6], the inverse of the covariance of the pose, perturbation on
                 the right; 0 in a direction in which nothing was measured.
+            distortion: how the measured pose depends on the velocity: pose and velocity are then
+                corrected together, as a pose refined with a wrong velocity is wrong. Taken for
+                right, it would give the next velocity the opposite error, and both would swing.
         """
         innovation = se3.log(se3.inverse(self.T_track_camera) @ T_measured)
-        weight = _measurement_ratio(self.pose_covariance, information) @ information
+        H = np.eye(6, 12)
+        if distortion is not None:
+            H[:, _TWIST] = distortion.seconds
+            innovation = innovation - distortion.seconds @ (self.twist - distortion.twist)
+        weight = _measurement_ratio(H @ self.covariance @ H.T, information) @ information
         distance_squared = float(innovation @ weight @ innovation)
         P = self.covariance * max(1.0, (distance_squared / POSE_GATE) ** 2)
-        corrected = self._updated(P, _POSE, innovation, information)
+        corrected = self._updated(P, H, innovation, information)
         if (np.abs(corrected.twist) < _FASTEST).all():
             return corrected
         return Motion.start(self.stamp_ns, corrected.T_track_camera, corrected.pose_covariance)
@@ -183,27 +193,25 @@ class Motion:
         if not mahalanobis_squared(innovation, expected) <= POSE_GATE:
             return self
         information = np.asarray(np.linalg.inv(covariance), np.float64)
-        return self._updated(self.covariance, _TWIST, innovation, information)
+        return self._updated(self.covariance, np.eye(6, 12, 6), innovation, information)
 
-    def _updated(
-        self, P: Float64, measured: slice, innovation: Float64, information: Float64
-    ) -> Motion:
+    def _updated(self, P: Float64, H: Float64, innovation: Float64, information: Float64) -> Motion:
         """The update of a Kalman filter.
 
         Args:
             P: float64 [12, 12], covariance of the motion before the update.
-            measured: which of pose and velocity was measured.
+            H: float64 [6, 12], derivative of what was measured by pose and velocity.
             innovation: float64 [6], difference of the measurement from the prediction.
             information: float64 [6, 6] of the measurement.
         """
-        ratio = _measurement_ratio(P[measured, measured], information)
-        gain = P[:, measured] @ ratio @ information
+        PH = P @ H.T
+        ratio = _measurement_ratio(H @ PH, information)
+        gain = PH @ ratio @ information
         noise = ratio @ information @ ratio.T
         change = gain @ innovation
         # Joseph's form: the difference P - gain P has no digits left after a minute without a pose
-        kept = np.eye(12)
-        kept[:, measured] -= gain
-        covariance = kept @ P @ kept.T + P[:, measured] @ noise @ P[measured]
+        kept = np.eye(12) - gain @ H
+        covariance = kept @ P @ kept.T + PH @ noise @ PH.T
         return Motion(
             self.stamp_ns,
             self.T_track_camera @ se3.exp(change[_POSE]),

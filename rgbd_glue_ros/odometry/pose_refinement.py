@@ -19,7 +19,12 @@ from rgbd_glue_ros.refinement.gauss_newton import (
     refine,
 )
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.rolling_shutter import TwistMeasurement, twist_from_distortion
+from rgbd_glue_ros.refinement.rolling_shutter import (
+    Distortion,
+    TwistMeasurement,
+    distortion_at,
+    twist_from_distortion,
+)
 from rgbd_glue_ros.types import Float64
 
 # Most of the distance from the start is covered at these levels.
@@ -37,13 +42,13 @@ class PoseEstimate:
     Attributes:
         refinement: the pose, T_track_camera, and how well the frame agrees with it.
         twist: None if it was not measured.
-        view_twist: float64 [6], that the view had when the pose was refined; None if that was the
-            predicted one.
+        distortion: how the pose depends on the twist that the view had when it was refined; None
+            if that was the predicted one and this is not known.
     """
 
     refinement: Refinement
     twist: TwistMeasurement | None = None
-    view_twist: Float64 | None = None
+    distortion: Distortion | None = None
 
     @property
     def T_track_camera(self) -> Float64:
@@ -102,13 +107,15 @@ class PoseProblem(RefinementProblem):
 
         If the result of the final level is not plausible, the pose stays that of the coarse levels.
         """
-        problem = self.with_twist_inferred_from(PoseEstimate(coarse))
+        distortion = distortion_at(coarse, self, TWIST_LEVEL)
+        problem = self.with_twist_inferred_from(PoseEstimate(coarse, distortion=distortion))
         finer = problem.refined(coarse.T_model_source, [TWIST_LEVEL])
-        twist = twist_from_distortion(finer, problem, TWIST_LEVEL)
-        problem = self.with_twist_inferred_from(PoseEstimate(finer, twist))
+        twist, distortion = twist_from_distortion(finer, problem, TWIST_LEVEL)
+        problem = self.with_twist_inferred_from(PoseEstimate(finer, twist, distortion))
         final = problem.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
         if acceptance.is_plausible(final):
-            return PoseEstimate(final, twist, problem.view.twist)
+            distortion = replace(distortion, twist=problem.view.twist)
+            return PoseEstimate(final, twist, distortion)
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
 
     def without_pixels(self) -> PoseProblem:
@@ -117,9 +124,9 @@ class PoseProblem(RefinementProblem):
 
     def with_twist_used_for(self, estimate: PoseEstimate) -> PoseProblem:
         """The problem with the twist that the view had when an estimate was refined."""
-        if estimate.view_twist is None:
+        if estimate.distortion is None:
             return self
-        return replace(self, view=replace(self.view, twist=estimate.view_twist))
+        return replace(self, view=replace(self.view, twist=estimate.distortion.twist))
 
     def with_twist_inferred_from(self, estimate: PoseEstimate) -> PoseProblem:
         """The problem with the twist that the motion filter infers from an estimate."""
@@ -135,7 +142,7 @@ def corrected_motion(
     in_camera = se3.adjoint(estimate.T_track_camera)
     counted = estimate.refinement.information / residuals_per_independent_one
     information = in_camera.T @ counted @ in_camera
-    motion = predicted.corrected(estimate.T_track_camera, information)
+    motion = predicted.corrected(estimate.T_track_camera, information, estimate.distortion)
     if estimate.twist is None:
         return motion
     return motion.corrected_by_twist(estimate.twist.twist, estimate.twist.covariance)

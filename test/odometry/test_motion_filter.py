@@ -14,11 +14,13 @@ from scipy.stats import chi2
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.parameters import MotionConfig
+from rgbd_glue_ros.refinement.rolling_shutter import Distortion
 from rgbd_glue_ros.types import NANOSECONDS, Float64
 
 PERIOD_NS = NANOSECONDS // 30
 PERIOD_S = PERIOD_NS / NANOSECONDS
 CONFIG = MotionConfig()
+VELOCITY = np.array([0.3, -0.1, 0.5, 0.2, -0.3, 0.1])
 ACCELERATION = np.repeat([CONFIG.acceleration, CONFIG.angular_acceleration], 3)
 
 
@@ -196,6 +198,32 @@ def test_errors_are_consistent_with_the_covariance_if_the_model_holds(seed: int)
     # chi-square of 12 degrees of freedom a step; steps share their errors over a tenth of them
     low, high = chi2.ppf([1e-6, 1 - 1e-6], 12 * steps / 10) / (12 * steps / 10)
     assert low < np.mean(squares[10:]) / 12 < high
+
+
+def velocity_error(seconds: float, *, knows_of_it: bool) -> float:
+    """Of a camera at constant velocity whose residuals see it some seconds after its poses are.
+
+    A pose that is refined with a wrong velocity is wrong by the way in that time.
+    """
+    rng = np.random.default_rng(0)
+    motion, errors = moving(np.zeros(6)), []
+    for i in range(1, 120):
+        predicted = motion.predicted(i * PERIOD_NS, CONFIG)
+        used = Distortion(predicted.twist, seconds * np.eye(6))
+        noise = rng.normal(0, 1e-3, 6)
+        wrong_by = -used.seconds @ (used.twist - VELOCITY) + noise
+        measured = se3.exp(VELOCITY * PERIOD_S * i) @ se3.exp(wrong_by)
+        motion = predicted.corrected(measured, 1e6 * np.eye(6), used if knows_of_it else None)
+        errors.append(motion.twist - VELOCITY)
+    return float(np.sqrt(np.mean(np.square(errors[30:]))))
+
+
+@pytest.mark.parametrize("seconds", [-PERIOD_S, PERIOD_S])
+def test_depth_that_is_late_or_early_does_not_make_the_velocity_swing(seconds: float) -> None:
+    error = velocity_error(seconds, knows_of_it=True)
+    assert error < 0.03
+    # as it does where the measured pose is believed
+    assert velocity_error(seconds, knows_of_it=False) > 3 * error
 
 
 @given(SEEDS)

@@ -13,7 +13,7 @@ from rgbd_glue_ros.parameters import RefineConfig
 from rgbd_glue_ros.refinement.gauss_newton import refine
 from rgbd_glue_ros.refinement.model import model_of
 from rgbd_glue_ros.refinement.problem import RefinementProblem
-from rgbd_glue_ros.refinement.rolling_shutter import twist_from_distortion
+from rgbd_glue_ros.refinement.rolling_shutter import distortion_at, twist_from_distortion
 from rgbd_glue_ros.types import Float64, View
 
 REFINE = RefineConfig(iterations=15, residuals_per_independent_one=1.0)
@@ -39,7 +39,7 @@ def seen(
         problem = RefinementProblem(model, source, config)
         found = refine(T, problem, [LEVEL])
         T = found.T_model_source
-        measured = twist_from_distortion(found, problem, LEVEL)
+        measured, _ = twist_from_distortion(found, problem, LEVEL)
         velocity, covariance = measured.twist, measured.covariance
     return velocity, covariance
 
@@ -78,3 +78,24 @@ def test_correlated_residuals_make_the_velocity_less_certain() -> None:
         for c in (1.0, 100.0)
     )
     np.testing.assert_allclose(unsure, 100 * sure, rtol=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("readout_time", "latency"), [(0.03, 0.0), (0.026, 0.017), (0.0, 0.033)])
+def test_the_pose_depends_on_the_velocity_as_refinements_with_two_of_them_do(
+    readout_time: float, latency: float
+) -> None:
+    model = model_of(view(TIMES[0], readout_time, latency, true_twist(TIMES[0])), 8)
+    T, truth = se3.inverse(true_pose(TIMES[0])) @ true_pose(TIMES[1]), true_twist(TIMES[1])
+    for error in 0.1 * np.eye(6):
+        poses = []
+        for twist in (truth - error, truth + error):
+            source = view(TIMES[1], readout_time, latency, twist)
+            problem = RefinementProblem(model, source, REFINE)
+            poses.append(refine(T, problem, [LEVEL]).T_model_source)
+        problem = replace(problem, view=replace(source, twist=truth))
+        distortion = distortion_at(refine(T, problem, [LEVEL]), problem, LEVEL)
+        np.testing.assert_array_equal(distortion.twist, truth)
+        change = se3.log(se3.inverse(poses[0]) @ poses[1])
+        expected = -distortion.seconds @ (2 * error)
+        assert np.linalg.norm(change - expected) < 0.4 * np.linalg.norm(change)
