@@ -84,6 +84,11 @@ class Motion:
         """The covariance of the pose, float64 [6, 6]."""
         return self.covariance[_POSE, _POSE]
 
+    @property
+    def knows_velocity(self) -> bool:
+        """Whether anything is known of the linear velocity: not so at a start."""
+        return bool((np.diag(self.covariance)[6:9] < _UNKNOWN_SPEED[:3] ** 2).all())
+
     def predicted(self, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
         """The motion at a later stamp, at constant velocity plus random accelerations."""
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS

@@ -106,17 +106,27 @@ class PoseProblem(RefinementProblem):
         """Refines a pose from the coarse levels to the final one, with a better twist at each.
 
         If the result of the final level is not plausible, the pose stays that of the coarse levels.
+        The frame after a start keeps its twist: its keyframe's velocity is as unknown as its own,
+        one is distorted as the other, and the pose between them is right.
         """
+        if self.predicted.knows_velocity:
+            estimate = self._refined_with_twist(coarse)
+        else:
+            start = coarse.T_model_source
+            estimate = PoseEstimate(self.refined(start, [FINAL_LEVEL], coarse.affine_brightness))
+        if acceptance.is_plausible(estimate.refinement):
+            return estimate
+        return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
+
+    def _refined_with_twist(self, coarse: Refinement) -> PoseEstimate:
+        """The pose of the final level, and the twist that the frame's distortion shows."""
         distortion = distortion_at(coarse, self, TWIST_LEVEL)
         problem = self.with_twist_inferred_from(PoseEstimate(coarse, distortion=distortion))
         finer = problem.refined(coarse.T_model_source, [TWIST_LEVEL])
         twist, distortion = twist_from_distortion(finer, problem, TWIST_LEVEL)
         problem = self.with_twist_inferred_from(PoseEstimate(finer, twist, distortion))
         final = problem.refined(finer.T_model_source, [FINAL_LEVEL], finer.affine_brightness)
-        if acceptance.is_plausible(final):
-            distortion = replace(distortion, twist=problem.view.twist)
-            return PoseEstimate(final, twist, distortion)
-        return PoseEstimate(evaluate_pose(coarse.T_model_source, self))
+        return PoseEstimate(final, twist, replace(distortion, twist=problem.view.twist))
 
     def without_pixels(self) -> PoseProblem:
         """The problem with the planes of the model alone."""
