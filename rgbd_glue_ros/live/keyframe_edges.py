@@ -1,4 +1,4 @@
-"""Edges between keyframes as messages, as the node publishes and the mapping node reads them."""
+"""Edges of the pose graph as messages, as the node publishes and the mapping node reads them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,31 @@ from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.messages import fields, making
 from rgbd_glue_ros.messages.poses import pose_from_message
-from rgbd_glue_ros.types import PoseGraphEdge
+from rgbd_glue_ros.types import Float64, PoseGraphEdge
+
+FIRST = topics.KEYFRAME_FRAME.format(0)
+"""The frame of the first keyframe of a graph."""
+
+
+def start_message(
+    T_odom_child: Float64, covariance: Float64, stamp_ns: int, odom_frame_id: str
+) -> fields.Odometry:
+    """The pose of a graph's first keyframe in odom: it says that a graph begins, and where.
+
+    Args:
+        T_odom_child: float64 [4, 4].
+        covariance: of that pose, float64 [6, 6], as in nav_msgs.
+        stamp_ns: of the keyframe, nanoseconds.
+        odom_frame_id: the fixed frame; the parent of all other edges is a keyframe.
+    """
+    head = making.header(stamp_ns, odom_frame_id)
+    pose = making.pose_stamped(T_odom_child, head).pose
+    return fields.Odometry(head, FIRST, fields.PoseWithCovariance(pose, covariance.ravel()))
+
+
+def begins_graph(message: Any) -> bool:
+    """Whether a message is one of ``start_message``."""
+    return message.child_frame_id == FIRST and not topics.is_keyframe(message.header.frame_id)
 
 
 def edge_message(edge: PoseGraphEdge, stamp_ns: int) -> fields.Odometry:

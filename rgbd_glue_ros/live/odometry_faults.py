@@ -38,7 +38,7 @@ def explain_no_keyframes(
     Args:
         pose: the topic of every frame's pose.
         keyframe: the topic of keyframe poses.
-        edge: the topic of edges between keyframes; the first keyframe has none.
+        edge: the topic of edges between keyframes.
     """
     unpublished = [each.topic for each in (pose, keyframe, edge) if not each.publishers]
     if pose.last and (unpublished or not pose.received):

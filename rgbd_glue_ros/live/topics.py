@@ -35,6 +35,7 @@ MAP_PATH = "map/path"
 KEYFRAME_FRAME = "keyframe_{}"
 """The name of a keyframe's frame in ``KEYFRAME_EDGES``, from its number."""
 
+_KEYFRAME = KEYFRAME_FRAME.format("")
 # Digits of a keyframe's number, at most: no odometry creates more keyframes.
 _DIGITS = 9
 
@@ -64,14 +65,18 @@ def full_name(namespace: str, name: str) -> str:
     return f"{namespace.rstrip('/')}/{name}"
 
 
+def is_keyframe(frame_id: str) -> bool:
+    """Whether a frame is named as that of a keyframe, as in ``KEYFRAME_FRAME``."""
+    digits = frame_id.removeprefix(_KEYFRAME)
+    return digits != frame_id and digits.isdecimal() and len(digits) <= _DIGITS
+
+
 def keyframe_number(frame_id: str) -> int:
-    """The number of a keyframe from the name of its frame, as in ``KEYFRAME_FRAME``.
+    """The number of a keyframe from the name of its frame.
 
     Raises:
         InputError: it is not the frame of a keyframe.
     """
-    digits = frame_id.removeprefix(KEYFRAME_FRAME.format(""))
-    is_number = digits.isdecimal() and len(digits) <= _DIGITS
-    if not is_number or digits == frame_id:
+    if not is_keyframe(frame_id):
         raise InputError(KEYFRAME_EDGES, f"{frame_id!r} is no keyframe", "use the odometry node's")
-    return int(digits)
+    return int(frame_id.removeprefix(_KEYFRAME))

@@ -27,7 +27,7 @@ class MatchedKeyframe:
     match: Match[Any] | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NewGraph:
     """The odometry has restarted: what follows is not related to what came before."""
 
@@ -70,6 +70,12 @@ class KeyframeMatching:
         """Takes note that the odometry has the pose of a frame."""
         self._matches.track(stamp_ns)
 
+    def begin(self, stamp_ns: int) -> None:
+        """Takes note that the odometry begins a graph with the keyframe of this stamp."""
+        first = self._stream.begin(stamp_ns)
+        self._begin_anew()
+        self._add(first)
+
     def add_pose(self, stamp_ns: int, T_odom_child: Float64) -> None:
         """Takes the pose [4, 4] of a keyframe, in the published frames."""
         self._add(self._stream.add_pose(stamp_ns, T_odom_child))
@@ -82,9 +88,7 @@ class KeyframeMatching:
     def _add(self, items: Sequence[NewKeyframe | PoseGraphEdge]) -> None:
         for item in items:
             if isinstance(item, NewKeyframe) and item.is_anew:
-                # images of the previous graph may never come, for example when time went back
-                self._waiting.clear()
-                self._waiting.append(NewGraph())
+                self._begin_anew()
                 self._say_what_it_missed(item.number)
             self._waiting.append(item)
         while self._waiting and (
@@ -95,6 +99,11 @@ class KeyframeMatching:
                 self._pass_on_keyframe(oldest)
             else:
                 self._pass_on(oldest)
+
+    def _begin_anew(self) -> None:
+        # images of the previous graph may never come, for example when time went back
+        self._waiting.clear()
+        self._waiting.append(NewGraph())
 
     def _say_what_it_missed(self, first: int) -> None:
         """Warns if the first keyframe that came of a graph is a later one."""

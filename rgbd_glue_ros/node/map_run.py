@@ -13,7 +13,7 @@ from rgbd_glue_ros.files.user_paths import file_to_write
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
-from rgbd_glue_ros.live.keyframe_edges import edge_from_message
+from rgbd_glue_ros.live.keyframe_edges import begins_graph, edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.map_summary import DroppedMap, describe_dropped, describe_end
 from rgbd_glue_ros.live.worker import QueueWorker
@@ -76,9 +76,10 @@ class MapRun:
         self._worker: QueueWorker[NewGraph | MatchedKeyframe | PoseGraphEdge] = QueueWorker(
             self._process, KEYFRAMES_WAITING
         )
-        self._matching = KeyframeMatching(
-            node, images, lambda: self._odometry.nodes, self._worker.submit
-        )
+        # the one that poses are of, and the one that the map is of, which may be behind
+        self._tracked_graph: NewGraph | None = None
+        self._mapped_graph: NewGraph | None = None
+        self._matching = KeyframeMatching(node, images, lambda: self._odometry.nodes, self._submit)
         self._odometry = OdometryInput(
             node,
             self._take_pose,
@@ -144,7 +145,16 @@ class MapRun:
         self._matching.add_pose(at_ns, pose_from_message(message, topics.KEYFRAME_POSE))
 
     def _take_edge(self, message: OdometryMessage) -> None:
-        self._matching.add_edge(stamp_ns(message.header.stamp), edge_from_message(message))
+        at_ns = stamp_ns(message.header.stamp)
+        if begins_graph(message):
+            self._matching.begin(at_ns)
+        else:
+            self._matching.add_edge(at_ns, edge_from_message(message))
+
+    def _submit(self, item: NewGraph | MatchedKeyframe | PoseGraphEdge) -> None:
+        if isinstance(item, NewGraph):
+            self._tracked_graph = item
+        self._worker.submit(item)
 
     # Work, on the worker's thread
 
@@ -155,19 +165,20 @@ class MapRun:
             elif isinstance(item, PoseGraphEdge):
                 self._add_edge(item)
             else:
-                self._begin_anew()
+                self._begin_anew(item)
         except InputError as fault:
             self._node.report(fault)
         except Exception as error:
             self._node.report_failure("A keyframe could not be mapped", error)
 
-    def _begin_anew(self) -> None:
+    def _begin_anew(self, graph: NewGraph) -> None:
         """Starts another map, and says what becomes of the one before."""
         # the odometry may have restarted with another camera
         self._extrinsics.forget()
         with self._map_lock:
             said = describe_dropped(self._dropped(), self._save_service)
             self._map.clear()
+            self._mapped_graph = graph
             self._unrecognised.recognised()
             self._saving = MapSaving()
         if said:
@@ -245,6 +256,8 @@ class MapRun:
 
     def _broadcast(self, pose: PoseStamped) -> None:
         """Publishes map -> odom at the stamp of a pose, once the transform is known."""
+        if self._mapped_graph is not self._tracked_graph:
+            return  # what the map has is of the odom before
         T_map_odom = self._map.T_map_odom
         if self._broadcaster is not None and T_map_odom is not None:
             at_ns = stamp_ns(pose.header.stamp)

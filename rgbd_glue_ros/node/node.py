@@ -261,6 +261,7 @@ class OdometryNode(BaseNode):
         if is_start and estimate.T_odom_camera is not None:
             up = self._odometry.up(frame.stamp_ns)
             extrinsics = self._extrinsics.level(up) or extrinsics
+            self._outputs.publish_start(estimate, extrinsics)
         T_guess_child = None if guess is None else guess.T_guess_child
         pose = self._outputs.publish(estimate, extrinsics, frame, T_guess_child)
         return _Tracked(frame, state_before, estimate, extrinsics, pose)

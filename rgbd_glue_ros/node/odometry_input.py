@@ -56,9 +56,11 @@ class OdometryInput:
         self._node = node
         self._silence_log = SilenceLog(node, "images")
         self._has_images = has_images
-        self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
-        self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
+        # of messages that wait, rclpy takes those of the first subscription first: that a graph
+        # begins is known before its first pose
         self._edge = self._subscribe(OdometryMessage, topics.KEYFRAME_EDGES, take_edge)
+        self._keyframe = self._subscribe(PoseStamped, topics.KEYFRAME_POSE, take_keyframe)
+        self._pose = self._subscribe(PoseStamped, topics.POSE, take_pose)
         # not the node's clock, since simulated time may stand still
         node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -26,7 +26,7 @@ class NewKeyframe:
         stamp_ns: of its image.
         T_odom_child: float64 [4, 4], as published.
         edge: to the one that it was tracked from; None for the first of a graph.
-        is_anew: whether a new graph begins with it, as after a reset of the odometry.
+        is_anew: whether a new graph begins with it of which nobody has said so.
     """
 
     number: int
@@ -39,7 +39,9 @@ class NewKeyframe:
 class KeyframeStream:
     """Numbers the keyframes by the edges that name them.
 
-    If a message is lost, its counterpart waits in vain; the oldest are dropped.
+    The odometry says when a graph begins. Where that was lost, or came before somebody listened,
+    numbers that begin again show it, but not before the second keyframe. If a message is lost, its
+    counterpart waits in vain; the oldest are dropped.
     """
 
     def __init__(self) -> None:
@@ -53,7 +55,7 @@ class KeyframeStream:
     def awaited_ns(self) -> tuple[int, ...]:
         """Stamps of the keyframes whose edges are most likely to come: the two newest.
 
-        The first of a graph gets its edge only with the second, when the camera has moved.
+        Where nobody said that a graph begins, its first has no edge until the second has one.
         """
         return tuple(self._poses)[-2:]
 
@@ -61,6 +63,23 @@ class KeyframeStream:
     def waiting(self) -> int:
         """Number of poses and edges that wait for their counterparts."""
         return len(self._poses) + len(self._edges)
+
+    def begin(self, stamp_ns: int) -> list[NewKeyframe]:
+        """Begins a graph.
+
+        Args:
+            stamp_ns: of its first keyframe, which has the number 0.
+
+        Returns:
+            That keyframe, if its pose has come already.
+        """
+        T_odom_child = self._poses.get(stamp_ns)
+        if T_odom_child is None and self._newest_ns is not None and stamp_ns < self._newest_ns:
+            # time went back
+            self._poses, self._newest_ns = {}, None
+        self._poses = {at: T for at, T in self._poses.items() if at > stamp_ns}
+        self._edges, self._stamps = {}, {0: stamp_ns}
+        return [] if T_odom_child is None else [NewKeyframe(0, stamp_ns, T_odom_child)]
 
     def add_pose(self, stamp_ns: int, T_odom_child: Float64) -> list[NewKeyframe]:
         """Adds the pose [4, 4] of a keyframe; returns the keyframes that are now complete.
@@ -71,6 +90,8 @@ class KeyframeStream:
         if self._newest_ns is not None and stamp_ns < self._newest_ns:
             self._poses, self._edges, self._stamps = {}, {}, {}
         self._newest_ns = stamp_ns
+        if self._stamps.get(0) == stamp_ns:
+            return [NewKeyframe(0, stamp_ns, T_odom_child)]
         self._poses[stamp_ns] = T_odom_child
         edge = self._edges.pop(stamp_ns, None)
         if edge is None:

@@ -59,7 +59,8 @@ def test_the_bag_has_every_topic_of_the_node(replayed: tuple[Path, Run]) -> None
         "/tf": FRAMES,
         "/path": 1,
         "/keyframe/pose": keyframes,
-        "/keyframe/edges": keyframes - 1,  # each was tracked from an earlier one
+        # the pose of the first in odom; each other was tracked from an earlier one
+        "/keyframe/edges": keyframes,
         "/debug/matches/compressed": FRAMES,
         "/diagnostics": 2,
     }
@@ -87,7 +88,14 @@ def test_the_edges_join_the_keyframes_of_the_bag(replayed: tuple[Path, Run]) -> 
     folder, _ = replayed
     found = messages(folder / "bag")
     keyframes = found["/keyframe/pose"]
-    for child, edge in enumerate(found["/keyframe/edges"], 1):
+    start, *edges = found["/keyframe/edges"]
+    assert (start.header.frame_id, start.child_frame_id) == ("odom", "keyframe_0")
+    assert start.header.stamp == keyframes[0].header.stamp
+    assert np.linalg.eigvalsh(np.reshape(start.pose.covariance, (6, 6))).min() > 0
+    np.testing.assert_allclose(
+        pose_from_message(start, "keyframe/edges"), pose_from_message(keyframes[0], ""), atol=1e-12
+    )
+    for child, edge in enumerate(edges, 1):
         parent = topics.keyframe_number(edge.header.frame_id)
         assert topics.keyframe_number(edge.child_frame_id) == child
         assert edge.header.stamp == keyframes[child].header.stamp

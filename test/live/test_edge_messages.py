@@ -10,7 +10,13 @@ import pytest
 
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.live.keyframe_edges import edge_from_message, edge_message
+from rgbd_glue_ros.live.keyframe_edges import (
+    begins_graph,
+    edge_from_message,
+    edge_message,
+    start_message,
+)
+from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.types import EdgeOrigin, PoseGraphEdge
 
 ROOT = np.random.default_rng(0).normal(size=(6, 6))
@@ -24,6 +30,17 @@ def test_an_edge_is_read_as_it_was_written() -> None:
     assert (read.parent, read.child) == (3, 7)
     np.testing.assert_allclose(read.T_parent_child, EDGE.T_parent_child, atol=1e-12)
     np.testing.assert_allclose(read.covariance, EDGE.covariance, atol=1e-9)
+
+
+def test_only_the_pose_of_the_first_keyframe_in_odom_begins_a_graph() -> None:
+    start = start_message(EDGE.T_parent_child, EDGE.covariance, 5, "odom")
+    assert begins_graph(start)
+    read = edge_from_message(replace(start, header=making.header(5, "keyframe_1")))
+    np.testing.assert_allclose(read.T_parent_child, EDGE.T_parent_child, atol=1e-12)
+    np.testing.assert_array_equal(start.pose.covariance, EDGE.covariance.ravel())
+    assert not begins_graph(replace(start, child_frame_id="keyframe_1"))
+    assert not begins_graph(replace(start, child_frame_id="base_link"))
+    assert not begins_graph(edge_message(replace(EDGE, parent=4, child=0), 5))
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,11 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 from rigs.bag_frames import recorded_frames
-from rigs.drifted import CHANGED, Drifted, drifted, rmse
+from rigs.drifted import CHANGED, Drifted, config, drifted, rmse
 
 from rgbd_glue_ros.experiments.demo.node_process import NodeProcess, ros_environment
 from rgbd_glue_ros.geometry import se3
+from rgbd_glue_ros.live.keyframe_edges import start_message
 from rgbd_glue_ros.live.topics import (
     KEYFRAME_EDGES,
     KEYFRAME_FRAME,
@@ -28,7 +29,8 @@ from rgbd_glue_ros.messages import making
 from rgbd_glue_ros.messages.making import copy_fields
 from rgbd_glue_ros.messages.poses import parse_pose, pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
-from rgbd_glue_ros.slam.map_file import read_map
+from rgbd_glue_ros.slam.live_map import LiveMap, PublishedKeyframe
+from rgbd_glue_ros.slam.map_file import read_map, write_map
 from rgbd_glue_ros.types import NANOSECONDS, Float64, PoseGraphEdge
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
@@ -102,6 +104,15 @@ class Session:
         taken = [publisher.get_subscription_count() for publisher in publishers]
         return min(taken) > 0 and bool(self._robot.node.count_publishers(MAP_PATH))
 
+    def begin(self, T_odom_camera: Float64, at_ns: int) -> None:
+        """The odometry begins with a keyframe."""
+        start = start_message(T_odom_camera, 1e-6 * np.eye(6), at_ns, "odom")
+        self._edges.publish(copy_fields(start, OdometryMessage()))
+
+    def track(self, T_odom_camera: Float64, at_ns: int) -> None:
+        """The pose of a frame."""
+        self._tracked.publish(pose_message(T_odom_camera, at_ns))
+
     def publish(
         self,
         keyframe: Drifted,
@@ -154,7 +165,7 @@ class Session:
     def wait_for_map_odom(self, T_odom_camera: Float64, at_ns: int) -> Float64:
         """T_map_odom [4, 4] as it is published at a pose."""
         self._robot.heard.clear()
-        self._tracked.publish(pose_message(T_odom_camera, at_ns))
+        self.track(T_odom_camera, at_ns)
         self._robot.wait(lambda: self._robot.heard, "map -> odom")
         heard = self._robot.heard[-1]
         assert (heard.header.frame_id, heard.child_frame_id) == ("map", "odom")
@@ -245,6 +256,58 @@ def test_a_node_starts_with_a_saved_map_and_localises_odom_in_it(
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
+
+
+@pytest.mark.slow
+def test_once_the_odometry_begins_anew_map_odom_is_unknown_until_its_first_keyframe_is_recognised(
+    ros_domain: int, tmp_path: FilePath
+) -> None:
+    keyframes, room = drifted()[:3], tmp_path / "room.rgbdmap"
+    live_map = LiveMap(config())
+    for number, keyframe in enumerate(keyframes):
+        frame = recorded_frames()[keyframe.row]
+        T = keyframe.keyframe.T_odom_camera
+        live_map.add(number, PublishedKeyframe(frame, T, keyframe.edges))
+    write_map(room, live_map.saved())
+    # both are numbered from 0
+    first, other = (replace(keyframe, edges=()) for keyframe in keyframes[::2])
+    T_start = other.keyframe.T_odom_camera
+    at_ns = recorded_frames()[first.row].stamp_ns
+    begun_ns = recorded_frames()[other.row].stamp_ns + 10 * NANOSECONDS
+    given = {**CHANGED, "map_file": str(room), "localize_only": True}
+    with (
+        NodeProcess(given, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+
+        def recognised() -> int:
+            return len([line for line in node.lines if "Keyframe 0 shows a known place" in line])
+
+        session = Session(robot, node)
+        session.begin(np.eye(4), at_ns)
+        # the camera stands still: there is no second keyframe
+        session.publish(first, np.eye(4))
+        robot.wait(lambda: recognised() == 1, "a known place", MAPPED_S)
+        before = session.wait_for_map_odom(np.eye(4), at_ns)
+        robot.heard.clear()
+        session.begin(np.eye(4), begun_ns)
+        session.track(np.eye(4), begun_ns)
+        node.wait_for_line("map -> odom is unknown until a place of", START_S)
+        session.track(np.eye(4), begun_ns + 1)
+        session.publish(other, np.eye(4), later_ns=10 * NANOSECONDS)
+        # after a gap, images are matched once the next have come
+        after_ns = begun_ns + NANOSECONDS // 30
+        next_frame = replace(recorded_frames()[other.row], stamp_ns=after_ns)
+        robot.send(frame_messages(next_frame, is_compressed=False))
+        robot.wait(lambda: recognised() == 2, "a known place", MAPPED_S)
+        session.track(np.eye(4), after_ns)
+        robot.wait(lambda: robot.heard, "map -> odom")
+        (heard,) = robot.heard
+        assert stamp_ns(heard.header.stamp) == after_ns
+        after = pose_from_message(heard, "/tf")
+    assert se3.difference(before, np.eye(4)) < 0.03
+    assert se3.difference(after, T_start) < 0.03
+    assert se3.difference(before, after) > 0.06
 
 
 @pytest.mark.slow

@@ -90,6 +90,42 @@ def test_after_a_reset_a_new_graph_begins() -> None:
     assert said(keyframes) == [(0, 1000, 0.0, False, True), (1, 1100, 1.0, True, False)]
 
 
+@pytest.mark.parametrize("pose_comes_first", [False, True])
+@pytest.mark.parametrize("stamp", [1000, 50])
+def test_the_first_keyframe_is_whole_as_soon_as_a_graph_is_said_to_begin(
+    stamp: int, pose_comes_first: bool
+) -> None:
+    stream = KeyframeStream()
+    assert stream.begin(100) == []
+    assert said(stream.add_pose(100, pose(0))) == [(0, 100, 0.0, False, False)]
+    stream.add_pose(200, pose(1))
+    assert said(stream.add_edge(200, edge(0, 1))[0]) == [(1, 200, 1.0, True, False)]
+    # of these messages the rest was lost
+    stream.add_pose(300, pose(2))
+    stream.add_edge(250, edge(1, 2))
+    # later, or where time went back
+    if pose_comes_first:
+        assert stream.add_pose(stamp, pose(5)) == []
+        found = stream.begin(stamp)
+    else:
+        assert stream.begin(stamp) == []
+        found = stream.add_pose(stamp, pose(5))
+    assert said(found) == [(0, stamp, 5.0, False, False)]
+    assert stream.waiting == 0
+    stream.add_pose(stamp + 100, pose(6))
+    keyframes, late = stream.add_edge(stamp + 100, edge(0, 1))
+    assert late is None
+    assert said(keyframes) == [(1, stamp + 100, 6.0, True, False)]
+    assert stream.waiting == 0
+
+
+def test_a_graph_whose_first_pose_is_lost_begins_once() -> None:
+    stream = KeyframeStream()
+    stream.begin(100)
+    stream.add_pose(200, pose(1))
+    assert said(stream.add_edge(200, edge(0, 1))[0]) == [(1, 200, 1.0, True, False)]
+
+
 def late_comer() -> KeyframeStream:
     """A stream that has seen the keyframes 50 to 53 alone."""
     stream = KeyframeStream()
