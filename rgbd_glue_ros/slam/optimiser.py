@@ -45,10 +45,15 @@ class Optimum:
     chi_squared: float
 
     @property
+    def accepted(self) -> PoseGraph:
+        """The graph without the rejected edges: with the others it is at its optimum."""
+        edges = zip(self.graph.edges, self.weights, strict=True)
+        return replace(self.graph, edges=tuple(edge for edge, weight in edges if weight > 0.5))
+
+    @property
     def degrees_of_freedom(self) -> int:
         """Accepted measurements minus unknowns."""
-        believed = int((self.weights > 0.5).sum())
-        return 6 * (believed - len(self.graph.keyframes) + 1)
+        return 6 * (len(self.accepted.edges) - len(self.graph.keyframes) + 1)
 
 
 def load_gtsam(purpose: str = "the optimum of a pose graph") -> Any:

@@ -20,6 +20,7 @@ from rgbd_glue_ros.parameters import Config, load_preset, with_values
 from rgbd_glue_ros.recordings import open_recording
 from rgbd_glue_ros.recordings.first_frames import first_frames
 from rgbd_glue_ros.slam.map_file import read_map
+from rgbd_glue_ros.slam.optimiser import optimise
 from rgbd_glue_ros.trajectories.pose_graph import read_graph
 from rgbd_glue_ros.trajectories.tum import read_tum
 from rgbd_glue_ros.types import EdgeOrigin, ImuSamples, OdometryEstimate
@@ -181,6 +182,32 @@ def test_a_map_that_does_not_show_the_place_leaves_the_odometry_and_says_so(
     report = (out / "report.html").read_text(encoding="utf-8")
     assert UNCORRECTED in report
     assert "There is no map:" in report
+
+
+@pytest.mark.slow
+def test_the_graph_of_a_continued_map_has_both_sessions_and_is_at_its_optimum(
+    tmp_path: Path,
+) -> None:
+    room, out = tmp_path / "room.rgbdmap", tmp_path / "out"
+    for before in (None, room):
+        with open_recording(make_bag.FOLDER) as recording:
+            map_recording(
+                first_frames(recording, 20),
+                config(),
+                out,
+                before=None if before is None else read_map(before),
+                outputs=MapOutputs(save_map=room),
+            )
+    graph, both = read_graph(out / "keyframes.g2o"), read_map(room).graph
+    start = len(both.keyframes) // 2
+    np.testing.assert_array_equal(graph.keyframes.stamps_ns, both.keyframes.stamps_ns)
+    np.testing.assert_array_equal(
+        graph.keyframes.stamps_ns[:start], graph.keyframes.stamps_ns[start:]
+    )
+    assert any(edge.parent < start <= edge.child for edge in graph.edges)
+    np.testing.assert_allclose(
+        optimise(graph).graph.keyframes.poses, graph.keyframes.poses, atol=1e-4
+    )
 
 
 @pytest.mark.parametrize("name", ["map.ply", "trajectory.txt"])

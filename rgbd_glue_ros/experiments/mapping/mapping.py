@@ -17,7 +17,12 @@ from rgbd_glue_ros.evaluation.trajectory_errors import error_figures, evaluated
 from rgbd_glue_ros.experiments.mapping.sink import MappingSink
 from rgbd_glue_ros.experiments.replay.outputs import FurtherOutputs
 from rgbd_glue_ros.experiments.replay.places import check_places
-from rgbd_glue_ros.experiments.replay.replay import replay_into, results_of, write_results
+from rgbd_glue_ros.experiments.replay.replay import (
+    replay_into,
+    results_of,
+    write_graphs,
+    write_results,
+)
 from rgbd_glue_ros.experiments.replay.result_names import CLOUD, ODOMETRY, RESULTS, TRAJECTORY
 from rgbd_glue_ros.experiments.replay.run_record import Provenance, Run
 from rgbd_glue_ros.experiments.replay.sinks import LeftOpen
@@ -179,6 +184,8 @@ def _optimised(whole: Run, sink: MappingSink, folder: Path, outputs: MapOutputs)
         **_of_the_whole(whole),
     }
     figures = write_results(mapped, folder, measured)
+    # the recording's own part of a continued map is at no optimum without the rest
+    write_graphs(folder, optimum.accepted)
     # the largest comes last: on a disk that it fills, the others are of one state
     if outputs.save_map is not None:
         write_map(outputs.save_map, mapped_part.saved(optimum.graph))
@@ -221,8 +228,7 @@ def _mapped(run: Run, mapper: Mapper, optimum: Optimum) -> Run:
 
 def believed_loops(optimum: Optimum) -> tuple[PoseGraphEdge, ...]:
     """The loops that the optimum accepts."""
-    edges = zip(optimum.graph.edges, optimum.weights, strict=True)
-    return tuple(edge for edge, w in edges if w > 0.5 and edge.origin is EdgeOrigin.LOOP)
+    return tuple(edge for edge in optimum.accepted.edges if edge.origin is EdgeOrigin.LOOP)
 
 
 def _loops(optimum: Optimum) -> dict[str, Any]:

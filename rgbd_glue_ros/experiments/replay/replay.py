@@ -53,6 +53,7 @@ from rgbd_glue_ros.types import (
     NANOSECONDS,
     ImuSamples,
     OdometryEstimate,
+    PoseGraph,
 )
 
 logger = logging.getLogger(__name__)
@@ -285,13 +286,17 @@ def write_results(
     figures = {**metrics(run, evaluation), **measured}
     if why_none:
         figures["no_ape"] = why_none
-    graph = part.pose_graph
-    write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
-    write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
+    write_graphs(folder, part.pose_graph)
     write_whole(folder / METRICS, json_text(figures))
     colophon = Colophon.now(run.command, run.sequence)
     write_whole(folder / REPORT, render(part, figures, evaluation, colophon))
     return figures
+
+
+def write_graphs(folder: Path, graph: PoseGraph) -> None:
+    """Writes a pose graph, for g2o and for GTSAM."""
+    write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
+    write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
 
 
 def _evaluation(run: Run) -> tuple[Evaluation | None, str]:
