@@ -20,28 +20,59 @@ class SavedState:
     keyframes: int
 
 
-def describe_end(
-    keyframes: int, loops: int, saved: SavedState | None, service: str, is_changed: bool = True
-) -> str:
+@dataclass(frozen=True)
+class EndedMap:
+    """What a mapping node has when it ends.
+
+    Attributes:
+        keyframes: in the map, also those of a given one.
+        loops: that were closed.
+        saved: the last time that the map was saved; None if it was not.
+        given: name of the given map; "" if there is none.
+        keyframes_given: of the given map.
+        waiting: keyframes that are not in the map, since they show no known place of it.
+    """
+
+    keyframes: int
+    loops: int
+    saved: SavedState | None = None
+    given: str = ""
+    keyframes_given: int = 0
+    waiting: int = 0
+
+
+def describe_end(ended: EndedMap, service: str) -> str:
     """The map in one line, with what of it is lost.
 
     Args:
-        keyframes: in the map.
-        loops: that were closed.
-        saved: the last time that it was saved; None if it was not.
-        service: full name of the service that saves it.
-        is_changed: whether anything was added to it at all.
+        ended: what there is.
+        service: full name of the service that saves the map.
     """
-    said = f"Map: {counted(keyframes, 'keyframe')}, {counted(loops, 'loop')} closed"
+    counts = f"{counted(ended.keyframes, 'keyframe')}, {counted(ended.loops, 'loop')} closed"
+    said = [f"Map: {counts}", _what_is_saved(ended, service)]
+    if ended.waiting:
+        lost = counted(ended.waiting, "keyframe is lost that shows", "keyframes are lost that show")
+        said.append(f"{lost} no known place of {ended.given}")
+    return "; ".join(said)
+
+
+def _what_is_saved(ended: EndedMap, service: str) -> str:
+    added, saved = ended.keyframes - ended.keyframes_given, ended.saved
+    if not added:
+        nothing = "there was nothing to save"
+        return f"nothing was added to {ended.given}, so {nothing}" if ended.given else nothing
     how = f"call {service} while the node runs (ros2 service call {service} std_srvs/srv/Trigger)"
-    if not is_changed or not keyframes:
-        return f"{said}; there was nothing to save"
+    if saved is None and ended.given:
+        lost = counted(
+            added, "added keyframe was not saved and is", "added ones were not saved and are"
+        )
+        return f"{lost} gone, and {ended.given} is as it was: to keep what is added, {how}"
     if saved is None:
-        return f"{said}; it was not saved and is gone: to keep one, {how}"
-    if saved.keyframes < keyframes:
-        later = counted(keyframes - saved.keyframes, "later keyframe")
-        return f"{said}; saved in {saved.path} without {later}: to keep all, {how}"
-    return f"{said}; saved in {saved.path}"
+        return f"it was not saved and is gone: to keep one, {how}"
+    if saved.keyframes < ended.keyframes:
+        later = counted(ended.keyframes - saved.keyframes, "later keyframe")
+        return f"saved in {saved.path} without {later}: to keep all, {how}"
+    return f"saved in {saved.path}"
 
 
 @dataclass(frozen=True)

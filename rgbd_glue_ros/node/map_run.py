@@ -15,7 +15,7 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import begins_graph, edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
-from rgbd_glue_ros.live.map_summary import DroppedMap, describe_dropped, describe_end
+from rgbd_glue_ros.live.map_summary import DroppedMap, EndedMap, describe_dropped, describe_end
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -97,10 +97,16 @@ class MapRun:
 
     def say_what_is_left(self) -> None:
         """Logs what the map holds in the end, and whether it is saved."""
-        changed, saved = not self._config.localize_only, self._saving.state
-        service = self._save_service
-        said = describe_end(len(self._map.poses), self._map.loops, saved, service, changed)
-        self._node.get_logger().info(said)
+        given = self._map.given
+        ended = EndedMap(
+            len(self._map.poses),
+            self._map.loops,
+            self._saving.state,
+            given="" if given is None else given.name,
+            keyframes_given=0 if given is None else len(given),
+            waiting=self._map.waiting_keyframes,
+        )
+        self._node.get_logger().info(describe_end(ended, self._save_service))
 
     @property
     def _save_service(self) -> str:

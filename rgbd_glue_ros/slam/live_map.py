@@ -112,6 +112,11 @@ class LiveMap:
         return len(self._rows) + len(self._waiting)
 
     @property
+    def waiting_keyframes(self) -> int:
+        """Number of keyframes that are not in the map: none shows a place of the existing one."""
+        return len(self._waiting)
+
+    @property
     def is_placed(self) -> bool:
         """Whether the pose of ``odom`` in the map is known."""
         return self.T_map_odom is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rgbd_glue_ros.live.map_summary import (
     DroppedMap,
+    EndedMap,
     SavedState,
     describe_dropped,
     describe_end,
@@ -12,24 +13,44 @@ from rgbd_glue_ros.live.map_summary import (
 SERVICE = "/rgbd_mapping/save_map"
 
 
+def ended(*fields: object, **named: object) -> str:
+    return describe_end(EndedMap(*fields, **named), SERVICE)  # type: ignore[arg-type]
+
+
 def test_a_map_that_was_not_saved_is_said_to_be_gone_and_how_to_save_one() -> None:
-    said = describe_end(7, 1, None, SERVICE)
+    said = ended(7, 1)
     assert said.startswith("Map: 7 keyframes, 1 loop closed; it was not saved and is gone")
     assert f"ros2 service call {SERVICE} std_srvs/srv/Trigger" in said
 
 
 def test_keyframes_since_the_last_saving_are_counted() -> None:
-    said = describe_end(7, 2, SavedState("~/map.rgbdmap", 6), SERVICE)
+    said = ended(7, 2, SavedState("~/map.rgbdmap", 6))
     assert "2 loops closed; saved in ~/map.rgbdmap without 1 later keyframe" in said
-    assert describe_end(6, 2, SavedState("/x", 6), SERVICE).endswith("closed; saved in /x")
+    assert ended(6, 2, SavedState("/x", 6)).endswith("closed; saved in /x")
 
 
 def test_where_nothing_was_mapped_there_is_nothing_to_save() -> None:
-    for said in (
-        describe_end(0, 0, None, SERVICE),
-        describe_end(7, 0, None, SERVICE, is_changed=False),
-    ):
-        assert said.endswith("there was nothing to save")
+    assert ended(0, 0) == "Map: 0 keyframes, 0 loops closed; there was nothing to save"
+
+
+def test_of_a_given_map_which_is_in_its_file_only_what_was_added_is_said_to_be_gone() -> None:
+    given = {"given": "/room", "keyframes_given": 7}
+    nothing = "; nothing was added to /room, so there was nothing to save"
+    assert ended(7, 0, **given).endswith(nothing)
+    assert ended(7, 0, SavedState("/x", 7), **given).endswith(nothing)
+    said = ended(9, 1, **given)
+    assert (
+        "1 loop closed; 2 added ones were not saved and are gone, and /room is as it was: to"
+        in said
+    )
+    assert "; 1 added keyframe was not saved and is gone, and /room is" in ended(8, 1, **given)
+    assert ended(9, 1, SavedState("/x", 9), **given).endswith("closed; saved in /x")
+    assert "saved in /x without 1 later keyframe" in ended(9, 1, SavedState("/x", 8), **given)
+
+
+def test_keyframes_that_waited_for_a_place_of_a_given_map_to_the_end_are_said_to_be_lost() -> None:
+    said = ended(7, 0, given="/room", keyframes_given=7, waiting=3)
+    assert said.endswith("; 3 keyframes are lost that show no known place of /room")
 
 
 def dropped(*fields: object, **named: object) -> str:
