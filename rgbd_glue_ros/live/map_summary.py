@@ -20,6 +20,18 @@ class SavedState:
     keyframes: int
 
 
+def describe_left_out(waiting: int) -> str:
+    """What a saved map lacks, to be added to what was saved; "" if nothing.
+
+    Args:
+        waiting: keyframes that are not in the map, since they show no known place of it.
+    """
+    if not waiting:
+        return ""
+    lacks = counted(waiting, "keyframe that shows", "keyframes that show")
+    return f"; without {lacks} no known place of it yet"
+
+
 @dataclass(frozen=True)
 class EndedMap:
     """What a mapping node has when it ends.

@@ -15,7 +15,13 @@ from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.live.keyframe_edges import begins_graph, edge_from_message
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
-from rgbd_glue_ros.live.map_summary import DroppedMap, EndedMap, describe_dropped, describe_end
+from rgbd_glue_ros.live.map_summary import (
+    DroppedMap,
+    EndedMap,
+    describe_dropped,
+    describe_end,
+    describe_left_out,
+)
 from rgbd_glue_ros.live.worker import QueueWorker
 from rgbd_glue_ros.messages.poses import pose_from_message
 from rgbd_glue_ros.messages.reading import stamp_ns
@@ -132,9 +138,10 @@ class MapRun:
         with self._map_lock:
             # of this map, even if another begins while the file is written
             saved, saving = self._map.saved(), self._saving
+            left_out = describe_left_out(self._map.waiting_keyframes)
         if not len(saved):
             raise InputError(path, "there is no keyframe yet", "move the camera")
-        return saving.save(path, saved)
+        return saving.save(path, saved) + left_out
 
     # Input
 

@@ -28,7 +28,7 @@ class MappingDiagnostics:
             node: whose diagnostics these are.
             live_map: the map.
             watch: knows whether images are missing.
-            waiting: returns how many keyframes and edges are not in the map yet.
+            waiting: returns how many keyframes and edges have not been compared with the map yet.
         """
         self._node = node
         self._map = live_map
@@ -61,6 +61,7 @@ class MappingDiagnostics:
             "keyframes": len(self._map.poses),
             "loops": self._map.loops,
             "waiting": self._waiting(),
+            "waiting_for_known_place": self._map.waiting_keyframes,
             "since_last_keyframe_s": age,
             "last_error": self._node.monitor.last_error,
         }

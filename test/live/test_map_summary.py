@@ -8,6 +8,7 @@ from rgbd_glue_ros.live.map_summary import (
     SavedState,
     describe_dropped,
     describe_end,
+    describe_left_out,
 )
 
 SERVICE = "/rgbd_mapping/save_map"
@@ -51,6 +52,12 @@ def test_of_a_given_map_which_is_in_its_file_only_what_was_added_is_said_to_be_g
 def test_keyframes_that_waited_for_a_place_of_a_given_map_to_the_end_are_said_to_be_lost() -> None:
     said = ended(7, 0, given="/room", keyframes_given=7, waiting=3)
     assert said.endswith("; 3 keyframes are lost that show no known place of /room")
+
+
+def test_a_saved_map_is_said_to_lack_the_keyframes_that_wait_for_a_known_place() -> None:
+    assert describe_left_out(0) == ""
+    assert describe_left_out(1) == "; without 1 keyframe that shows no known place of it yet"
+    assert describe_left_out(9) == "; without 9 keyframes that show no known place of it yet"
 
 
 def dropped(*fields: object, **named: object) -> str:

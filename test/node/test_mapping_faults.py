@@ -216,6 +216,38 @@ def test_a_map_of_another_place_is_told_in_a_line_and_is_not_saved_where_it_cann
         assert any("there was nothing to save" in line for line in node.lines)
 
 
+@pytest.mark.slow
+def test_keyframes_that_wait_for_a_known_place_are_in_diagnostics_answer_and_last_line(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    room, other = tmp_path / "room.rgbdmap", tmp_path / "other.rgbdmap"
+    write_map(room, map_of(2))
+    given = {"map_file": str(room), "save_map_file": str(other)}
+    with (
+        shown(NodeProcess(given, ros_environment(ros_domain), module=MODULE)) as node,
+        Rig(ros_domain) as rig,
+    ):
+        node.wait_for_line("Subscribed", START_S)
+        poses, edges = keyframe_publishers(rig)
+        numbers: list[int] = []
+
+        def waiting() -> str:
+            publish_keyframe(rig, poses.publish, edges.publish, numbers)
+            statuses = [status for array in rig.diagnostics for status in array.status]
+            values = {item.key: item.value for status in statuses for item in status.values}
+            return str(values.get("waiting_for_known_place", ""))
+
+        rig.wait(lambda: waiting() not in {"", "0"}, "diagnostics")
+        answer = rig.trigger(f"/{NODE_NAME}/save_map")
+        assert answer.success
+        assert answer.message.startswith(f"{other}: 2 keyframes; without ")
+        assert answer.message.endswith("that show no known place of it yet")
+        assert node.stop() == 0
+        (line,) = [line for line in node.lines if "Map: 2 keyframes" in line]
+        assert f"nothing was added to {room}, so there was nothing to save; " in line
+        assert line.endswith(f"that show no known place of {room}")
+
+
 def test_a_damaged_map_is_refused_with_exit_code_2_and_one_line(
     ros_domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
