@@ -221,6 +221,10 @@ class MapRun:
             T_child_camera = se3.inverse(extrinsics.T_camera_child)
             with self._map_lock:
                 self._map.add_edge(moved_edge(edge, T_child_camera))
+                stamps = self._map.stamps_ns()
+                if stamps:
+                    at_ns = stamps[max(stamps)]
+                    self._path.publish(self._map, extrinsics.T_camera_child, at_ns)
 
     def _add(self, item: MatchedKeyframe) -> None:
         # both may wait for TF, so the lock is not held

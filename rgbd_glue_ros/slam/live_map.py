@@ -220,7 +220,12 @@ class LiveMap:
         try:
             self._close_loops([n.keyframe for n in new])
         finally:
-            self.T_map_odom = self.poses[newest.row] @ se3.inverse(newest.T_odom_camera)
+            self._place_odom()
+
+    def _place_odom(self) -> None:
+        """Takes the pose of odom where the newest keyframe now is."""
+        newest = self._finder.keyframes[-1]
+        self.T_map_odom = self.poses[newest.row] @ se3.inverse(newest.T_odom_camera)
 
     def _close_loops(self, added: Sequence[StoredKeyframe]) -> None:
         """Closes loops of keyframes that were added, and of the last with those near it."""
@@ -273,6 +278,7 @@ class LiveMap:
         if known is not None:
             self._solve((known,))
             self._edges.append(known)
+            self._place_odom()
 
     def _close(self, loops: tuple[PoseGraphEdge, ...]) -> None:
         """Adds loops that were found; they are left out if there is no optimum with them."""

@@ -109,6 +109,10 @@ class Session:
         start = start_message(T_odom_camera, 1e-6 * np.eye(6), at_ns, "odom")
         self._edges.publish(copy_fields(start, OdometryMessage()))
 
+    def measure(self, edge: PoseGraphEdge, at_ns: int) -> None:
+        """An edge of a keyframe that was published before."""
+        self._edges.publish(edge_message(edge, at_ns))
+
     def track(self, T_odom_camera: Float64, at_ns: int) -> None:
         """The pose of a frame."""
         self._tracked.publish(pose_message(T_odom_camera, at_ns))
@@ -256,6 +260,29 @@ def test_a_node_starts_with_a_saved_map_and_localises_odom_in_it(
         at_ns = recorded_frames()[keyframes[1].row].stamp_ns
         T_map_odom = session.wait_for_map_odom(T_odom_camera, at_ns)
     assert se3.difference(T_map_odom, T_start) < 0.03
+
+
+@pytest.mark.slow
+def test_a_late_edge_corrects_path_and_map_odom_without_another_keyframe(ros_domain: int) -> None:
+    keyframes = drifted()[:3]
+    with (
+        NodeProcess(CHANGED, ros_environment(ros_domain), module=MODULE) as node,
+        Robot(ros_domain) as robot,
+    ):
+        session = Session(robot, node)
+        session.map_with_drift(keyframes)
+        before = pose_from_message(session.paths[-1].poses[-1], MAP_PATH)
+        session.paths.clear()
+        at_ns = recorded_frames()[keyframes[-1].row].stamp_ns
+        T = before @ se3.exp(np.array([0.02, 0, 0, 0, 0, 0]))
+        session.measure(PoseGraphEdge(0, 2, T, 1e-8 * np.eye(6)), at_ns)
+        session.wait_for_path_of(len(keyframes))
+        after = pose_from_message(session.paths[-1].poses[-1], MAP_PATH)
+        assert stamp_ns(session.paths[-1].header.stamp) == at_ns
+        newest = keyframes[-1].T_odom_camera
+        T_map_odom = session.wait_for_map_odom(newest, at_ns)
+    assert se3.difference(before, after) > 0.01
+    np.testing.assert_allclose(T_map_odom @ newest, after, atol=1e-6)
 
 
 @pytest.mark.slow

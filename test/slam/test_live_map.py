@@ -159,6 +159,22 @@ def test_edges_lead_over_keyframes_without_images() -> None:
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-9)
 
 
+def test_a_later_edge_moves_odom_with_the_newest_keyframe() -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    live_map = LiveMap(config())
+    for number in range(3):
+        live_map.add(number, keyed(number))
+    before = live_map.T_map_odom
+    assert before is not None
+    first, _, newest = (keyframe.T_odom_camera for keyframe in drifted()[:3])
+    T = se3.inverse(first) @ newest @ se3.exp(np.array([0.02, 0, 0, 0, 0, 0]))
+    live_map.add_edge(PoseGraphEdge(0, 2, T, 1e-8 * np.eye(6), EdgeOrigin.REVISIT))
+    after = live_map.T_map_odom
+    assert after is not None
+    assert se3.difference(before, after) > 0.01
+    np.testing.assert_allclose(after @ newest, live_map.poses[2], atol=1e-12)
+
+
 def test_a_keyframe_without_a_known_edge_is_assumed_where_the_odometry_has_it() -> None:
     pytest.importorskip("pyhbst", reason="pyHBST is not installed")
     live = LiveMap(config())
