@@ -17,7 +17,7 @@ from rgbd_glue_ros.slam.appearance import SearchTree
 from rgbd_glue_ros.slam.edge_composition import SkippedKeyframes, assumed_edge
 from rgbd_glue_ros.slam.incremental import IncrementalOptimiser
 from rgbd_glue_ros.slam.loop_closure import T_map_odom_by
-from rgbd_glue_ros.slam.loop_finder import LoopFinder, linked_to
+from rgbd_glue_ros.slam.loop_finder import LoopFinder, is_of_a_loop, linked_to
 from rgbd_glue_ros.slam.map_file import OnKeyframe, SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe
@@ -267,6 +267,8 @@ class LiveMap:
     def add_edge(self, edge: PoseGraphEdge) -> None:
         """Adds a later edge between keyframes that are known, wait or were skipped.
 
+        One between keyframes of a loop is left out.
+
         Raises:
             InputError: there is no optimum with it; it is left out.
         """
@@ -275,7 +277,7 @@ class LiveMap:
             self._waiting.add_edge(edge)
             return
         known = self._by_rows(edge)
-        if known is not None:
+        if known is not None and not is_of_a_loop(known, self._edges):
             self._solve((known,))
             self._edges.append(known)
             self._place_odom()

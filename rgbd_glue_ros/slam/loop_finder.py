@@ -16,7 +16,7 @@ from rgbd_glue_ros.slam.map_file import OnKeyframe, SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.packed_view import PackedView, packed
 from rgbd_glue_ros.slam.stored_keyframe import StoredKeyframe, WholeKeyframes
-from rgbd_glue_ros.types import Float64, PoseGraphEdge, UInt8
+from rgbd_glue_ros.types import EdgeOrigin, Float64, PoseGraphEdge, UInt8
 
 # Candidates that a keyframe is compared with, by appearance and by proximity: each costs as much as
 # tracking a frame.
@@ -193,3 +193,13 @@ class LoopFinder:
 def linked_to(child: int, edges: Iterable[PoseGraphEdge]) -> set[int]:
     """The parents of all edges to a keyframe."""
     return {edge.parent for edge in edges if edge.child == child}
+
+
+def is_of_a_loop(edge: PoseGraphEdge, edges: Iterable[PoseGraphEdge]) -> bool:
+    """Whether one of some edges is a loop between the same keyframes.
+
+    The odometry's return to an anchor then measures the same images again: both together would
+    count them twice.
+    """
+    ends = edge.parent, edge.child
+    return any(e.origin is EdgeOrigin.LOOP and (e.parent, e.child) == ends for e in edges)

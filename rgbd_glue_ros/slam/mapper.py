@@ -9,7 +9,7 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.slam.loop_closure import T_map_odom_by
-from rgbd_glue_ros.slam.loop_finder import LoopFinder, linked_to
+from rgbd_glue_ros.slam.loop_finder import LoopFinder, is_of_a_loop, linked_to
 from rgbd_glue_ros.slam.map_file import SavedMap
 from rgbd_glue_ros.slam.map_keyframe import MapKeyframe
 from rgbd_glue_ros.slam.optimiser import Optimum, optimise
@@ -58,8 +58,8 @@ class Mapper:
         self._finder.reconfigure(config)
 
     def add_edges(self, edges: tuple[PoseGraphEdge, ...]) -> None:
-        """Adds edges measured by the odometry."""
-        self.edges += edges
+        """Adds edges measured by the odometry, except those between keyframes of a loop."""
+        self.edges += [edge for edge in edges if not is_of_a_loop(edge, self.edges)]
 
     def add(self, keyframe: MapKeyframe) -> None:
         """Adds a keyframe of the odometry, whose number is the next one, and closes its loops."""

@@ -275,6 +275,21 @@ def test_where_the_search_for_one_of_several_fails_loops_of_the_others_are_close
     assert {edge.child for edge in loops_of(live.saved())} >= {3, 5, 6}
 
 
+def test_a_revisit_between_keyframes_of_a_loop_is_not_counted_a_second_time() -> None:
+    pytest.importorskip("pyhbst", reason="pyHBST is not installed")
+    live = LiveMap(config(), map_of_three())
+    # the second session's keyframes are rows 3, 4, 5 and 6
+    for number in range(4):
+        live.add(number, keyed(number))
+    before = live.saved()
+    own = [edge for edge in loops_of(before) if edge.parent >= 3]
+    assert own
+    loop = own[0]
+    again = replace(loop, parent=loop.parent - 3, child=loop.child - 3, origin=EdgeOrigin.REVISIT)
+    live.add_edge(again)
+    assert len(live.saved().graph.edges) == len(before.graph.edges)
+
+
 def test_a_given_map_is_restored_once_however_often_the_odometry_starts_anew(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

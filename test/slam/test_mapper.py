@@ -58,6 +58,18 @@ def test_loops_agree_with_the_truth_as_far_as_their_covariance_says() -> None:
     assert errors[EdgeOrigin.LOOP].chi2_per_dof < 2.0
 
 
+def test_a_revisit_between_keyframes_of_a_loop_is_not_counted_a_second_time() -> None:
+    mapper = mapped_with_drift()
+    before = list(mapper.edges)
+    loop = next(edge for edge in before if edge.origin is EdgeOrigin.LOOP)
+    again = replace(loop, origin=EdgeOrigin.REVISIT)
+    linked = {(edge.parent, edge.child) for edge in before}
+    parent = next(n for n in range(loop.child) if (n, loop.child) not in linked)
+    other = replace(again, parent=parent)
+    mapper.add_edges((again, other))
+    assert mapper.edges == [*before, other]
+
+
 def _dense(truth: Trajectory) -> Trajectory:
     """The truth with each pose twice, a microsecond apart, so that none is interpolated afar."""
     stamps = np.column_stack([truth.stamps_ns - 1000, truth.stamps_ns + 1000]).ravel()
