@@ -288,7 +288,9 @@ class MapRun:
         subscribed = ", ".join([*self._input.topics, *self._odometry.topics])
         path = self._path.topic
         frames = f"{self._config.map_frame_id} -> {self._config.odom_frame_id}"
-        if self._broadcaster is None:
+        if not self._config.publish_tf:
+            published = f"{path} only, since publish_tf is false"
+        elif self._broadcaster is None:
             published = f"{path} only, since {frames} needs tf2_msgs"
         elif self._map.is_placed:
             published = f"{path} and {frames}"

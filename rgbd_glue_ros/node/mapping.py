@@ -50,7 +50,8 @@ class MappingNode(BaseNode):
         self._config.check_for_mapping()
         transforms = listen(self, self._config)
         self._extrinsics = NodeExtrinsics(self, self._config, transforms)
-        self._broadcaster = None if transforms is None else Broadcaster(self)
+        does_broadcast = transforms is not None and self._config.publish_tf
+        self._broadcaster = Broadcaster(self) if does_broadcast else None
         self._input = RgbdInput(
             self, self._config, transforms, self._receive, with_two_clocks=MAP_BY_RECEIPT
         )

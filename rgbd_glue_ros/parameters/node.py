@@ -49,8 +49,10 @@ class NodeConfig(InputConfig):
     )
     publish_tf: bool = read_once(
         True,
-        "Whether odom_frame_id -> frame_id is broadcast on /tf. Without frame_id nothing is: the "
-        "driver gives the optical frame its parent.",
+        "Whether odom_frame_id -> frame_id is broadcast on /tf, and by the mapping node "
+        "map_frame_id -> odom_frame_id; false where another program broadcasts odom_frame_id, "
+        "whose origin is another. Without frame_id the odometry broadcasts nothing: the driver "
+        "gives the optical frame its parent.",
     )
     wait_for_transform: float = read_once(
         0.1,

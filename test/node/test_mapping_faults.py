@@ -166,6 +166,20 @@ def test_without_tf_it_does_not_say_that_it_publishes_a_transform(ros_domain: in
         assert node.stop() == 0
 
 
+def test_where_odom_is_another_programs_no_transform_to_it_is_broadcast(ros_domain: int) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed")
+    given = {"publish_tf": False}
+    with (
+        shown(NodeProcess(given, ros_environment(ros_domain), module=MODULE)) as node,
+        Rig(ros_domain) as rig,
+    ):
+        line = node.wait_for_line("Subscribed", START_S)
+        assert line.endswith("; publishing /map/path only, since publish_tf is false")
+        rig.wait(lambda: rig.node.count_publishers("/map/path"), "the node's publishers")
+        assert not rig.node.count_publishers("/tf")
+        assert node.stop() == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("task", ["read", "features extracted of"])
 def test_while_a_large_map_is_loaded_its_progress_is_logged_and_a_signal_ends_the_node(
