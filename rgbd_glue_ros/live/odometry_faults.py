@@ -33,7 +33,7 @@ def explain_no_keyframes(
 ) -> str | None:
     """Why no keyframe arrives, and what to do; None if nothing is wrong.
 
-    Keyframes are created where the camera has not been, so none for a while is not a fault.
+    A camera at rest gives no keyframes, so none for a while is not a fault.
 
     Args:
         pose: the topic of every frame's pose.
@@ -52,8 +52,9 @@ def explain_no_keyframes(
         return f"No keyframes: {_silent(pose)}: the odometry has no pose; its log says why"
     if not keyframe.received:
         return (
-            f"No keyframes: {_silent(keyframe)}: the odometry creates them only where it has not "
-            f"been, and does not send earlier ones again: {_new_keyframes(keyframe.nodes)}"
+            f"No keyframes: {_silent(keyframe)}: the odometry creates them only where the view "
+            "leaves that of its latest ones, and does not send earlier ones again: "
+            f"{_new_keyframes(keyframe.nodes)}"
         )
     if keyframe.received > 1 and not edge.received:
         return f"No keyframes: {_silent(edge)}: check whether type and QoS of the topic match"

@@ -76,7 +76,7 @@ def test_where_the_odometry_knows_the_room_new_views_and_its_reset_service_are_n
 
     called = "/a/odo/reset_odom (ros2 service call /a/odo/reset_odom std_srvs/srv/Empty)"
     assert line("/a/odo").endswith(
-        "only where it has not been, and does not send earlier ones again: "
+        "only where the view leaves that of its latest ones, and does not send earlier ones again: "
         f"move the camera to a new view, or call {called}, with which the odometry begins anew"
     )
     for nodes in ((), ("/a", "/b")):
