@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
@@ -28,11 +28,15 @@ INTERRUPTED, BROKEN_PIPE = 128 + 2, 128 + 13
 _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(
+    arguments: Sequence[str] | None = None, catch_signals: Callable[[], object] = InterruptOnce
+) -> int:
     """Runs the program.
 
     Args:
         arguments: of the command line; None takes the process's.
+        catch_signals: installs what handles signals until the command does; without one a kill is
+            handled as cleanly as Ctrl-C (results written, the demonstration's node ended).
 
     Returns:
         The exit code: 2 for bad input, 1 for a failure inside.
@@ -47,8 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     logging.basicConfig(handlers=[_log()])
-    # a kill is handled as cleanly as Ctrl-C (results written, the demonstration's node ended)
-    InterruptOnce()
+    catch_signals()
     try:
         with _informative():
             _print(args.command.module.run(args))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
+from typing import TYPE_CHECKING
 
-from rgbd_glue_ros.cli.node_command import add_node_arguments, run_node
+from rgbd_glue_ros.cli.executable import run_executable
+
+if TYPE_CHECKING:
+    import argparse
 
 _TOPICS = "as of the odometry, and its pose, keyframe/pose, keyframe/edges"
 _PARAMETERS = {
@@ -20,16 +22,19 @@ _EXAMPLE = "mapping --camera realsense_d400 --ros-args -p map_file:=room.rgbdmap
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of a node."""
+    # late, since the executable catches signals first
+    from rgbd_glue_ros.cli.node_command import add_node_arguments
+
     add_node_arguments(parser, _TOPICS, _PARAMETERS, _EXAMPLE)
 
 
 def run(args: argparse.Namespace) -> str:
     """Runs the node until SIGINT, SIGTERM or SIGHUP."""
+    from rgbd_glue_ros.cli.node_command import run_node
+
     return run_node(args, "rgbd_glue_ros.node.mapping")
 
 
 def main() -> int:
     """The executable ``mapping``."""
-    from rgbd_glue_ros.cli.main import main as run_command
-
-    return run_command(["mapping", *sys.argv[1:]])
+    return run_executable("mapping")

@@ -58,6 +58,19 @@ class InterruptOnce:
             raise KeyboardInterrupt
 
 
+def end_at_once() -> None:
+    """Lets a signal end the process with exit code 0: for a program that has nothing to finish yet.
+
+    Must be called from the main thread.
+    """
+    _handle_by(_exit)
+
+
+def _exit(_number: int, _frame: FrameType | None) -> None:
+    # an exception would be printed, or caught, by whatever is being imported
+    os._exit(0)
+
+
 def _handle_by(handler: Callable[[int, FrameType | None], None]) -> None:
     """Installs a handler; when the interpreter ends, the signals are ignored.
 

@@ -80,6 +80,28 @@ def test_without_ros_it_says_in_one_line_what_to_install(node: str) -> None:
     assert "ros-jazzy-rclpy" in line
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["cli.main", "cli.node_command", "live.heap"])
+@pytest.mark.parametrize("node", NODES)
+def test_a_signal_while_it_is_being_loaded_ends_it_with_exit_code_0_and_no_word(
+    node: str, module: str, number: signal.Signals
+) -> None:
+    program = (
+        "import os, sys\n"
+        "class Meanwhile:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == 'rgbd_glue_ros.{module}':\n"
+        f"            os.kill(os.getpid(), {int(number)})\n"
+        "sys.meta_path.insert(0, Meanwhile())\n"
+        f"from rgbd_glue_ros.cli.{node} import main\n"
+        "sys.exit(main())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 @pytest.mark.parametrize("node", ["node", "mapping"])
 @pytest.mark.parametrize(
     ("given", "says"),
