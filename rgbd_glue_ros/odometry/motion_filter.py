@@ -23,6 +23,8 @@ MEMORY_S = 0.25
 # Time in which a velocity falls to a third while images do not show the motion: a camera at a bare
 # wall has not always stopped, but would otherwise be said to move on for as long as it stays there.
 _VELOCITY_LASTS_S = 0.5
+# A hand that holds a camera hardly changes its velocity within this time.
+_SAME_VELOCITY_S = 0.05
 # Standard deviations of an unknown velocity: a camera on a robot or in a hand, m/s and rad/s.
 _UNKNOWN_SPEED = np.array([1.0] * 3 + [1.0] * 3)
 # How much a camera with a usable image may change its speed between two frames, m/s and rad/s.
@@ -83,11 +85,6 @@ class Motion:
     def pose_covariance(self) -> Float64:
         """The covariance of the pose, float64 [6, 6]."""
         return self.covariance[_POSE, _POSE]
-
-    @property
-    def knows_velocity(self) -> bool:
-        """Whether anything is known of the linear velocity: not so at a start."""
-        return bool((np.diag(self.covariance)[6:9] < _UNKNOWN_SPEED[:3] ** 2).all())
 
     def predicted(self, stamp_ns: int, config: MotionConfig) -> PredictedMotion:
         """The motion at a later stamp, at constant velocity plus random accelerations."""
@@ -258,6 +255,12 @@ class PredictedMotion(Motion):
         """
         forgotten = 1 - np.exp(-self.elapsed_s / _VELOCITY_LASTS_S)
         return replace(self, twist=self.twist - forgotten * part @ self.twist)
+
+    @property
+    def follows_start(self) -> bool:
+        """Whether it follows so soon after an unknown velocity that it must be about the same."""
+        is_unknown = (np.diag(self.covariance)[6:9] >= _UNKNOWN_SPEED[:3] ** 2).all()
+        return bool(is_unknown) and self.elapsed_s <= _SAME_VELOCITY_S
 
     def expects(self, T_track_camera: Float64) -> bool:
         """Whether a pose is possible according to the filter."""

@@ -109,11 +109,11 @@ class PoseProblem(RefinementProblem):
         The frame after a start keeps its twist: its keyframe's velocity is as unknown as its own,
         one is distorted as the other, and the pose between them is right.
         """
-        if self.predicted.knows_velocity:
-            estimate = self._refined_with_twist(coarse)
-        else:
+        if self.predicted.follows_start:
             start = coarse.T_model_source
             estimate = PoseEstimate(self.refined(start, [FINAL_LEVEL], coarse.affine_brightness))
+        else:
+            estimate = self._refined_with_twist(coarse)
         if acceptance.is_plausible(estimate.refinement):
             return estimate
         return PoseEstimate(evaluate_pose(coarse.T_model_source, self))

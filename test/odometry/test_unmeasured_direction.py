@@ -66,7 +66,9 @@ def test_a_pose_is_judged_with_the_twist_that_it_was_refined_with() -> None:
     # predicted to turn fast, which would distort an image that is read row by row
     turning = np.array([0.0, 0.0, 0.0, 3.0, 0.0, 0.0])
     view = replace(problem.view, readout_time=0.03, twist=turning)
-    motion = replace(problem.predicted, twist=turning)
+    # with a velocity that is known a little, other than at a start
+    covariance = 0.9 * problem.predicted.covariance
+    motion = replace(problem.predicted, twist=turning, covariance=covariance)
     problem = replace(problem, view=view, predicted=motion)
     coarse = problem.refined(truth, COARSE_LEVELS)
     estimate = problem.refined_further(coarse, Acceptance.of(CONFIG.odometry))
