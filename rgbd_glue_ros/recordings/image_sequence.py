@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -50,6 +51,10 @@ _NPY_HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
+
+# NumPy reads headers by ast.literal_eval, which in Python 3.11 fails at random where threads use it
+# at the same time: "AST constructor recursion depth mismatch".
+_ONE_HEADER = threading.Lock()
 
 _TO_RGB = {1: None, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 """Conversion to RGB by number of channels; grey stays grey."""
@@ -298,7 +303,8 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
     file = BytesIO(data)
     try:
         read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
-        shape, is_by_columns, dtype = read_header(file)
+        with _ONE_HEADER:
+            shape, is_by_columns, dtype = read_header(file)
         if dtype.hasobject or min(shape, default=0) < 0:
             raise ValueError(f"{dtype} {shape}")  # noqa: TRY301 - as what NumPy refuses
         numbers = np.frombuffer(data, dtype, math.prod(shape), file.tell())
