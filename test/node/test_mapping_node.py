@@ -145,7 +145,9 @@ class Session:
         self.wait_for_path_of(len(keyframes))
 
     def map_with_drift(self, keyframes: Sequence[Drifted]) -> None:
-        """Publishes keyframes where drift has them, and waits until they are mapped."""
+        """Publishes a graph of keyframes where drift has them, and waits until they are mapped."""
+        first = keyframes[0]
+        self.begin(first.T_odom_camera, recorded_frames()[first.row].stamp_ns)
         for keyframe in keyframes:
             self.publish(keyframe, keyframe.T_odom_camera)
         self.wait_for_path_of(len(keyframes))
