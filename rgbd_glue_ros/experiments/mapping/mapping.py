@@ -20,7 +20,6 @@ from rgbd_glue_ros.experiments.replay.places import check_places
 from rgbd_glue_ros.experiments.replay.replay import (
     replay_into,
     results_of,
-    write_graphs,
     write_results,
 )
 from rgbd_glue_ros.experiments.replay.result_names import CLOUD, ODOMETRY, RESULTS, TRAJECTORY
@@ -183,9 +182,8 @@ def _optimised(whole: Run, sink: MappingSink, folder: Path, outputs: MapOutputs)
         "map_points": len(cloud),
         **_of_the_whole(whole),
     }
-    figures = write_results(mapped, folder, measured)
     # the recording's own part of a continued map is at no optimum without the rest
-    write_graphs(folder, optimum.accepted)
+    figures = write_results(mapped, folder, measured, optimum.accepted)
     # the largest comes last: on a disk that it fills, the others are of one state
     if outputs.save_map is not None:
         write_map(outputs.save_map, mapped_part.saved(optimum.graph))

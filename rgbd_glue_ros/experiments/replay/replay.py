@@ -266,7 +266,10 @@ def results_of(
 
 @uninterrupted()
 def write_results(
-    run: Run, folder: Path, measured: Mapping[str, Any] = MappingProxyType({})
+    run: Run,
+    folder: Path,
+    measured: Mapping[str, Any] = MappingProxyType({}),
+    graph: PoseGraph | None = None,
 ) -> dict[str, Any]:
     """Writes figures, report and pose graph of a run with at least one frame.
 
@@ -276,6 +279,7 @@ def write_results(
         run: the run.
         folder: destination.
         measured: figures measured elsewhere, in addition to those of the run or replacing them.
+        graph: the pose graph; None for the one that the odometry measured.
 
     Returns:
         The figures written.
@@ -286,17 +290,13 @@ def write_results(
     figures = {**metrics(run, evaluation), **measured}
     if why_none:
         figures["no_ape"] = why_none
-    write_graphs(folder, part.pose_graph)
+    graph = part.pose_graph if graph is None else graph
+    write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
+    write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
     write_whole(folder / METRICS, json_text(figures))
     colophon = Colophon.now(run.command, run.sequence)
     write_whole(folder / REPORT, render(part, figures, evaluation, colophon))
     return figures
-
-
-def write_graphs(folder: Path, graph: PoseGraph) -> None:
-    """Writes a pose graph, for g2o and for GTSAM."""
-    write_graph(folder / KEYFRAMES, graph, GraphReader.G2O)
-    write_graph(folder / KEYFRAMES_GTSAM, graph, GraphReader.GTSAM)
 
 
 def _evaluation(run: Run) -> tuple[Evaluation | None, str]:
