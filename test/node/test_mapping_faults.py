@@ -208,10 +208,7 @@ def test_a_map_of_another_place_is_told_in_a_line_and_is_not_saved_where_it_cann
         Rig(ros_domain) as rig,
     ):
         node.wait_for_line("Subscribed", START_S)
-        poses = rig.publisher(PoseStamped, KEYFRAME_POSE)
-        edges = rig.publisher(OdometryMessage, KEYFRAME_EDGES)
-        publishers = (rig.color, rig.depth, rig.info, poses, edges)
-        rig.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+        poses, edges = keyframe_publishers(rig)
         numbers: list[int] = []
 
         def is_told() -> bool:
