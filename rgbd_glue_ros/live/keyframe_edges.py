@@ -9,9 +9,10 @@ import numpy as np
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
+from rgbd_glue_ros.live.extrinsics import Extrinsics
 from rgbd_glue_ros.messages import fields, making
 from rgbd_glue_ros.messages.poses import pose_from_message
-from rgbd_glue_ros.types import Float64, PoseGraphEdge
+from rgbd_glue_ros.types import Float64, OdometryEstimate, PoseGraphEdge
 
 FIRST = topics.KEYFRAME_FRAME.format(0)
 """The frame of the first keyframe of a graph."""
@@ -31,6 +32,23 @@ def start_message(
     head = making.header(stamp_ns, odom_frame_id)
     pose = making.pose_stamped(T_odom_child, head).pose
     return fields.Odometry(head, FIRST, fields.PoseWithCovariance(pose, covariance.ravel()))
+
+
+def graph_start(
+    estimate: OdometryEstimate, extrinsics: Extrinsics, odom_frame_id: str
+) -> fields.Odometry | None:
+    """``start_message`` of the first keyframe of a graph; None if it has no pose.
+
+    Args:
+        estimate: of that keyframe.
+        extrinsics: between the camera and the published frames.
+        odom_frame_id: the fixed frame.
+    """
+    if estimate.T_odom_camera is None or estimate.covariance is None:
+        return None
+    T = extrinsics.pose(estimate.T_odom_camera)
+    covariance = extrinsics.pose_covariance(estimate.T_odom_camera, estimate.covariance)
+    return start_message(T, covariance, estimate.stamp_ns, odom_frame_id)
 
 
 def begins_graph(message: Any) -> bool:

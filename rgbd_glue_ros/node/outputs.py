@@ -18,7 +18,7 @@ from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.extrinsics import Extrinsics
-from rgbd_glue_ros.live.keyframe_edges import edge_message, start_message
+from rgbd_glue_ros.live.keyframe_edges import edge_message, graph_start
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.live.odometry_message import odometry_message
 from rgbd_glue_ros.messages import making
@@ -137,12 +137,9 @@ class NodeOutputs:
             estimate: of its first keyframe.
             extrinsics: between the camera and the published frames.
         """
-        if estimate.T_odom_camera is None or estimate.covariance is None:
-            return
-        T = extrinsics.pose(estimate.T_odom_camera)
-        covariance = extrinsics.pose_covariance(estimate.T_odom_camera, estimate.covariance)
-        start = start_message(T, covariance, estimate.stamp_ns, self._config.odom_frame_id)
-        self._edges.publish(making.copy_fields(start, OdometryMessage()))
+        start = graph_start(estimate, extrinsics, self._config.odom_frame_id)
+        if start is not None:
+            self._edges.publish(making.copy_fields(start, OdometryMessage()))
 
     def publish_keyframe(self, pose: PublishedPose) -> None:
         """Publishes the pose of a frame that became a keyframe."""

@@ -17,7 +17,7 @@ from rgbd_glue_ros.files.writing import NewFolder, not_written
 from rgbd_glue_ros.live import topics
 from rgbd_glue_ros.live.evidence_values import evidence_values
 from rgbd_glue_ros.live.extrinsics import Extrinsics
-from rgbd_glue_ros.live.keyframe_edges import edge_message, start_message
+from rgbd_glue_ros.live.keyframe_edges import edge_message, graph_start
 from rgbd_glue_ros.live.keyframe_graph import moved_edge
 from rgbd_glue_ros.live.match_image import match_image
 from rgbd_glue_ros.live.odometry_message import odometry_message
@@ -108,11 +108,10 @@ class BagSink:
             making.header(frame.stamp_ns, ODOM_FRAME),
         )
         self._path.append(pose)
-        if not self._keyframes and estimate.covariance is not None:
-            covariance = self._extrinsics.pose_covariance(T_odom_camera, estimate.covariance)
-            T_odom_child = self._extrinsics.pose(T_odom_camera)
-            start = start_message(T_odom_child, covariance, frame.stamp_ns, ODOM_FRAME)
-            self._write(topics.KEYFRAME_EDGES, frame.stamp_ns, start)
+        if not self._keyframes:
+            start = graph_start(estimate, self._extrinsics, ODOM_FRAME)
+            if start is not None:
+                self._write(topics.KEYFRAME_EDGES, frame.stamp_ns, start)
         self._write(topics.POSE, frame.stamp_ns, pose)
         if estimate.is_keyframe:
             self._keyframes.append(frame.stamp_ns)
