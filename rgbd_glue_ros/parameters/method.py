@@ -297,7 +297,7 @@ class TimeOffsetsConfig:
         maximum=0.05,
     )
     spread: float = parameter(
-        0.01,
+        0.02,
         "Standard deviation of these two first guesses; 0 keeps them fixed, for any camera.",
         unit="s",
         minimum=0.0,
