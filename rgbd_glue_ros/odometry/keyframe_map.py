@@ -17,9 +17,10 @@ from rgbd_glue_ros.odometry.keyframe_candidate import KeyframeCandidate
 from rgbd_glue_ros.odometry.keyframe_edges import edge_from
 from rgbd_glue_ros.odometry.keyframe_selection import shown_if_due, shows_enough
 from rgbd_glue_ros.odometry.keyframes import Keyframes
-from rgbd_glue_ros.odometry.motion_filter import Motion, lost_covariance
+from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_covariance import is_known
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
+from rgbd_glue_ros.odometry.speeds import lost_covariance
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.model import LastBlend, Model, model_of
 from rgbd_glue_ros.registration.frame_features import FrameFeatures
@@ -198,6 +199,10 @@ class KeyframeMap:
         joined = self._keyframes.join(newest, keyframe.component, T_shift, of_newest, known)
         T = joined.T_track_camera
         self._edges.append(edge_from(keyframe, joined.number, T, covariance, EdgeOrigin.REVISIT))
+
+    def leads_to(self, keyframe: Keyframe) -> bool:
+        """Whether the way from the newest keyframe to this one was measured."""
+        return keyframe.component == self._keyframes.component
 
     def jump_to(self, reference: Keyframe) -> None:
         """Continues where a pose was found from a keyframe: an anchor has a drift of its own."""

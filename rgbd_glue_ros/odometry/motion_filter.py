@@ -14,6 +14,12 @@ import numpy as np
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.geometry.gates import POSE_GATE, mahalanobis_squared
 from rgbd_glue_ros.odometry.gyroscope import Turn
+from rgbd_glue_ros.odometry.speeds import (
+    CHANGE_OF_SPEED,
+    FASTEST,
+    LOST_COVARIANCE,
+    UNKNOWN_SPEED,
+)
 from rgbd_glue_ros.parameters import MotionConfig
 from rgbd_glue_ros.refinement.rolling_shutter import Distortion
 from rgbd_glue_ros.types import NANOSECONDS, Float64
@@ -25,28 +31,13 @@ MEMORY_S = 0.25
 _VELOCITY_LASTS_S = 0.5
 # A hand that holds a camera hardly changes its velocity within this time.
 _SAME_VELOCITY_S = 0.05
-# Standard deviations of an unknown velocity: a camera on a robot or in a hand, m/s and rad/s.
-_UNKNOWN_SPEED = np.array([1.0] * 3 + [1.0] * 3)
-# How much a camera with a usable image may change its speed between two frames, m/s and rad/s.
-_CHANGE_OF_SPEED = np.array([1.0] * 3 + [1.5] * 3)
-# No camera with a usable image moves faster: it was found again elsewhere.
-_FASTEST = np.array([5.0] * 3 + [10.0] * 3)
-LOST_COVARIANCE = np.diag(_UNKNOWN_SPEED**2)
-"""The covariance of a pose a second after it was lost, float64 [6, 6], m² and rad²."""
 # A covariance has no digits left after a clock jump of months: time makes a motion no less certain
-# than this long, and no pose is off by more.
+# than this long.
 _LONGEST_S = 3600.0
-_LARGEST_LOST_COVARIANCE = np.diag([1e3] * 3 + [np.pi] * 3) ** 2
 _EXACT = np.zeros((6, 6))
 M = TypeVar("M", bound="Motion")
 # The two parts of the filter's state.
 _POSE, _TWIST = slice(0, 6), slice(6, 12)
-
-
-def lost_covariance(seconds: float) -> Float64:
-    """The covariance of a pose that has been lost for a time, float64 [6, 6], m² and rad²."""
-    covariance: Float64 = np.minimum(LOST_COVARIANCE * seconds**2, _LARGEST_LOST_COVARIANCE)
-    return covariance
 
 
 def _measurement_ratio(P: Float64, information: Float64) -> Float64:
@@ -77,7 +68,7 @@ class Motion:
     @staticmethod
     def start(stamp_ns: int, T_track_camera: Float64, pose_covariance: Float64 = _EXACT) -> Motion:
         """A known pose, by default exactly, with unknown velocity."""
-        covariance = np.diag(np.concatenate([np.zeros(6), _UNKNOWN_SPEED**2]))
+        covariance = np.diag(np.concatenate([np.zeros(6), UNKNOWN_SPEED**2]))
         covariance[_POSE, _POSE] = pose_covariance
         return Motion(stamp_ns, T_track_camera, np.zeros(6), covariance)
 
@@ -158,7 +149,7 @@ class Motion:
         distance_squared = float(innovation @ weight @ innovation)
         P = self.covariance * max(1.0, (distance_squared / POSE_GATE) ** 2)
         corrected = self._updated(P, H, innovation, information)
-        if (np.abs(corrected.twist) < _FASTEST).all():
+        if (np.abs(corrected.twist) < FASTEST).all():
             return corrected
         return Motion.start(self.stamp_ns, corrected.T_track_camera, corrected.pose_covariance)
 
@@ -243,9 +234,22 @@ class PredictedMotion(Motion):
             last: the motion that this one is predicted from.
         """
         twist = se3.log(T_last_camera) / self.elapsed_s
-        if not (np.abs(twist) < _FASTEST).all():
+        if not (np.abs(twist) < FASTEST).all():
             return self
         return replace(self, T_track_camera=last.T_track_camera @ T_last_camera, twist=twist)
+
+    def found_at(self, T_track_camera: Float64) -> PredictedMotion:
+        """The prediction of a camera that was found at a place, with no way to it from the last.
+
+        The last pose was assumed: what lies between the two is its error, not the camera's motion.
+
+        Args:
+            T_track_camera: float64 [4, 4].
+        """
+        known = Motion.start(self.stamp_ns, T_track_camera, LOST_COVARIANCE)
+        return replace(
+            self, T_track_camera=T_track_camera, twist=known.twist, covariance=known.covariance
+        )
 
     def slowed(self, part: Float64) -> PredictedMotion:
         """The prediction with less of a part of the velocity, that has not been measured for long.
@@ -259,7 +263,7 @@ class PredictedMotion(Motion):
     @property
     def follows_start(self) -> bool:
         """Whether it follows so soon after an unknown velocity that it must be about the same."""
-        is_unknown = (np.diag(self.covariance)[6:9] >= _UNKNOWN_SPEED[:3] ** 2).all()
+        is_unknown = (np.diag(self.covariance)[6:9] >= UNKNOWN_SPEED[:3] ** 2).all()
         return bool(is_unknown) and self.elapsed_s <= _SAME_VELOCITY_S
 
     def expects(self, T_track_camera: Float64) -> bool:
@@ -287,10 +291,8 @@ class PredictedMotion(Motion):
         The filter's covariance and a change of speed as sudden as a hand can make it; perturbation
         on the right of the predicted pose.
         """
-        covariance: Float64 = self.pose_covariance + np.diag(
-            (_CHANGE_OF_SPEED * self.elapsed_s) ** 2
-        )
-        return covariance
+        change = CHANGE_OF_SPEED * self.elapsed_s
+        return np.asarray(self.pose_covariance + np.diag(change**2), np.float64)
 
     def _error(self, T_track_camera: Float64) -> Float64:
         """The error of the predicted pose if this one is true, twist [6] on the right of it."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.keyframe import Keyframe
-from rgbd_glue_ros.odometry.motion_filter import LOST_COVARIANCE, Motion
+from rgbd_glue_ros.odometry.motion_filter import Motion
+from rgbd_glue_ros.odometry.speeds import LOST_COVARIANCE
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement
 from rgbd_glue_ros.refinement.reliability import SAME_DIRECTION

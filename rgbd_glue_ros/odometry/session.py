@@ -207,6 +207,9 @@ class Session:
             self.keyframes.shift_track(fix.T_shift, fix.reference)
             self._forget_earlier_poses()
         else:
+            if not self.keyframes.leads_to(fix.reference):
+                predicted = predicted.found_at(fix.estimate.T_track_camera)
+                before = predicted
             self.keyframes.jump_to(fix.reference)
         count = self._config.refine.residuals_per_independent_one
         if not is_known(last.motion):

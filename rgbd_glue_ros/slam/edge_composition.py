@@ -6,7 +6,7 @@ from collections.abc import Container
 from dataclasses import replace
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.motion_filter import lost_covariance
+from rgbd_glue_ros.odometry.speeds import lost_covariance
 from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, PoseGraphEdge
 
 # The least doubtful first: a composed edge is as doubtful as the worse of the two.

@@ -11,7 +11,7 @@ from rigs.geometry import SEEDS
 from rigs.room import room_view
 
 from rgbd_glue_ros.geometry import se3
-from rgbd_glue_ros.odometry.motion_filter import LOST_COVARIANCE, Motion
+from rgbd_glue_ros.odometry.motion_filter import Motion
 from rgbd_glue_ros.odometry.pose_covariance import (
     UNKNOWN,
     PoseErrors,
@@ -21,6 +21,7 @@ from rgbd_glue_ros.odometry.pose_covariance import (
     uncertain_part,
     unmeasured_part,
 )
+from rgbd_glue_ros.odometry.speeds import LOST_COVARIANCE
 from rgbd_glue_ros.parameters import Config
 from rgbd_glue_ros.refinement.gauss_newton import Refinement, evaluate_pose
 from rgbd_glue_ros.refinement.model import model_of

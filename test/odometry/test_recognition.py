@@ -8,11 +8,19 @@ from functools import cache
 import numpy as np
 import pytest
 from rigs import bare_wall
+from rigs.bag_frames import errors, recorded_frames, true_poses
 
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.odometry import Odometry
 from rgbd_glue_ros.parameters import Config
-from rgbd_glue_ros.types import NANOSECONDS, EdgeOrigin, Float64, OdometryEstimate, RgbdFrame
+from rgbd_glue_ros.types import (
+    NANOSECONDS,
+    EdgeOrigin,
+    Float64,
+    OdometryEstimate,
+    RgbdFrame,
+    TrackingState,
+)
 
 # the camera's position along the wall, metres, at seconds
 WAYS = {
@@ -149,3 +157,36 @@ def covered_and_carried_off() -> tuple[list[OdometryEstimate], Float64]:
 def without_sight(frame: RgbdFrame) -> RgbdFrame:
     """A frame of a covered camera."""
     return replace(frame, color=np.zeros_like(frame.color), depth=np.full_like(frame.depth, np.nan))
+
+
+def before_hand(frame: RgbdFrame, seed: int) -> RgbdFrame:
+    """A hand that covers the view a fifth of a metre away, near enough to be measured in part."""
+    rng = np.random.default_rng(seed)
+    shape = frame.depth.shape
+    skin = np.array([180, 120, 90]) + rng.normal(0, 3, (*shape, 3))
+    depth = 0.18 + rng.normal(0, 0.002, shape)
+    depth[rng.random(shape) < 0.3] = np.nan
+    return replace(frame, color=skin.astype(np.uint8), depth=depth.astype(np.float32))
+
+
+@pytest.mark.slow
+def test_when_a_hand_leaves_the_view_the_way_since_it_came_is_not_taken_for_a_velocity() -> None:
+    """Tracking starts anew at the hand, where the camera was; then it finds itself elsewhere."""
+    frames = recorded_frames()
+    seen = [before_hand(f, i) if 40 <= i < 75 else f for i, f in enumerate(frames)]
+    with Odometry(Config()) as odometry:
+        estimates = [odometry.process(frame) for frame in seen]
+    assert any(e.is_start for e in estimates[40:75])
+    off, _ = errors(estimates, true_poses())
+    found = next(
+        i
+        for i in range(75, len(frames))
+        if estimates[i].state is TrackingState.TRACKING and not estimates[i].is_start
+    )
+    assert found < 80
+    assert off[found:].max() < 0.003
+    for i in range(found, len(frames)):
+        twist = estimates[i].twist
+        assert twist is not None
+        assert np.linalg.norm(twist[:3]) < 1.0
+        assert np.linalg.norm(twist[3:]) < 1.0
