@@ -4,25 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from rgbd_glue_ros.errors import InputError
 from rgbd_glue_ros.geometry import se3
 from rgbd_glue_ros.odometry.alternative import Alternative
 from rgbd_glue_ros.odometry.motion_filter import MEMORY_S, Motion, PredictedMotion
+from rgbd_glue_ros.odometry.repeated_images import SOON_NS, is_at_rest, show_the_same
 from rgbd_glue_ros.parameters import OdometryConfig
 from rgbd_glue_ros.types import NANOSECONDS, Float64, OdometryEstimate, TrackingState, View
 
-# Images that stay the same for longer come from a simulated camera that stands still.
-_REPEATED_WITHIN_NS = NANOSECONDS // 10
-# A camera that moves by no more metres and radians per second, added, is at rest.
-_AT_REST = 0.02
 # Frames are missing before one whose interval is this many times the previous interval,
 _GAP_INTERVALS = 3
 # and so long that the motion before says nothing any more.
 _GAP_NS = int(MEMORY_S * NANOSECONDS)
-# Images are compared here first: two that differ mostly do so in every part.
-_SAMPLE = (slice(None, None, 16), slice(None, None, 16))
 
 
 @dataclass(frozen=True)
@@ -126,9 +119,8 @@ class Progress:
         last = self.last
         if self.state is not TrackingState.TRACKING or last is None:
             return None
-        is_soon = stamp_ns - last.motion.stamp_ns <= _REPEATED_WITHIN_NS
-        speeds = np.linalg.norm(last.motion.twist.reshape(2, 3), axis=1)
-        if not (is_soon and speeds.sum() > _AT_REST and _show_the_same(view, last.view)):
+        is_soon = stamp_ns - last.motion.stamp_ns <= SOON_NS
+        if not is_soon or is_at_rest(last.motion.twist) or not show_the_same(view, last.view):
             return None
         return replace(last.estimate, stamp_ns=stamp_ns, is_keyframe=False)
 
@@ -148,12 +140,3 @@ class Progress:
         if self.last is None:
             return self
         return replace(self, last=replace(self.last, motion=self.last.motion.at_own_keyframe()))
-
-
-def _show_the_same(view: View, other: View) -> bool:
-    """Whether two views have bit-identical images."""
-    pairs = ((view.grey, other.grey), (view.depth.view(np.uint32), other.depth.view(np.uint32)))
-    return all(
-        a.shape == b.shape and np.array_equal(a[_SAMPLE], b[_SAMPLE]) and np.array_equal(a, b)
-        for a, b in pairs
-    )

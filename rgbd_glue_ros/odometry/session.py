@@ -19,6 +19,7 @@ from rgbd_glue_ros.odometry.pose_covariance import is_known, unmeasured_part
 from rgbd_glue_ros.odometry.pose_refinement import Basin, PoseProblem, corrected_motion
 from rgbd_glue_ros.odometry.progress import LastPose, Progress
 from rgbd_glue_ros.odometry.relocalisation import recognise, relocalise
+from rgbd_glue_ros.odometry.repeated_images import LastDepth
 from rgbd_glue_ros.odometry.self_calibration import SelfCalibration
 from rgbd_glue_ros.odometry.tracked_pose import TrackedPose
 from rgbd_glue_ros.odometry.tracking import Attempt, PoseFix, track
@@ -55,6 +56,7 @@ class Session:
         self._config = config
         self._progress = Progress()
         self._candidate: KeyframeCandidate | None = None
+        self._last_depth: LastDepth | None = None
         self._own_parts = OwnPartsTracker(background, config.odometry)
         self.inertial = Inertial()
         self.keyframes = KeyframeMap(glue, background, config)
@@ -122,6 +124,9 @@ class Session:
             self.calibration.start(frame.frame_id)
         twist = np.zeros(6) if predicted is None else predicted.twist
         whole = self.calibration.prepare(frame, twist)
+        self._last_depth = LastDepth.after(self._last_depth, whole, frame.stamp_ns)
+        if self.state is TrackingState.TRACKING:
+            whole = self._last_depth.dated(whole, frame.stamp_ns)
         return whole, self._own_parts.left_out(whole)
 
     def _find_pose(self, view: View, last: LastPose, predicted: PredictedMotion) -> Attempt:
